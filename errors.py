@@ -1,0 +1,47 @@
+"""The one exception tree. Every error that a user may meet derives from `ContactdError`.
+
+Exit codes follow sysexits.h, so that systemd and scripts can tell a bad configuration (78, never
+restarted) from a bus that is not there (69, worth another try).
+"""
+
+
+class ContactdError(Exception):
+    """Root of all errors raised on purpose; `str()` is one message fit for a terminal."""
+
+    exit_code = 1
+
+
+class ConfigurationError(ContactdError):
+    """A file that the user wrote is wrong; says which file, which field, what is allowed."""
+
+    exit_code = 78
+
+
+class ModelError(ContactdError):
+    """The URDF, or numbers handed to the mathematics, do not fit (shape, range, joint names)."""
+
+    exit_code = 78
+
+
+class BusError(ContactdError):
+    """The CAN bus or its adapter is missing, closed or unusable."""
+
+    exit_code = 69
+
+
+class DriveError(ContactdError):
+    """A drive does not answer or does not hold what it was told; names node and object."""
+
+    exit_code = 69
+
+
+class ControlError(ContactdError):
+    """A request to the daemon was refused or the daemon cannot be reached."""
+
+    exit_code = 1
+
+
+class LogError(ContactdError):
+    """A recording is damaged, incomplete or not ours."""
+
+    exit_code = 65
