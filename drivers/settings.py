@@ -1,0 +1,100 @@
+"""What the configuration may say about the bus and the drives; bounds where it is read."""
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+# A node id is 1 ... 127 (CiA 301); 127 is the usual place of a master, so that drives may use the
+# rest.
+NodeId = Annotated[int, Meta(ge=1, le=127)]
+Index = Annotated[int, Meta(ge=0x1000, le=0xFFFF)]
+SubIndex = Annotated[int, Meta(ge=0, le=255)]
+Sign = Literal[-1, 1]
+IntegerType = Literal[
+    "INTEGER8", "INTEGER16", "INTEGER32", "UNSIGNED8", "UNSIGNED16", "UNSIGNED32"
+]
+Name = Annotated[str, Meta(min_length=1, max_length=64)]
+Milliseconds = Annotated[int, Meta(ge=1, le=60_000)]
+
+
+class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of everything that is read from a configuration file: immutable, no unknown keys."""
+
+
+class BusSettings(Settings):
+    """Where the CAN bus is: a python-can interface with its channel."""
+
+    interface: Literal["socketcan", "socketcand", "slcan", "virtual"]
+    channel: Name
+    bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000)] = 1_000_000
+    host: Name = "127.0.0.1"
+    port: Annotated[int, Meta(ge=1, le=65535)] = 29536
+    master_node: NodeId = 127
+
+
+class Quantity(Settings):
+    """One measured or commanded quantity: its object in the drive and its scale.
+
+    value = offset + scale * counts, in the unit that the field of `DriveProfile` names.
+    """
+
+    object: Index
+    type: IntegerType
+    scale: Annotated[float, Meta(gt=0)]
+    subindex: SubIndex = 0
+    sign: Sign = 1
+    offset: float = 0.0
+
+
+class ObjectValue(Settings):
+    """An object that is written at boot-up and read back."""
+
+    object: Index
+    value: int
+    subindex: SubIndex = 0
+
+
+PdoEntry = Literal[
+    "statusword",
+    "current",
+    "motor_velocity",
+    "motor_position",
+    "link_position",
+    "controlword",
+    "target_velocity",
+]
+PdoNumber = Literal["1", "2", "3", "4"]
+PdoLayout = dict[PdoNumber, Annotated[list[PdoEntry], Meta(min_length=1, max_length=8)]]
+
+
+class DriveProfile(Settings):
+    """One kind of drive: its EDS, where each quantity is, and how its PDOs are laid out."""
+
+    eds: str
+    current: Quantity  # fraction of the rated current (0x6075)
+    link_position: Quantity  # rad at the link
+    motor_velocity: Quantity  # rad/s of the motor shaft
+    target_velocity: Quantity  # rad/s of the motor shaft
+    quick_stop_deceleration: Quantity  # rad/s2 of the motor shaft
+    tpdo: PdoLayout
+    rpdo: PdoLayout
+    motor_position: Quantity | None = None  # rad of the motor shaft
+    heartbeat_ms: Milliseconds = 50
+    master_timeout_ms: Milliseconds = 100
+    fault_reaction: Annotated[int, Meta(ge=-32768, le=2)] = 2
+    write: list[ObjectValue] = []
+
+
+class JointWiring(Settings):
+    """How one joint hangs on the bus."""
+
+    node: NodeId
+    profile: Name
+    gear: Annotated[float, Meta(gt=0, le=10_000)]
+    rated_current_A: Annotated[float, Meta(gt=0, le=1000)]
+    max_current_A: Annotated[float, Meta(gt=0, le=1000)]
+    motor_sign: Sign = 1
+    link_sign: Sign = 1
+    link_offset: float = 0.0
+    serial: Annotated[int, Meta(ge=0, le=0xFFFFFFFF)] | None = None
