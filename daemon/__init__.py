@@ -1,0 +1,1 @@
+"""The service: configuration, loop, modes, limits, supervisor, control socket, command lines."""

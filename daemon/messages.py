@@ -1,0 +1,151 @@
+"""What goes through the daemon's doors: requests, replies, and one `State` per tick.
+
+Everything is JSON. Numbers keep every bit on the way (shortest round-trip representation), so a
+recording can be replayed bit-identically. Vectors have one entry per joint, in the order of
+`Snapshot.joints`, SI units at the link side.
+"""
+
+from typing import Any, Literal, get_args
+
+import msgspec
+
+Command = Literal[
+    "enable",
+    "start",
+    "pause",
+    "arm",
+    "disarm",
+    "stop",
+    "disable",
+    "reset",
+    "status",
+    "subscribe",
+]
+COMMANDS: tuple[str, ...] = get_args(Command)
+
+Vector = list[float]
+
+
+class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One command from a client."""
+
+    command: Command
+
+
+class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """The answer to one `Request`: done or refused, and every reason of a refusal."""
+
+    ok: bool
+    message: str = ""
+    reasons: list[str] = []
+    mode: str = ""
+    armed: bool = False
+    status: "Status | None" = None
+    snapshot: "Snapshot | None" = None
+
+
+class Contact(msgspec.Struct, frozen=True, kw_only=True):
+    """A joint's residual went past one of its levels."""
+
+    joint: str
+    torque: float  # the residual, signed [Nm]
+    threshold: float  # the level it passed [Nm]
+    level: Literal["contact", "collision"]
+    side: str  # gap state of the joint
+
+
+class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Something that happened in this tick: a mode change, a fault, a contact, a refusal."""
+
+    kind: Literal["mode", "armed", "contact", "fault", "note"]
+    text: str
+    contact: Contact | None = None
+
+
+class Timing(msgspec.Struct, frozen=True, kw_only=True):
+    """How the loop kept its time. The only fields of a State that differ between two lockstep
+    runs with one seed."""
+
+    wall_s: float  # Unix time of the tick
+    monotonic_s: float  # CLOCK_MONOTONIC of the wake-up
+    lateness_us: float  # wake-up after the deadline
+    work_us: float  # from the wake-up to the last frame sent, in the tick before this one
+    missed: int  # deadlines missed since the start
+
+
+class State(msgspec.Struct, frozen=True, kw_only=True):
+    """Everything that one tick knew and decided."""
+
+    tick: int
+    time_s: float  # time of the tick since the loop started
+    interval_s: float  # since the last tick whose samples were complete
+    mode: str
+    armed: bool
+    cause: str  # why this mode, in words
+    moving: bool  # a trajectory is running or will go on after this contact
+    fresh: list[bool]
+    drives: list[str]  # CiA 402 states
+    # measured, input of the estimator
+    current: Vector  # [A]
+    link_position: Vector  # q [rad]
+    motor_velocity: Vector  # theta_dot [rad/s]
+    motor_position: Vector | None  # theta [rad], where the drive has it
+    # estimated
+    velocity: Vector  # q_dot [rad/s]
+    motor: Vector  # theta used [rad]
+    gap: Vector  # phi = q - theta [rad]
+    gap_sigma: Vector  # standard uncertainty of phi [rad]
+    side: list[str]  # left, gap, right, unknown
+    torque: Vector  # tau_M = K_c * current [Nm]
+    residual: Vector  # [Nm]
+    threshold: Vector  # in force in this tick [Nm]
+    thresholded: Vector  # sign(r) max(|r| - threshold, 0) [Nm]
+    beside: dict[str, Vector]  # other residuals on the same samples [Nm]
+    flags: list[str]  # what the estimator complains about
+    updated: bool  # the estimator took these samples
+    # decided
+    reference: Vector  # desired q [rad]
+    setpoint: Vector  # target velocity [rad/s]
+    quiet_s: float  # since the last tick with a non-zero thresholded residual
+    events: list[Event]
+    timing: Timing
+
+
+class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """What a recording needs to be read alone: sent once to each reader, before its States."""
+
+    joints: list[str]
+    half_gap: Vector
+    thresholds: Vector
+    period_s: float
+    tick: int  # `memory` is the estimator's after this tick
+    memory: dict[str, Any]
+    configuration: str  # text of config.yaml
+    urdf: str  # text of the URDF
+    program: str  # name and version
+
+
+class Status(msgspec.Struct, frozen=True, kw_only=True):
+    """What `contactctl status` shows."""
+
+    name: str
+    configuration: str  # path
+    pid: int
+    uptime_s: float
+    mode: str
+    armed: bool
+    cause: str
+    not_armable: list[str]  # every reason why `arm` would be refused now
+    cycles: int
+    missed: int
+    lateness_max_us: float
+    work_max_us: float
+    realtime: list[str]  # what was achieved of the real-time set-up, and what not
+    readers: int
+    joints: list[str]
+    drives: list[str]
+    position: Vector
+    residual: Vector
+    threshold: Vector
+    side: list[str]
+    age_ticks: list[int]
