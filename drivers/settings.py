@@ -11,9 +11,7 @@ NodeId = Annotated[int, Meta(ge=1, le=127)]
 Index = Annotated[int, Meta(ge=0x1000, le=0xFFFF)]
 SubIndex = Annotated[int, Meta(ge=0, le=255)]
 Sign = Literal[-1, 1]
-IntegerType = Literal[
-    "INTEGER8", "INTEGER16", "INTEGER32", "UNSIGNED8", "UNSIGNED16", "UNSIGNED32"
-]
+IntegerType = Literal["INTEGER8", "INTEGER16", "INTEGER32", "UNSIGNED8", "UNSIGNED16", "UNSIGNED32"]
 Name = Annotated[str, Meta(min_length=1, max_length=64)]
 Milliseconds = Annotated[int, Meta(ge=1, le=60_000)]
 
@@ -22,7 +20,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     """Base of everything that is read from a configuration file: immutable, no unknown keys."""
 
 
-class BusSettings(Settings):
+class BusSettings(Settings, frozen=True):
     """Where the CAN bus is: a python-can interface with its channel."""
 
     interface: Literal["socketcan", "socketcand", "slcan", "virtual"]
@@ -33,10 +31,10 @@ class BusSettings(Settings):
     master_node: NodeId = 127
 
 
-class Quantity(Settings):
+class Quantity(Settings, frozen=True):
     """One measured or commanded quantity: its object in the drive and its scale.
 
-    value = offset + scale * counts, in the unit that the field of `DriveProfile` names.
+    value = sign * (offset + scale * counts), in the unit that the field of `DriveProfile` names.
     """
 
     object: Index
@@ -47,7 +45,7 @@ class Quantity(Settings):
     offset: float = 0.0
 
 
-class ObjectValue(Settings):
+class ObjectValue(Settings, frozen=True):
     """An object that is written at boot-up and read back."""
 
     object: Index
@@ -68,7 +66,7 @@ PdoNumber = Literal["1", "2", "3", "4"]
 PdoLayout = dict[PdoNumber, Annotated[list[PdoEntry], Meta(min_length=1, max_length=8)]]
 
 
-class DriveProfile(Settings):
+class DriveProfile(Settings, frozen=True):
     """One kind of drive: its EDS, where each quantity is, and how its PDOs are laid out."""
 
     eds: str
@@ -86,7 +84,7 @@ class DriveProfile(Settings):
     write: list[ObjectValue] = []
 
 
-class JointWiring(Settings):
+class JointWiring(Settings, frozen=True):
     """How one joint hangs on the bus."""
 
     node: NodeId

@@ -1,0 +1,319 @@
+"""The arm from above: every tick SYNC out, samples in, setpoints out; one thread owns the bus.
+
+No lock, no thread, no SDO, no log line. Time is an argument; the `clock` only tells `collect` how
+much of its deadline is left. What happens beside the samples comes back as events; nothing that
+arrives, and no failure of the bus, is an exception.
+"""
+
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import can
+import numpy as np
+
+from drivers.bus import BUS_FAILURES, connection_lost
+from drivers.cia402 import DriveState, PowerTarget, controlword, drive_state
+from drivers.codec import Joint, SampleDecoder, SetpointEncoder, Vector, receive_pdos
+from drivers.events import (
+    BadSetpoint,
+    BusTrouble,
+    Emergency,
+    Event,
+    ForeignMaster,
+    error_frame_text,
+)
+from drivers.heartbeat import OPERATIONAL, PATIENCE, HeartbeatWatch
+from drivers.samples import Samples
+from drivers.settings import DriveProfile
+
+NMT: Final = 0x000
+SYNC: Final = 0x080
+EMERGENCY: Final = 0x080
+HEARTBEAT: Final = 0x700
+
+START_NODE: Final = 1
+ENTER_PRE_OPERATIONAL: Final = 128
+
+#: Bounds of one tick: a flooded bus must not hold the loop, nor its memory.
+FRAMES_PER_PASS: Final = 512
+EVENTS_PER_TICK: Final = 32
+
+
+@dataclass(slots=True)
+class Counters:
+    """How often what ought not to happen did."""
+
+    unknown_frames: int = 0
+    short_frames: int = 0
+    late_frames: int = 0
+    missing_frames: int = 0
+    error_frames: int = 0
+    send_errors: int = 0
+    dropped_events: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Setpoint:
+    """One RPDO: its frame, used over and over, and which of (controlword, counts) it carries."""
+
+    frame: can.Message
+    layout: struct.Struct
+    picks: tuple[int, ...]
+
+
+@dataclass(slots=True)
+class _Drive:
+    watch: HeartbeatWatch
+    setpoints: tuple[_Setpoint, ...]
+    controlword: int = 0
+    nmt: can.Message = field(default_factory=can.Message)
+
+
+def _frame(cob_id: int, data: bytes = b"") -> can.Message:
+    return can.Message(arbitration_id=cob_id, is_extended_id=False, data=data, is_rx=False)
+
+
+class Arm:
+    """All drives of an arm on one bus.
+
+    A tick is `sync(now)`, `collect(deadline)`, `command(...)`. Before the first come `boot_up`
+    (SDO) and `start(now)`; `end()` comes after the last.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        joints: Sequence[Joint],
+        profiles: Mapping[str, DriveProfile],
+        period_s: float,
+        clock: Callable[[], float],
+        master_node: int = 127,
+    ) -> None:
+        """Raises ConfigurationError if a PDO layout does not fit."""
+        self.names = tuple(name for name, _ in joints)
+        self.nodes = tuple(wiring.node for _, wiring in joints)
+        self.counters = Counters()
+        self._bus = bus
+        self._clock = clock
+        self._decoder = SampleDecoder(joints, profiles)
+        self._encoder = SetpointEncoder(joints, profiles)
+        self._drives = [_drive(wiring.node, profiles[wiring.profile]) for _, wiring in joints]
+        self._watches = {drive.watch.node: drive.watch for drive in self._drives}
+        # Which TPDOs are still awaited is one integer, a bit for each of them.
+        self._tpdos = {
+            cob_id: (1 << bit, start, stop, layout)
+            for bit, (cob_id, (_, start, stop, layout)) in enumerate(self._decoder.slots.items())
+        }
+        self._joint_bits = [0] * len(joints)
+        for bit, (joint, *_) in enumerate(self._decoder.slots.values()):
+            self._joint_bits[joint] |= 1 << bit
+        self._all = (1 << len(self._tpdos)) - 1
+        self._missing = 0
+        self._sync = _frame(SYNC)
+        self._heartbeat = _frame(HEARTBEAT + master_node, bytes([OPERATIONAL]))
+        self._masters_own = {NMT, SYNC, HEARTBEAT + master_node} | {
+            setpoint.frame.arbitration_id for drive in self._drives for setpoint in drive.setpoints
+        }
+        timeout_ms = min(profiles[wiring.profile].master_timeout_ms for _, wiring in joints)
+        # Sent when the tick after this one would be too late for a third of the drives' patience.
+        self._heartbeat_every_s = max(timeout_ms / 3000.0 - period_s, 0.0)
+        self._heartbeat_at = -np.inf
+        self._now = 0.0
+        self._events: list[Event] = []
+        n = len(joints)
+        self.samples = Samples(
+            current=self._decoder.current,
+            link_position=self._decoder.link_position,
+            motor_velocity=self._decoder.motor_velocity,
+            motor_position=self._decoder.motor_position,
+            fresh=np.zeros(n, dtype=np.bool_),
+            age_ticks=np.zeros(n, dtype=np.int64),
+            states=[DriveState.UNKNOWN] * n,
+            statuswords=self._decoder.statuswords,
+        )
+
+    def start(self, now: float) -> None:
+        """NMT operational for every drive: PDOs flow, heartbeats are watched from `now` on."""
+        self._now = now
+        self._receive_queued()
+        self._beat(now)
+        for drive in self._drives:
+            drive.watch.begin(now)
+            drive.nmt.data[0] = START_NODE
+            self._send(drive.nmt)
+
+    def sync(self, now: float) -> None:
+        """Begin a tick: read what came since the last, beat if it is time, then send SYNC."""
+        self._now = now
+        # A TPDO that is here before its SYNC is a late answer to the one before.
+        self._missing = 0
+        self._receive_queued()
+        for watch in self._watches.values():
+            self._tell(watch.check(now))
+        if now - self._heartbeat_at >= self._heartbeat_every_s:
+            self._beat(now)
+        self._missing = self._all
+        self._send(self._sync)
+
+    def collect(self, deadline: float) -> Samples:
+        """Read until every TPDO of this SYNC is in, or `deadline` on the arm's clock has passed.
+
+        Frames that are queued already are read even when it has.
+        """
+        frames_left = FRAMES_PER_PASS
+        try:
+            while self._missing and frames_left:
+                frame = self._bus.recv(max(deadline - self._clock(), 0.0))
+                if frame is None:
+                    break
+                self._take(frame)
+                frames_left -= 1
+        except BUS_FAILURES as error:
+            self._tell_trouble(f"receiving failed: {error}")
+        if self._missing:
+            self.counters.missing_frames += self._missing.bit_count()
+            if connection_lost(self._bus):
+                self._tell_trouble("the connection to the bus is gone")
+        return self._publish()
+
+    def command(
+        self,
+        power: PowerTarget | Sequence[PowerTarget],
+        velocity: Vector,
+        reset: bool = False,
+    ) -> None:
+        """Send every drive its next controlword towards `power` and its target velocity.
+
+        velocity: (n,) rad/s at the link. A drive that is not in operation, or not wanted there,
+        gets zero. A velocity that is not finite stops all drives and is an event.
+        """
+        standstill = self._encoder.standstill
+        try:
+            counts = self._encoder.encode(velocity)
+        except ValueError as error:
+            self._tell(BadSetpoint(str(error)))
+            counts, power = standstill, PowerTarget.QUICK_STOP
+        targets = [power] * len(self._drives) if isinstance(power, PowerTarget) else power
+        states = self.samples.states
+        for i, drive in enumerate(self._drives):
+            target = targets[i]
+            moves = target is PowerTarget.ON and states[i] is DriveState.OPERATION_ENABLED
+            drive.controlword = controlword(states[i], target, drive.controlword, reset)
+            values = (drive.controlword, counts[i] if moves else standstill[i])
+            for setpoint in drive.setpoints:
+                chosen = [values[pick] for pick in setpoint.picks]
+                setpoint.layout.pack_into(setpoint.frame.data, 0, *chosen)
+                self._send(setpoint.frame)
+
+    def end(self) -> None:
+        """Take leave: drives pre-operational, so that no late setpoint acts; heartbeat last.
+
+        The drives notice the silence after that and stop by themselves (0x6007), which asks
+        nothing more of one that is off or holds in quick stop.
+        """
+        for drive in self._drives:
+            drive.nmt.data[0] = ENTER_PRE_OPERATIONAL
+            self._send(drive.nmt)
+        self._send(self._heartbeat)
+
+    def _beat(self, now: float) -> None:
+        self._heartbeat_at = now
+        self._send(self._heartbeat)
+
+    def _send(self, frame: can.Message) -> None:
+        try:
+            self._bus.send(frame)
+        except BUS_FAILURES as error:
+            self.counters.send_errors += 1
+            self._tell_trouble(f"sending failed: {error}")
+
+    def _receive_queued(self) -> None:
+        try:
+            for _ in range(FRAMES_PER_PASS):
+                frame = self._bus.recv(0)
+                if frame is None:
+                    return
+                self._take(frame)
+        except BUS_FAILURES as error:
+            self._tell_trouble(f"receiving failed: {error}")
+
+    def _take(self, frame: can.Message) -> None:
+        slot = self._tpdos.get(frame.arbitration_id)
+        if frame.is_extended_id or frame.is_error_frame or frame.is_remote_frame or slot is None:
+            self._take_other(frame)
+            return
+        bit, start, stop, layout = slot
+        if len(frame.data) < layout.size:
+            self.counters.short_frames += 1
+            return
+        self._decoder.raw[start:stop] = layout.unpack_from(frame.data)
+        if self._missing & bit:
+            self._missing ^= bit
+        else:
+            self.counters.late_frames += 1
+
+    def _take_other(self, frame: can.Message) -> None:
+        cob_id, data = frame.arbitration_id, frame.data
+        watch = self._watches.get(cob_id & 0x7F)
+        if frame.is_error_frame:
+            self.counters.error_frames += 1
+            self._tell_trouble(error_frame_text(frame))
+        elif frame.is_extended_id or frame.is_remote_frame:
+            self.counters.unknown_frames += 1
+        elif cob_id in self._masters_own:
+            # An interface that echoes what it sends marks it as not received.
+            if frame.is_rx:
+                self._tell(ForeignMaster(cob_id))
+        elif watch is None:
+            self.counters.unknown_frames += 1
+        elif cob_id & 0x780 == HEARTBEAT and len(data) >= 1:
+            self._tell(watch.hear(data[0], self._now))
+        elif cob_id & 0x780 == EMERGENCY and len(data) >= 3:
+            self._tell(Emergency(watch.node, data[0] | data[1] << 8, data[2]))
+        elif cob_id & 0x780 in (HEARTBEAT, EMERGENCY):
+            self.counters.short_frames += 1
+        else:
+            self.counters.unknown_frames += 1
+
+    def _publish(self) -> Samples:
+        samples, missing = self.samples, self._missing
+        self._decoder.decode()
+        np.add(samples.age_ticks, 1, out=samples.age_ticks)
+        if missing:
+            for i, bits in enumerate(self._joint_bits):
+                samples.fresh[i] = not missing & bits
+            samples.age_ticks[samples.fresh] = 0
+        else:
+            samples.fresh.fill(True)
+            samples.age_ticks.fill(0)
+        for i, statusword in enumerate(self._decoder.statuswords):
+            samples.states[i] = drive_state(statusword)
+        samples.events = tuple(self._events)
+        self._events.clear()
+        return samples
+
+    def _tell(self, event: Event | None) -> None:
+        """Keep an event for the next samples, once, within bounds."""
+        if event is None or event in self._events:
+            return
+        if len(self._events) < EVENTS_PER_TICK:
+            self._events.append(event)
+        else:
+            self.counters.dropped_events += 1
+
+    def _tell_trouble(self, text: str) -> None:
+        self._tell(BusTrouble(text))
+
+
+def _drive(node: int, profile: DriveProfile) -> _Drive:
+    setpoints = []
+    for pdo in receive_pdos(profile, node):
+        picks = tuple(0 if part.entry == "controlword" else 1 for part in pdo.fields)
+        setpoints.append(_Setpoint(_frame(pdo.cob_id, bytes(pdo.layout.size)), pdo.layout, picks))
+    return _Drive(
+        watch=HeartbeatWatch(node, PATIENCE * profile.heartbeat_ms / 1000.0),
+        setpoints=tuple(setpoints),
+        nmt=_frame(NMT, bytes([START_NODE, node])),
+    )

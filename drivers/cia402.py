@@ -1,0 +1,119 @@
+"""CiA 402 power state machine as data (IEC 61800-7-201): statusword -> state -> controlword.
+
+Nothing here waits: one statusword in, one controlword out, every tick. The tables say all there is.
+"""
+
+from enum import IntEnum
+from typing import Final
+
+
+class DriveState(IntEnum):
+    """State of the drive's power state machine; UNKNOWN is a statusword outside the standard."""
+
+    UNKNOWN = 0
+    NOT_READY_TO_SWITCH_ON = 1
+    SWITCH_ON_DISABLED = 2
+    READY_TO_SWITCH_ON = 3
+    SWITCHED_ON = 4
+    OPERATION_ENABLED = 5
+    QUICK_STOP_ACTIVE = 6
+    FAULT_REACTION_ACTIVE = 7
+    FAULT = 8
+
+
+class PowerTarget(IntEnum):
+    """Where a drive is wanted: without power, following its setpoint, or stopped and holding."""
+
+    OFF = 0
+    ON = 1
+    QUICK_STOP = 2
+
+
+# (mask, value, state): statusword & mask == value.
+STATUSWORD_TABLE: Final = (
+    (0x4F, 0x00, DriveState.NOT_READY_TO_SWITCH_ON),
+    (0x4F, 0x40, DriveState.SWITCH_ON_DISABLED),
+    (0x6F, 0x21, DriveState.READY_TO_SWITCH_ON),
+    (0x6F, 0x23, DriveState.SWITCHED_ON),
+    (0x6F, 0x27, DriveState.OPERATION_ENABLED),
+    (0x6F, 0x07, DriveState.QUICK_STOP_ACTIVE),
+    (0x4F, 0x0F, DriveState.FAULT_REACTION_ACTIVE),
+    (0x4F, 0x08, DriveState.FAULT),
+)
+
+DISABLE_VOLTAGE: Final = 0x0000
+QUICK_STOP: Final = 0x0002
+SHUTDOWN: Final = 0x0006
+SWITCH_ON: Final = 0x0007
+ENABLE_OPERATION: Final = 0x000F
+FAULT_RESET: Final = 0x0080
+
+_S = DriveState
+
+# Rows are states, columns are targets. In a state that is not understood the only command that
+# neither moves the drive nor takes its torque is the quick stop. A drive that reacts to a fault or
+# starts up ignores commands; bit 7 stays clear there, so that a reset finds its rising edge.
+CONTROLWORD_TABLE: Final = {
+    #                            OFF              ON                QUICK_STOP
+    _S.UNKNOWN:                (DISABLE_VOLTAGE, QUICK_STOP,       QUICK_STOP),
+    _S.NOT_READY_TO_SWITCH_ON: (DISABLE_VOLTAGE, DISABLE_VOLTAGE,  DISABLE_VOLTAGE),
+    _S.SWITCH_ON_DISABLED:     (DISABLE_VOLTAGE, SHUTDOWN,         DISABLE_VOLTAGE),
+    _S.READY_TO_SWITCH_ON:     (DISABLE_VOLTAGE, SWITCH_ON,        DISABLE_VOLTAGE),
+    _S.SWITCHED_ON:            (DISABLE_VOLTAGE, ENABLE_OPERATION, DISABLE_VOLTAGE),
+    _S.OPERATION_ENABLED:      (DISABLE_VOLTAGE, ENABLE_OPERATION, QUICK_STOP),
+    _S.QUICK_STOP_ACTIVE:      (DISABLE_VOLTAGE, ENABLE_OPERATION, QUICK_STOP),
+    _S.FAULT_REACTION_ACTIVE:  (DISABLE_VOLTAGE, DISABLE_VOLTAGE,  DISABLE_VOLTAGE),
+    _S.FAULT:                  (DISABLE_VOLTAGE, DISABLE_VOLTAGE,  DISABLE_VOLTAGE),
+}  # fmt: skip
+
+# The motor has no torque in these; quick stop asks no more of them.
+UNPOWERED: Final = frozenset(
+    {
+        _S.NOT_READY_TO_SWITCH_ON,
+        _S.SWITCH_ON_DISABLED,
+        _S.READY_TO_SWITCH_ON,
+        _S.SWITCHED_ON,
+        _S.FAULT,
+    }
+)
+
+REACHED: Final = {
+    PowerTarget.OFF: UNPOWERED - {_S.SWITCHED_ON},
+    PowerTarget.ON: frozenset({_S.OPERATION_ENABLED}),
+    PowerTarget.QUICK_STOP: UNPOWERED | {_S.QUICK_STOP_ACTIVE},
+}
+
+
+def _classify(statusword: int) -> DriveState:
+    for mask, value, state in STATUSWORD_TABLE:
+        if statusword & mask == value:
+            return state
+    return DriveState.UNKNOWN
+
+
+# Only bits 0-3, 5 and 6 tell the state, so that 112 answers serve all 65 536 statuswords.
+_STATES: Final = tuple(_classify(bits) for bits in range(0x6F + 1))
+
+
+def drive_state(statusword: int) -> DriveState:
+    """State encoded in an object 0x6041; bits without a say in it are ignored."""
+    return _STATES[statusword & 0x6F]
+
+
+def controlword(
+    state: DriveState, target: PowerTarget, previous: int = 0, reset: bool = False
+) -> int:
+    """Next object 0x6040 on the way from `state` to `target`.
+
+    A fault is left only when `reset` is asked, by a rising edge of bit 7: `previous`, the
+    controlword sent last, decides which half of the edge comes now, so that a reset that is asked
+    for several ticks gives an edge every other tick.
+    """
+    if reset and state is DriveState.FAULT:
+        return DISABLE_VOLTAGE if previous & FAULT_RESET else FAULT_RESET
+    return CONTROLWORD_TABLE[state][target]
+
+
+def reached(state: DriveState, target: PowerTarget) -> bool:
+    """Whether a drive in `state` needs no further step towards `target`."""
+    return state in REACHED[target]

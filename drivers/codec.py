@@ -1,0 +1,224 @@
+"""PDOs of the whole arm: layouts compiled once to `struct`, counts <-> SI values at the link side.
+
+A quantity of a drive is value = sign * (offset + scale * counts), in the drive's unit (rad or rad/s
+of the motor shaft, fraction of the rated current). At the link side:
+
+    current        [A]      motor_sign * rated_current_A * value
+    motor_velocity [rad/s]  motor_sign * value / gear             (motor_position [rad] likewise)
+    link_position  [rad]    link_sign * value + link_offset
+
+and a target velocity goes the same way backwards. All of it is affine, so that the whole arm is one
+multiplication and one addition. COB-IDs are CiA 301's predefined connection set.
+"""
+
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.settings import DriveProfile, JointWiring, PdoEntry, PdoLayout, Quantity
+from errors import ConfigurationError
+
+Vector = NDArray[np.float64]
+Joint = tuple[str, JointWiring]
+
+STRUCT_CODES: Final = {
+    "INTEGER8": "b",
+    "INTEGER16": "h",
+    "INTEGER32": "i",
+    "UNSIGNED8": "B",
+    "UNSIGNED16": "H",
+    "UNSIGNED32": "I",
+}
+WORDS: Final = {"statusword": 0x6041, "controlword": 0x6040}
+MEASURED: Final[tuple[PdoEntry, ...]] = (
+    "current",
+    "link_position",
+    "motor_velocity",
+    "motor_position",
+)
+
+TPDO_BASE: Final = 0x180
+RPDO_BASE: Final = 0x200
+
+
+def type_limits(type_name: str) -> tuple[int, int]:
+    """Lowest and highest value of an integer type of CiA 301."""
+    code = STRUCT_CODES[type_name]
+    bits = 8 * struct.calcsize(code)
+    return (-1 << (bits - 1), (1 << (bits - 1)) - 1) if code.islower() else (0, (1 << bits) - 1)
+
+
+@dataclass(frozen=True, slots=True)
+class PdoField:
+    """One mapped object: what it is to us, and where it is in the drive."""
+
+    entry: PdoEntry
+    index: int
+    subindex: int
+    type: str
+
+    @property
+    def bits(self) -> int:
+        return 8 * struct.calcsize(STRUCT_CODES[self.type])
+
+
+@dataclass(frozen=True, slots=True)
+class Pdo:
+    """One PDO of one drive; `layout` packs its fields in the order of the mapping."""
+
+    number: int
+    cob_id: int
+    fields: tuple[PdoField, ...]
+    layout: struct.Struct
+
+
+def quantity(profile: DriveProfile, entry: PdoEntry) -> Quantity:
+    """Where `profile` says that `entry` is; ConfigurationError if it does not say."""
+    found = getattr(profile, entry)
+    if not isinstance(found, Quantity):
+        raise ConfigurationError(f"a PDO carries {entry}, but the drive says not where it is")
+    return found
+
+
+def _field(profile: DriveProfile, entry: PdoEntry) -> PdoField:
+    if entry in WORDS:
+        return PdoField(entry, WORDS[entry], 0, "UNSIGNED16")
+    where = quantity(profile, entry)
+    return PdoField(entry, where.object, where.subindex, where.type)
+
+
+def _pdos(profile: DriveProfile, node: int, layouts: PdoLayout, base: int) -> tuple[Pdo, ...]:
+    pdos = []
+    for number, entries in sorted(layouts.items()):
+        fields = tuple(_field(profile, entry) for entry in entries)
+        layout = struct.Struct("<" + "".join(STRUCT_CODES[field.type] for field in fields))
+        if layout.size > 8:
+            raise ConfigurationError(
+                f"PDO {number} [{', '.join(entries)}] has {layout.size} bytes; 8 are allowed"
+            )
+        cob_id = base + 0x100 * (int(number) - 1) + node
+        pdos.append(Pdo(int(number), cob_id, fields, layout))
+    return tuple(pdos)
+
+
+def _refuse_entries(pdos: Sequence[Pdo], kind: str, required: set[str], allowed: set[str]) -> None:
+    carried = [field.entry for pdo in pdos for field in pdo.fields]
+    for entry in carried:
+        if entry not in allowed:
+            raise ConfigurationError(f"{kind}: {entry} is not for a {kind}: {sorted(allowed)}")
+        if carried.count(entry) > 1:
+            raise ConfigurationError(f"{kind}: {entry} is carried more than once")
+    missing = sorted(required.difference(carried))
+    if missing:
+        raise ConfigurationError(f"{kind}: {', '.join(missing)} missing")
+
+
+def transmit_pdos(profile: DriveProfile, node: int) -> tuple[Pdo, ...]:
+    """What drive `node` sends; ConfigurationError if a quantity is missing, double or too long."""
+    pdos = _pdos(profile, node, profile.tpdo, TPDO_BASE)
+    required = {"statusword", "current", "link_position", "motor_velocity"}
+    _refuse_entries(pdos, "tpdo", required, {"statusword", *MEASURED})
+    return pdos
+
+
+def receive_pdos(profile: DriveProfile, node: int) -> tuple[Pdo, ...]:
+    """What drive `node` takes; ConfigurationError as for `transmit_pdos`."""
+    pdos = _pdos(profile, node, profile.rpdo, RPDO_BASE)
+    entries = {"controlword", "target_velocity"}
+    _refuse_entries(pdos, "rpdo", entries, entries)
+    return pdos
+
+
+def link_side(profile: DriveProfile, wiring: JointWiring, entry: PdoEntry) -> tuple[float, float]:
+    """(gain, bias) such that the SI value at the link is gain * counts + bias."""
+    where = quantity(profile, entry)
+    if entry == "current":
+        factor, bias = wiring.motor_sign * wiring.rated_current_A, 0.0
+    elif entry == "link_position":
+        factor, bias = float(wiring.link_sign), wiring.link_offset
+    else:
+        factor, bias = wiring.motor_sign / wiring.gear, 0.0
+    factor *= where.sign
+    return factor * where.scale, factor * where.offset + bias
+
+
+class SampleDecoder:
+    """TPDOs of the whole arm -> arrays of shape (n,), which every `decode` overwrites.
+
+    Values are NaN, and statuswords -1, until a frame has brought them. `motor_position` is None
+    unless every drive sends one.
+    """
+
+    def __init__(self, joints: Sequence[Joint], profiles: Mapping[str, DriveProfile]) -> None:
+        n = len(joints)
+        self.statuswords = [-1] * n
+        # Raw counts of every frame, one after the other, as `struct` leaves them.
+        self.raw: list[float] = []
+        #: COB-ID -> (joint, first slot, last slot + 1, layout)
+        self.slots: dict[int, tuple[int, int, int, struct.Struct]] = {}
+        place: dict[tuple[str, int], int] = {}
+        for i, (_, wiring) in enumerate(joints):
+            for pdo in transmit_pdos(profiles[wiring.profile], wiring.node):
+                start = len(self.raw)
+                for field in pdo.fields:
+                    place[field.entry, i] = len(self.raw)
+                    self.raw.append(-1 if field.entry == "statusword" else np.nan)
+                self.slots[pdo.cob_id] = (i, start, len(self.raw), pdo.layout)
+        entries = [e for e in MEASURED if all((e, i) in place for i in range(n))]
+        self._status_slots = [place["statusword", i] for i in range(n)]
+        self._counts = np.empty(len(self.raw))
+        self._order = np.array([[place[e, i] for i in range(n)] for e in entries])
+        affine = np.array(
+            [[link_side(profiles[w.profile], w, e) for _, w in joints] for e in entries]
+        )
+        self._gain, self._bias = affine[..., 0].copy(), affine[..., 1].copy()
+        self._values = np.full((len(entries), n), np.nan)
+        rows = dict(zip(entries, self._values, strict=True))
+        self.current: Vector = rows["current"]
+        self.link_position: Vector = rows["link_position"]
+        self.motor_velocity: Vector = rows["motor_velocity"]
+        self.motor_position: Vector | None = rows.get("motor_position")
+
+    def decode(self) -> None:
+        """Bring the arrays and the statuswords up to the counts in `raw`."""
+        self._counts[:] = self.raw
+        np.take(self._counts, self._order, out=self._values, mode="clip")
+        np.multiply(self._values, self._gain, out=self._values)
+        np.add(self._values, self._bias, out=self._values)
+        for i, slot in enumerate(self._status_slots):
+            self.statuswords[i] = int(self.raw[slot])
+
+
+class SetpointEncoder:
+    """Target velocities of the whole arm [rad/s at the link] -> counts."""
+
+    def __init__(self, joints: Sequence[Joint], profiles: Mapping[str, DriveProfile]) -> None:
+        drives = [(profiles[wiring.profile], wiring) for _, wiring in joints]
+        affine = np.array([link_side(p, w, "target_velocity") for p, w in drives])
+        self._gain, self._bias = affine[:, 0].copy(), affine[:, 1].copy()
+        limits = [type_limits(profile.target_velocity.type) for profile, _ in drives]
+        self._lowest = np.array([float(lowest) for lowest, _ in limits])
+        self._highest = np.array([float(highest) for _, highest in limits])
+        self._counts = np.zeros(len(drives))
+        #: Counts of standing still.
+        self.standstill = self.encode(np.zeros(len(drives)))
+
+    def encode(self, velocity: Vector) -> list[int]:
+        """Counts, rounded to the nearest (ties to even) and saturated at the object's limits.
+
+        Raises ValueError if a velocity is not finite: saturated, it would be a setpoint of full
+        speed.
+        """
+        if not np.isfinite(velocity).all():
+            raise ValueError(f"target velocity is not finite: {velocity}")
+        counts = self._counts
+        np.subtract(velocity, self._bias, out=counts)
+        np.divide(counts, self._gain, out=counts)
+        np.rint(counts, out=counts)
+        np.maximum(counts, self._lowest, out=counts)
+        np.minimum(counts, self._highest, out=counts)
+        return [int(count) for count in counts.tolist()]

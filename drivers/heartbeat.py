@@ -1,0 +1,47 @@
+"""Watching the heartbeat of one drive (CiA 301); time is an argument."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from drivers.events import HeartbeatLost, NotOperational, Rebooted
+
+BOOT_UP: Final = 0
+OPERATIONAL: Final = 5
+
+#: Heartbeats that may go missing.
+PATIENCE: Final = 3
+
+
+@dataclass(slots=True)
+class HeartbeatWatch:
+    """Tells the loss of a heartbeat, and a drive that stops being operational, once each."""
+
+    node: int
+    timeout_s: float
+    heard_at: float = 0.0
+    lost: bool = False
+    operational: bool = True
+    # The first heartbeat after NMT start may have been under way before it.
+    excused: bool = True
+
+    def begin(self, now: float) -> None:
+        """Watch from `now` on, when the drive has just been told to be operational."""
+        self.heard_at, self.lost, self.operational, self.excused = now, False, True, True
+
+    def hear(self, nmt_state: int, now: float) -> NotOperational | Rebooted | None:
+        """A heartbeat or boot-up message has come."""
+        self.heard_at, self.lost = now, False
+        excused, self.excused = self.excused, False
+        state = nmt_state & 0x7F  # bit 7 is node guarding's toggle
+        if state == BOOT_UP:
+            self.operational = False
+            return Rebooted(self.node)
+        was_operational, self.operational = self.operational, state == OPERATIONAL or excused
+        return NotOperational(self.node, state) if was_operational > self.operational else None
+
+    def check(self, now: float) -> HeartbeatLost | None:
+        """Whether the heartbeat has just become overdue."""
+        if self.lost or now - self.heard_at <= self.timeout_s:
+            return None
+        self.lost = True
+        return HeartbeatLost(self.node)
