@@ -36,9 +36,15 @@ class DriveError(ContactdError):
 
 
 class ControlError(ContactdError):
-    """A request to the daemon was refused or the daemon cannot be reached."""
+    """A request to the daemon was refused, or what was said was not understood."""
 
     exit_code = 1
+
+
+class UnreachableError(ControlError):
+    """There is no daemon, it may not be asked, or it fell silent."""
+
+    exit_code = 69
 
 
 class LogError(ContactdError):

@@ -1,0 +1,139 @@
+"""A small blocking client of the control socket.
+
+Used by the command lines; imports nothing heavy, so that they start at once.
+"""
+
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Self, TypeVar
+
+import msgspec
+
+from daemon.control import GROUP, default_socket_path
+from daemon.messages import Command, Reply, Request, Snapshot, State
+from errors import ControlError, UnreachableError
+
+# Above what a socket can hold at the daemon's end (twice its send buffer).
+MAX_PACKET_BYTES = 2 << 20
+
+_RETRY_S = 0.01
+
+T = TypeVar("T")
+
+
+class Client:
+    """One connection to the daemon, from construction to `close`.
+
+    Raises UnreachableError if there is no daemon, it may not be asked, or it does not answer within
+    `timeout_s`; ControlError for everything it says that is not understood.
+    """
+
+    def __init__(self, path: Path | None = None, timeout_s: float = 2.0) -> None:
+        self.path = path or default_socket_path()
+        self._socket = _connect(self.path, timeout_s)
+        self._buffer = bytearray(MAX_PACKET_BYTES)
+        self._replies = msgspec.json.Decoder(Reply)
+        self._states = msgspec.json.Decoder(State)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Hang up."""
+        self._socket.close()
+
+    def request(self, command: Command) -> Reply:
+        """Ask for `command` and wait for the answer, which may be a refusal."""
+        try:
+            self._socket.send(msgspec.json.encode(Request(command)))
+        except (BrokenPipeError, ConnectionResetError):
+            pass  # it may have said why before it hung up: read on
+        except TimeoutError:
+            raise UnreachableError("the daemon fell silent: it takes no requests") from None
+        return self._decode(self._replies, self.packet())
+
+    def subscribe(self) -> tuple[Snapshot, Iterator[State]]:
+        """The snapshot, and after it every State as long as the daemon lives.
+
+        The iterator never ends by itself: it raises UnreachableError when the daemon is gone or
+        silent. A reader that is too slow misses States: look at their `tick`.
+        """
+        reply = self.request("subscribe")
+        if not reply.ok or reply.snapshot is None:
+            raise ControlError("; ".join([reply.message or "refused", *reply.reasons]))
+        return reply.snapshot, self._iterate()
+
+    def packet(self) -> bytes:
+        """The next message as it was sent."""
+        try:
+            try:
+                size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
+            except ConnectionResetError:
+                # Reported once, ahead of what the daemon had still said before it hung up.
+                size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
+        except TimeoutError:
+            raise UnreachableError("the daemon fell silent") from None
+        except OSError as error:
+            raise UnreachableError(f"the daemon closed the connection ({error.strerror})") from None
+        if size == 0:
+            raise UnreachableError("the daemon closed the connection")
+        if flags & socket.MSG_TRUNC:
+            raise ControlError(f"the daemon sent more than {MAX_PACKET_BYTES} bytes at once")
+        return bytes(memoryview(self._buffer)[:size])
+
+    def _iterate(self) -> Iterator[State]:
+        while True:
+            yield self._decode(self._states, self.packet())
+
+    @staticmethod
+    def _decode(decoder: msgspec.json.Decoder[T], packet: bytes) -> T:
+        try:
+            return decoder.decode(packet)
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            raise ControlError(f"the daemon speaks another version: {error}") from error
+
+
+def _connect(path: Path, timeout_s: float) -> socket.socket:
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    connection.settimeout(timeout_s)
+    deadline = time.monotonic() + timeout_s
+    try:
+        while True:
+            try:
+                connection.connect(str(path))
+            except BlockingIOError:  # its queue of connections is full
+                if time.monotonic() > deadline:
+                    raise TimeoutError from None
+                time.sleep(_RETRY_S)
+            else:
+                return connection
+    except OSError as error:
+        connection.close()
+        raise UnreachableError(_why_unreachable(path, error)) from error
+
+
+def _why_unreachable(path: Path, error: OSError) -> str:
+    match error:
+        case FileNotFoundError() | ConnectionRefusedError():
+            return f"no contactd serves {path}: is it running? (systemctl status contactd)"
+        case PermissionError():
+            try:
+                group = path.group()
+            except (KeyError, OSError):
+                group = GROUP
+            return f"you may not use {path}: join the group {group} (usermod -aG {group} YOU)"
+        case TimeoutError():
+            return f"the daemon at {path} is busy: it accepts no connections"
+        case _:
+            return f"cannot connect to {path}: {error.strerror or error}"

@@ -1,0 +1,293 @@
+"""The control socket: the daemon's only door, polled by the tick and never waited for.
+
+AF_UNIX with message boundaries (SOCK_SEQPACKET): one JSON message is one packet. Whoever may
+connect is decided by the socket file's group; who did connect is known from SO_PEERCRED. One call
+of `poll` accepts at most one connection and serves at most four requests, so that no client,
+however loud, takes more than a bounded share of a tick.
+"""
+
+import contextlib
+import errno
+import grp
+import logging
+import os
+import select
+import socket
+import stat
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import msgspec
+
+from daemon.messages import COMMANDS, Reply, Request, State
+from errors import ContactdError, ControlError
+
+GROUP = "contact"
+MAX_REQUEST_BYTES = 4096
+MAX_CONNECTIONS = 32
+MAX_READERS = 8
+EVENTS_PER_POLL = 4
+SEND_BUFFER_BYTES = 1 << 20  # the kernel grants what net.core.wmem_max allows
+LISTEN_BACKLOG = 16
+
+_UCRED = struct.Struct("3i")  # pid, uid, gid
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """Who is at the other end of a connection, as the kernel saw it connect."""
+
+    uid: int
+    pid: int
+
+
+@dataclass(slots=True)
+class Connection:
+    """One client; `lost` counts the States that it was too slow to take."""
+
+    socket: socket.socket
+    peer: Peer
+    reads: bool = False
+    lost: int = 0
+
+
+Handler = Callable[[Request, Peer], Reply]
+
+
+def default_socket_path() -> Path:
+    """Where daemon and clients meet unless told otherwise.
+
+    `$CONTACTD_SOCKET`, else `/run/contactd/control` where that directory exists, else
+    `$XDG_RUNTIME_DIR/contactd.sock`, else `/tmp/contactd-UID.sock`. Everybody may create files in
+    /tmp: a file of another user at that name raises ControlError.
+    """
+    if chosen := os.environ.get("CONTACTD_SOCKET"):
+        return Path(chosen)
+    if Path("/run/contactd").is_dir():
+        return Path("/run/contactd/control")
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime and Path(runtime).is_dir():
+        return Path(runtime) / "contactd.sock"
+    path = Path(f"/tmp/contactd-{os.getuid()}.sock")
+    with contextlib.suppress(FileNotFoundError):
+        owner = path.lstat().st_uid
+        if owner != os.getuid():
+            raise ControlError(f"{path} belongs to user {owner}, not to you: refused as unsafe")
+    return path
+
+
+def peer_of(connected: socket.socket) -> Peer:
+    """Credentials of the process at the other end, from the kernel."""
+    raw = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
+    pid, uid, _ = _UCRED.unpack(raw)
+    return Peer(uid=uid, pid=pid)
+
+
+class ControlSocket:
+    """Listens at `path` from construction to `close`; belongs to the one thread that polls it.
+
+    Raises ControlError if another daemon serves `path`, or the file cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._listener = _listen(path)
+        self._inode = path.stat().st_ino
+        self._epoll = select.epoll()
+        self._epoll.register(self._listener, select.EPOLLIN)
+        self._connections: dict[int, Connection] = {}
+        self._buffer = bytearray(MAX_REQUEST_BYTES)
+        self._packet = bytearray()
+        self._encoder = msgspec.json.Encoder()
+        self._decoder = msgspec.json.Decoder(Request)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def connections(self) -> int:
+        """Number of open connections."""
+        return len(self._connections)
+
+    @property
+    def readers(self) -> list[Connection]:
+        """The connections that receive every State."""
+        return [c for c in self._connections.values() if c.reads]
+
+    def poll(self, handle: Handler) -> None:
+        """Serve what is waiting, without blocking: one system call when nothing is.
+
+        `handle` answers each well-formed request; a ContactdError that it raises becomes a refusal.
+        """
+        # The kernel moves what it reports to the end of its ready list, so every client gets its
+        # turn although only the first few are looked at.
+        for descriptor, _ in self._epoll.poll(0, EVENTS_PER_POLL):
+            if descriptor == self._listener.fileno():
+                self._accept()
+            else:
+                self._serve(self._connections[descriptor], handle)
+
+    def publish(self, state: State) -> None:
+        """Send `state` to every reader that has room for it; encoded once, if there is a reader."""
+        encoded = False
+        dead: list[Connection] | None = None
+        for connection in self._connections.values():
+            if not connection.reads:
+                continue
+            if not encoded:
+                self._encoder.encode_into(state, self._packet)
+                encoded = True
+            try:
+                connection.socket.send(self._packet)
+            except BlockingIOError:
+                connection.lost += 1
+            except OSError as error:
+                if error.errno == errno.EMSGSIZE:
+                    connection.lost += 1
+                else:
+                    dead = [*(dead or []), connection]
+        for connection in dead or ():
+            self._drop(connection)
+
+    def close(self) -> None:
+        """Close every connection and remove the socket file, if it still is this one's."""
+        for connection in list(self._connections.values()):
+            self._drop(connection)
+        self._epoll.close()
+        self._listener.close()
+        with contextlib.suppress(OSError):
+            if self.path.stat().st_ino == self._inode:
+                self.path.unlink()
+
+    def _accept(self) -> None:
+        try:
+            accepted, _ = self._listener.accept()
+        except OSError:  # gone again, or out of descriptors: it will be looked at in the next tick
+            return
+        accepted.setblocking(False)
+        if len(self._connections) >= MAX_CONNECTIONS:
+            reply = Reply(ok=False, message=f"too many connections, at most {MAX_CONNECTIONS}")
+            with accepted, contextlib.suppress(OSError):
+                accepted.send(self._encoder.encode(reply))
+            return
+        accepted.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        self._connections[accepted.fileno()] = Connection(accepted, peer_of(accepted))
+        self._epoll.register(accepted, select.EPOLLIN)
+
+    def _drop(self, connection: Connection) -> None:
+        del self._connections[connection.socket.fileno()]
+        connection.socket.close()  # which also takes it out of the epoll set
+
+    def _serve(self, connection: Connection, handle: Handler) -> None:
+        """Read one packet and answer it; a client that is gone or takes no answer is dropped."""
+        try:
+            size, _, flags, _ = connection.socket.recvmsg_into([self._buffer])
+        except BlockingIOError:
+            return
+        except OSError:
+            size = 0
+            flags = 0
+        if size == 0:
+            self._drop(connection)
+            return
+        if flags & socket.MSG_TRUNC:
+            reply = Reply(ok=False, message=f"a request has at most {MAX_REQUEST_BYTES} bytes")
+        else:
+            reply = self._answer(bytes(self._buffer[:size]), connection, handle)
+        self._send(connection, reply)
+
+    def _answer(self, packet: bytes, connection: Connection, handle: Handler) -> Reply:
+        try:
+            request = self._decoder.decode(packet)
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            return Reply(
+                ok=False,
+                message=f'not a request: {error}; expected {{"command": ...}} with one of '
+                + ", ".join(COMMANDS),
+            )
+        subscribes = request.command == "subscribe"
+        if subscribes and not connection.reads and len(self.readers) >= MAX_READERS:
+            return Reply(ok=False, message=f"too many readers, at most {MAX_READERS}")
+        try:
+            reply = handle(request, connection.peer)
+        except ContactdError as error:
+            return Reply(ok=False, message=str(error))
+        connection.reads = connection.reads or (subscribes and reply.ok)
+        return reply
+
+    def _send(self, connection: Connection, reply: Reply) -> None:
+        packet = self._encoder.encode(reply)
+        try:
+            connection.socket.send(packet)
+        except OSError as error:
+            if error.errno != errno.EMSGSIZE or not reply.ok:
+                self._drop(connection)
+                return
+            connection.reads = False
+            text = f"an answer of {len(packet)} bytes does not fit: raise net.core.wmem_max"
+            self._send(connection, Reply(ok=False, message=text))
+
+
+def _listen(path: Path) -> socket.socket:
+    """A listening socket that appears at `path` complete: open to its group, and never deaf."""
+    hidden = path.with_name(f".{path.name}.{os.getpid()}")
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
+    try:
+        _refuse_unless_stale(path)
+        hidden.unlink(missing_ok=True)
+        # Linux takes the file's mode from the socket: nobody gets in before the group is set.
+        os.fchmod(listener.fileno(), 0o600)
+        listener.bind(str(hidden))
+        _open_to_group(hidden)
+        listener.listen(LISTEN_BACKLOG)
+        hidden.rename(path)
+    except OSError as error:
+        listener.close()
+        with contextlib.suppress(OSError):
+            hidden.unlink(missing_ok=True)
+        raise ControlError(f"cannot listen at {path}: {error.strerror or error}") from error
+    except ControlError:
+        listener.close()
+        raise
+    return listener
+
+
+def _refuse_unless_stale(path: Path) -> None:
+    """Only nothing, or the socket that a dead daemon left behind, may be replaced."""
+    try:
+        mode = path.lstat().st_mode
+    except FileNotFoundError:
+        return
+    if not stat.S_ISSOCK(mode):
+        raise ControlError(f"{path} exists and is not a socket; remove it or choose another path")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK) as probe:
+        try:
+            probe.connect(str(path))
+        except ConnectionRefusedError:
+            return
+        except BlockingIOError:  # alive, with a full backlog
+            raise ControlError(f"another contactd serves {path}") from None
+        raise ControlError(f"another contactd (pid {peer_of(probe).pid}) serves {path}")
+
+
+def _open_to_group(path: Path) -> None:
+    try:
+        os.chown(path, -1, grp.getgrnam(GROUP).gr_gid)
+    except (KeyError, PermissionError) as error:
+        why = "does not exist" if isinstance(error, KeyError) else "is not one of the daemon's"
+        owner = path.stat().st_gid
+        _log.warning("group %s %s: the control socket is open to group %d", GROUP, why, owner)
+    path.chmod(0o660)

@@ -1,0 +1,177 @@
+"""Made-up messages, and a daemon that is nothing but a polled ControlSocket."""
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from daemon.control import ControlSocket, Peer
+from daemon.messages import Contact, Event, Reply, Request, Snapshot, State, Status, Timing
+
+JOINTS = [f"L{part}" for part in ("ShoulderPitch", "ShoulderYaw", "ElbowRoll", "ElbowYaw")]
+JOINTS += ["LWristRoll", "LWristYaw", "LWristPitch"]
+HALF_GAP = [0.018, 0.025, 0.003, 0.011, 0.0, 0.0, 0.023]
+THRESHOLDS = [0.8, 0.5, 0.4, 0.3, 0.2, 0.2, 0.2]
+
+
+def state_at(tick: int, **changes: object) -> State:
+    """Seven joints swaying, in contact at joint 2 from tick 100 to 199."""
+    n = len(JOINTS)
+    t = 0.01 * tick
+    gap = [1.1 * a * math.sin(t + i) for i, a in enumerate(HALF_GAP)]
+    residual = [0.3 * h * math.sin(3 * t + i) for i, h in enumerate(THRESHOLDS)]
+    touched = 100 <= tick < 200
+    if touched:
+        residual[1] = -1.3
+    excess = [
+        math.copysign(max(abs(r) - h, 0.0), r) for r, h in zip(residual, THRESHOLDS, strict=True)
+    ]
+    contact = Contact(joint=JOINTS[1], torque=-1.3, threshold=0.5, level="contact", side="left")
+    state = State(
+        tick=tick,
+        time_s=t,
+        interval_s=0.01,
+        mode="admittance" if touched else "tracking",
+        armed=True,
+        cause="contact at LShoulderYaw" if touched else "start",
+        moving=True,
+        fresh=[True] * n,
+        drives=["operation enabled"] * n,
+        current=[0.1 * math.sin(t + i) for i in range(n)],
+        link_position=[0.5 * math.sin(t + i) for i in range(n)],
+        motor_velocity=[0.5 * math.cos(t + i) for i in range(n)],
+        motor_position=None,
+        velocity=[0.5 * math.cos(t + i) for i in range(n)],
+        motor=[0.5 * math.sin(t + i) for i in range(n)],
+        gap=gap,
+        gap_sigma=[0.001] * n,
+        side=[
+            "gap" if abs(g) < 0.9 * a else "left" if g < 0 else "right"
+            for g, a in zip(gap, HALF_GAP, strict=True)
+        ],
+        torque=[0.3 * math.sin(t + i) for i in range(n)],
+        residual=residual,
+        threshold=THRESHOLDS,
+        thresholded=excess,
+        beside={"classical": [3.0 * r for r in residual]},
+        flags=[],
+        updated=True,
+        reference=[0.5 * math.sin(t + i) for i in range(n)],
+        setpoint=[0.0] * n,
+        quiet_s=0.0 if touched else t,
+        events=[Event(kind="contact", text="contact at LShoulderYaw", contact=contact)]
+        if tick == 100
+        else [],
+        timing=Timing(
+            wall_s=1.8e9 + t, monotonic_s=500.0 + t, lateness_us=90.0, work_us=2100.0, missed=0
+        ),
+    )
+    return msgspec.structs.replace(state, **changes)
+
+
+def snapshot_at(tick: int) -> Snapshot:
+    """The snapshot that goes with `state_at`."""
+    return Snapshot(
+        joints=JOINTS,
+        half_gap=HALF_GAP,
+        thresholds=THRESHOLDS,
+        period_s=0.01,
+        tick=tick,
+        memory={"tick": tick},
+        configuration="version: 1\n",
+        urdf="<robot/>",
+        program="contactd 0.1.0",
+    )
+
+
+@dataclass
+class FakeDaemon:
+    """Polls a ControlSocket every millisecond; `modes` is what each command leads to, in order."""
+
+    path: Path
+    modes: dict[str, list[str]] = field(default_factory=dict)
+    refusals: dict[str, list[str]] = field(default_factory=dict)
+    states: Callable[[int], State | None] = state_at  # None: publishes nothing in that tick
+    mode: str = "off"
+    tick: int = 0
+    seen: list[tuple[str, Peer]] = field(default_factory=list)
+    ready: threading.Event = field(default_factory=threading.Event)
+    stopped: threading.Event = field(default_factory=threading.Event)
+    _ahead: list[str] = field(default_factory=list)
+
+    def handle(self, request: Request, peer: Peer) -> Reply:
+        command = request.command
+        self.seen.append((command, peer))
+        if reasons := self.refusals.get(command):
+            return Reply(ok=False, message=f"{command} is refused", reasons=reasons, mode=self.mode)
+        if command == "subscribe":
+            return Reply(ok=True, snapshot=snapshot_at(self.tick))
+        if command == "status":
+            if self._ahead:
+                self.mode = self._ahead.pop(0)
+            return Reply(ok=True, status=self.status(), mode=self.mode)
+        self._ahead = list(self.modes.get(command, []))
+        return Reply(ok=True, message=f"{command} done", mode=self.mode)
+
+    def status(self) -> Status:
+        state = state_at(self.tick)
+        return Status(
+            name="Romeo left arm",
+            configuration="/etc/contactd/config.yaml",
+            pid=4711,
+            uptime_s=3725.0,
+            mode=self.mode,
+            armed=False,
+            cause=f"because of {self.mode}",
+            not_armable=["not tracking", "LWristYaw: motor position unknown"],
+            cycles=372500,
+            missed=3,
+            lateness_max_us=412.0,
+            work_max_us=3120.0,
+            realtime=["FIFO 80", "memory not locked: not permitted"],
+            readers=0,
+            joints=JOINTS,
+            drives=state.drives,
+            position=state.link_position,
+            residual=state.residual,
+            threshold=state.threshold,
+            side=state.side,
+            age_ticks=[0] * len(JOINTS),
+        )
+
+    def run(self) -> None:
+        with ControlSocket(self.path) as control:
+            self.ready.set()
+            while not self.stopped.wait(0.001):
+                control.poll(self.handle)
+                self.tick += 1
+                if (state := self.states(self.tick)) is not None:
+                    control.publish(state)
+
+
+@pytest.fixture
+def fake_daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
+    """A FakeDaemon that runs in a thread of its own until the test ends."""
+    daemon = FakeDaemon(tmp_path / "control")
+    thread = threading.Thread(target=daemon.run)
+    thread.start()
+    assert daemon.ready.wait(5)
+    yield daemon
+    daemon.stopped.set()
+    thread.join()
+
+
+@pytest.fixture
+def make_state() -> Callable[..., State]:
+    """`state_at`, for tests that cannot import from here."""
+    return state_at
+
+
+@pytest.fixture
+def make_snapshot() -> Callable[[int], Snapshot]:
+    """`snapshot_at`, for tests that cannot import from here."""
+    return snapshot_at

@@ -1,0 +1,167 @@
+"""The client against a daemon, and against what is none."""
+
+import os
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daemon import client as client_module
+from daemon.client import Client
+from daemon.messages import State
+from errors import ControlError, UnreachableError
+
+
+@pytest.fixture
+def listener(tmp_path: Path) -> Iterator[socket.socket]:
+    """A listening socket that nobody polls, at tmp_path / "control"."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as opened:
+        opened.bind(str(tmp_path / "control"))
+        opened.listen(1)
+        yield opened
+
+
+def script(listener: socket.socket, *packets: bytes | None) -> threading.Thread:
+    """Accept one client in a thread; per packet read a request (None: do not) and send it."""
+
+    def serve() -> None:
+        accepted, _ = listener.accept()
+        with accepted:
+            for packet in packets:
+                if packet is not None:
+                    accepted.recv(4096)
+                    accepted.send(packet)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    return thread
+
+
+def test_requests(fake_daemon: Any) -> None:
+    with Client(fake_daemon.path) as client:
+        assert client.request("enable").message == "enable done"
+        status = client.request("status").status
+        assert status is not None
+        assert status.pid == 4711
+    (command, peer), _ = fake_daemon.seen
+    assert (command, peer.uid, peer.pid) == ("enable", os.getuid(), os.getpid())
+
+
+def test_states_keep_every_bit(fake_daemon: Any, make_state: Callable[..., State]) -> None:
+    with Client(fake_daemon.path) as client:
+        snapshot, states = client.subscribe()
+        taken = list(islice(states, 20))
+    assert snapshot.tick == snapshot.memory["tick"]
+    assert taken[0].tick == snapshot.tick + 1
+    for state in taken:
+        assert state == make_state(state.tick)
+
+
+def test_refused_subscription(fake_daemon: Any) -> None:
+    fake_daemon.refusals["subscribe"] = ["too early", "too late"]
+    with (
+        Client(fake_daemon.path) as client,
+        pytest.raises(ControlError, match="subscribe is refused; too early; too late"),
+    ):
+        client.subscribe()
+
+
+def test_no_daemon(tmp_path: Path) -> None:
+    with pytest.raises(UnreachableError, match="no contactd serves") as caught:
+        Client(tmp_path / "control")
+    assert caught.value.exit_code == 69
+
+
+def test_dead_daemon(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as dead:
+        dead.bind(str(tmp_path / "control"))
+    with pytest.raises(UnreachableError, match="no contactd serves"):
+        Client(tmp_path / "control")
+
+
+def test_permission_denied_names_the_group(
+    fake_daemon: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def denied(self: socket.socket, address: str) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(client_module.socket.socket, "connect", denied)
+    group = fake_daemon.path.group()
+    with pytest.raises(UnreachableError, match=f"join the group {group}"):
+        Client(fake_daemon.path)
+
+
+def test_daemon_that_never_answers(listener: socket.socket) -> None:
+    with (
+        Client(Path(listener.getsockname()), timeout_s=0.05) as client,
+        pytest.raises(UnreachableError, match="fell silent"),
+    ):
+        client.request("status")
+
+
+def test_daemon_that_never_accepts(listener: socket.socket) -> None:
+    path = Path(listener.getsockname())
+    with (
+        Client(path),
+        Client(path),  # one more than the backlog, by the kernel's count
+        pytest.raises(UnreachableError, match="busy"),
+    ):
+        Client(path, timeout_s=0.05)
+
+
+def test_daemon_that_hangs_up(listener: socket.socket) -> None:
+    thread = script(listener, None)
+    with (
+        Client(Path(listener.getsockname())) as client,
+        pytest.raises(UnreachableError, match="closed"),
+    ):
+        client.request("status")
+    thread.join()
+
+
+def test_last_words_of_a_daemon_that_hangs_up_are_heard(fake_daemon: Any) -> None:
+    held = [Client(fake_daemon.path) for _ in range(32)]
+    for client in held:
+        client.request("status")
+    for _ in range(20):
+        with Client(fake_daemon.path) as late:
+            reply = late.request("stop")
+        assert reply.message == "too many connections, at most 32"
+    for client in held:
+        client.close()
+
+
+def test_stream_that_stops_is_noticed(fake_daemon: Any, make_state: Callable[..., State]) -> None:
+    end = fake_daemon.tick + 200
+    fake_daemon.states = lambda tick: make_state(tick) if tick < end else None
+    with Client(fake_daemon.path, timeout_s=0.2) as client:
+        _, states = client.subscribe()
+        taken: list[State] = []
+        with pytest.raises(UnreachableError, match="the daemon fell silent"):
+            taken.extend(states)
+    assert taken
+    assert [state.tick for state in taken] == list(range(end - len(taken), end))
+
+
+def test_stream_of_a_daemon_that_ends(fake_daemon: Any) -> None:
+    with Client(fake_daemon.path) as client:
+        _, states = client.subscribe()
+        next(states)
+        fake_daemon.stopped.set()
+        with pytest.raises(UnreachableError, match="the daemon closed the connection"):
+            list(states)
+
+
+@pytest.mark.parametrize("packet", [b"hello", b"[]", b'{"message": "no ok"}', b"\xff"])
+def test_answer_that_is_not_understood(listener: socket.socket, packet: bytes) -> None:
+    thread = script(listener, packet)
+    with (
+        Client(Path(listener.getsockname())) as client,
+        pytest.raises(ControlError, match="another version"),
+    ):
+        client.request("status")
+    thread.join()

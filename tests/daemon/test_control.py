@@ -1,0 +1,446 @@
+"""The control socket against clients that are rude, slow, many, or gone."""
+
+import grp
+import json
+import os
+import select
+import socket
+import stat
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from daemon import control as control_module
+from daemon.control import ControlSocket, Peer, default_socket_path
+from daemon.messages import Reply, Request, Snapshot, State
+from errors import ControlError, ModelError
+
+Dial = Callable[[], socket.socket]
+
+
+@pytest.fixture
+def control(tmp_path: Path) -> Iterator[ControlSocket]:
+    with ControlSocket(tmp_path / "control") as opened:
+        yield opened
+
+
+@pytest.fixture
+def dial(control: ControlSocket) -> Iterator[Dial]:
+    """Connects without blocking; everything is closed at the end."""
+    opened: list[socket.socket] = []
+
+    def connect() -> socket.socket:
+        opened.append(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK))
+        opened[-1].connect(str(control.path))
+        return opened[-1]
+
+    yield connect
+    for one in opened:
+        one.close()
+
+
+class Handler:
+    """Counts what arrives; answers a subscription with a snapshot."""
+
+    def __init__(self, snapshot: Snapshot | None = None) -> None:
+        self.seen: list[tuple[Request, Peer]] = []
+        self.snapshot = snapshot
+
+    def __call__(self, request: Request, peer: Peer) -> Reply:
+        self.seen.append((request, peer))
+        return Reply(ok=True, mode="off", snapshot=self.snapshot)
+
+
+def told(client: socket.socket) -> dict[str, object]:
+    reply = json.loads(client.recv(1 << 20))
+    assert isinstance(reply, dict)
+    return reply
+
+
+def subscribed(control: ControlSocket, dial: Dial, snapshot: Snapshot) -> socket.socket:
+    client = dial()
+    client.send(b'{"command": "subscribe"}')
+    control.poll(Handler(snapshot))
+    control.poll(Handler(snapshot))
+    assert told(client)["snapshot"]
+    return client
+
+
+def test_request_is_answered_and_the_peer_known(control: ControlSocket, dial: Dial) -> None:
+    handler = Handler()
+    client = dial()
+    control.poll(handler)
+    client.send(b'{"command": "stop"}')
+    control.poll(handler)
+    assert told(client) == {"ok": True, "mode": "off"}
+    assert handler.seen == [(Request("stop"), Peer(uid=os.getuid(), pid=os.getpid()))]
+
+
+@pytest.mark.parametrize(
+    ("packet", "expected"),
+    [
+        (b"hello", "malformed"),
+        (b"\xff\xfe", "malformed"),
+        (b"[1]", "Expected `object`"),
+        (b'{"command": "fly"}', "'fly'"),
+        (b'{"command": "stop", "speed": 9}', "speed"),
+        (b'{"command": "stop"} trailing', "trailing"),
+        (b'"' + b"x" * 4096, "at most 4096 bytes"),
+    ],
+)
+def test_malformed_is_told_and_the_connection_kept(
+    control: ControlSocket, dial: Dial, packet: bytes, expected: str
+) -> None:
+    handler = Handler()
+    client = dial()
+    control.poll(handler)
+    client.send(packet)
+    control.poll(handler)
+    reply = told(client)
+    assert reply["ok"] is False
+    assert expected in str(reply["message"])
+    assert not handler.seen
+    client.send(b'{"command": "stop"}')
+    control.poll(handler)
+    assert told(client)["ok"] is True
+
+
+def test_largest_request_is_served(control: ControlSocket, dial: Dial) -> None:
+    client = dial()
+    control.poll(Handler())
+    client.send(b'{"command": "stop"}'.ljust(4096))
+    control.poll(Handler())
+    assert told(client)["ok"] is True
+
+
+def test_ten_megabytes_never_reach_the_daemon(control: ControlSocket, dial: Dial) -> None:
+    client = dial()
+    control.poll(Handler())
+    with pytest.raises(OSError, match="too long"):
+        client.send(bytes(10_000_000))
+    client.send(bytes(100_000))
+    control.poll(Handler())
+    assert "at most 4096 bytes" in str(told(client)["message"])
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(packet=st.binary(min_size=1, max_size=6000))
+def test_garbage_is_refused(control: ControlSocket, dial: Dial, packet: bytes) -> None:
+    handler = Handler()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as client:
+        client.connect(str(control.path))
+        control.poll(handler)
+        client.send(packet)
+        control.poll(handler)
+        client.setblocking(False)
+        assert told(client)["ok"] is False
+    control.poll(handler)
+    assert control.connections == 0
+    assert not handler.seen
+
+
+def test_error_of_the_handler_is_a_refusal(control: ControlSocket, dial: Dial) -> None:
+    def refuse(request: Request, peer: Peer) -> Reply:
+        raise ModelError("no such joint")
+
+    client = dial()
+    control.poll(refuse)
+    client.send(b'{"command": "arm"}')
+    control.poll(refuse)
+    assert told(client) == {"ok": False, "message": "no such joint"}
+
+
+def test_flood_is_bounded_and_starves_nobody(control: ControlSocket, dial: Dial) -> None:
+    handler = Handler()
+    loud = [dial() for _ in range(8)]
+    for _ in loud:
+        control.poll(handler)
+    for client in loud:
+        for _ in range(50):
+            client.send(b'{"command": "status"}')
+    quiet = dial()
+    quiet.send(b'{"command": "stop"}')
+    for _ in range(8):
+        before = len(handler.seen)
+        control.poll(handler)
+        assert 3 <= len(handler.seen) - before <= 4
+    assert Request("stop") in [request for request, _ in handler.seen]
+    assert told(quiet)["ok"] is True
+
+
+def test_a_thousand_connections(control: ControlSocket) -> None:
+    handler = Handler()
+    clients = []
+    for _ in range(1000):
+        client = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        client.connect(str(control.path))
+        clients.append(client)
+        control.poll(handler)
+    assert control.connections == 32
+    refused = 0
+    for client in clients[32:]:
+        assert "at most 32" in str(told(client)["message"])
+        assert client.recv(10) == b""
+        refused += 1
+    assert refused == 968
+    for client in clients:
+        client.close()
+    for _ in range(10):
+        control.poll(handler)
+    assert control.connections == 0
+
+
+def test_one_accept_per_poll(control: ControlSocket, dial: Dial) -> None:
+    for _ in range(3):
+        dial()
+    for expected in (1, 2, 3, 3):
+        control.poll(Handler())
+        assert control.connections == expected
+
+
+@pytest.mark.parametrize("how", ["close", "shutdown", "empty packet"])
+def test_half_connected_client_is_dropped(control: ControlSocket, dial: Dial, how: str) -> None:
+    client = dial()
+    control.poll(Handler())
+    assert control.connections == 1
+    if how == "close":
+        client.close()
+    elif how == "shutdown":
+        client.shutdown(socket.SHUT_WR)
+    else:
+        client.send(b"")
+    control.poll(Handler())
+    assert control.connections == 0
+
+
+def test_client_that_never_listens_is_dropped(control: ControlSocket, dial: Dial) -> None:
+    client = dial()
+    handler = Handler()
+    control.poll(handler)
+    for _ in range(100_000):
+        try:
+            client.send(b'{"command": "status"}')
+        except OSError:
+            break
+        control.poll(handler)
+        if not control.connections:
+            break
+    assert control.connections == 0
+
+
+def test_client_gone_before_its_answer(control: ControlSocket, dial: Dial) -> None:
+    client = dial()
+    handler = Handler()
+    control.poll(handler)
+    client.send(b'{"command": "stop"}')
+    client.close()
+    control.poll(handler)
+    assert handler.seen  # a stop counts although nobody waits for the answer
+    assert control.connections == 0
+
+
+def test_every_reader_gets_every_state(
+    control: ControlSocket,
+    dial: Dial,
+    make_state: Callable[..., State],
+    make_snapshot: Callable[[int], Snapshot],
+) -> None:
+    first = subscribed(control, dial, make_snapshot(0))
+    second = subscribed(control, dial, make_snapshot(0))
+    silent = dial()
+    control.poll(Handler())
+    for tick in (1, 2, 3):
+        control.publish(make_state(tick))
+    for client in (first, second):
+        assert [told(client)["tick"] for _ in range(3)] == [1, 2, 3]
+    with pytest.raises(BlockingIOError):
+        silent.recv(10)
+
+
+def test_nothing_is_encoded_without_a_reader(
+    control: ControlSocket, dial: Dial, make_state: Callable[..., State]
+) -> None:
+    dial()
+    control.poll(Handler())
+    control.publish(make_state(1))
+    assert control._packet == b""
+
+
+def test_ninth_reader_is_refused(
+    control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
+) -> None:
+    readers = [subscribed(control, dial, make_snapshot(0)) for _ in range(8)]
+    ninth = dial()
+    ninth.send(b'{"command": "subscribe"}')
+    handler = Handler(make_snapshot(0))
+    control.poll(handler)
+    control.poll(handler)
+    assert told(ninth) == {"ok": False, "message": "too many readers, at most 8"}
+    assert not handler.seen
+    readers[3].close()
+    control.poll(handler)
+    ninth.send(b'{"command": "subscribe"}')
+    control.poll(handler)
+    assert told(ninth)["ok"] is True
+    assert len(control.readers) == 8
+
+
+def test_refused_subscription_reads_nothing(control: ControlSocket, dial: Dial) -> None:
+    client = dial()
+    client.send(b'{"command": "subscribe"}')
+    for _ in range(2):
+        control.poll(lambda request, peer: Reply(ok=False))
+    assert told(client)["ok"] is False
+    assert not control.readers
+
+
+def test_slow_reader_loses_packets_and_only_it(
+    control: ControlSocket,
+    dial: Dial,
+    make_state: Callable[..., State],
+    make_snapshot: Callable[[int], Snapshot],
+) -> None:
+    slow = subscribed(control, dial, make_snapshot(0))
+    quick = subscribed(control, dial, make_snapshot(0))
+    ticks = 2000
+    for tick in range(ticks):
+        control.publish(make_state(tick))
+        assert told(quick)["tick"] == tick
+    held = 0
+    while select.select([slow], [], [], 0)[0]:
+        assert told(slow)["tick"] == held
+        held += 1
+    lost = {c.lost for c in control.readers}
+    assert lost == {0, ticks - held}
+    assert 10 < held < ticks
+    control.publish(make_state(ticks))
+    assert told(slow)["tick"] == ticks
+
+
+def test_dead_reader_is_dropped(
+    control: ControlSocket,
+    dial: Dial,
+    make_state: Callable[..., State],
+    make_snapshot: Callable[[int], Snapshot],
+) -> None:
+    dead = subscribed(control, dial, make_snapshot(0))
+    alive = subscribed(control, dial, make_snapshot(0))
+    dead.close()
+    control.publish(make_state(1))
+    assert control.connections == 1
+    assert told(alive)["tick"] == 1
+
+
+def test_snapshot_that_does_not_fit_is_told(
+    control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
+) -> None:
+    huge = msgspec.structs.replace(make_snapshot(0), urdf="x" * 10_000_000)
+    client = dial()
+    client.send(b'{"command": "subscribe"}')
+    for _ in range(2):
+        control.poll(Handler(huge))
+    assert "wmem_max" in str(told(client)["message"])
+    assert not control.readers
+
+
+def test_permissions(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    previous = os.umask(0)
+    try:
+        with ControlSocket(tmp_path / "control") as control:
+            mode = control.path.stat().st_mode
+            group = control.path.stat().st_gid
+    finally:
+        os.umask(previous)
+    assert stat.S_ISSOCK(mode)
+    assert stat.S_IMODE(mode) == 0o660
+    try:
+        assert group == grp.getgrnam("contact").gr_gid
+    except KeyError:
+        assert group == os.getgid()
+        assert caplog.text.count("group contact does not exist") == 1
+
+
+def test_group_is_set_where_it_exists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if os.getuid() != 0:
+        pytest.skip("only root may give a file to any group")
+    other = next(g for g in grp.getgrall() if g.gr_gid != os.getgid())
+    monkeypatch.setattr(control_module, "GROUP", other.gr_name)
+    with ControlSocket(tmp_path / "control") as control:
+        assert control.path.stat().st_gid == other.gr_gid
+
+
+def test_live_daemon_is_left_alone(control: ControlSocket) -> None:
+    with pytest.raises(ControlError, match=rf"another contactd \(pid {os.getpid()}\) serves"):
+        ControlSocket(control.path)
+    assert control.path.is_socket()
+
+
+def test_stale_socket_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "control"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as dead:
+        dead.bind(str(path))
+        dead.listen()
+    assert path.is_socket()
+    with ControlSocket(path), socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as client:
+        client.connect(str(path))
+    assert not path.exists()
+
+
+def test_socket_file_of_a_successor_is_left(tmp_path: Path) -> None:
+    first = ControlSocket(tmp_path / "control")
+    first.path.rename(tmp_path / "moved")
+    with ControlSocket(tmp_path / "control") as second:
+        first.close()
+        assert second.path.is_socket()
+
+
+@pytest.mark.parametrize("kind", ["file", "directory", "link"])
+def test_only_a_socket_is_ever_removed(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "control"
+    if kind == "file":
+        path.write_text("mine")
+    elif kind == "directory":
+        path.mkdir()
+    else:
+        path.symlink_to("/etc/passwd")
+    with pytest.raises(ControlError, match="not a socket"):
+        ControlSocket(path)
+    assert path.lstat()
+
+
+@pytest.mark.parametrize("path", ["/nonexistent/control", "/tmp/" + "x" * 200])
+def test_impossible_path(path: str) -> None:
+    with pytest.raises(ControlError, match="cannot listen at /"):
+        ControlSocket(Path(path))
+
+
+def test_default_path(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("CONTACTD_SOCKET", "/somewhere/else")
+    assert default_socket_path() == Path("/somewhere/else")
+    monkeypatch.delenv("CONTACTD_SOCKET")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(Path, "is_dir", lambda self: str(self) == "/run/contactd")
+    assert default_socket_path() == Path("/run/contactd/control")
+    monkeypatch.setattr(Path, "is_dir", lambda self: self == tmp_path)
+    assert default_socket_path() == tmp_path / "contactd.sock"
+    monkeypatch.setenv("XDG_RUNTIME_DIR", "")
+    monkeypatch.setattr(os, "getuid", lambda: 987_654)
+    assert default_socket_path() == Path("/tmp/contactd-987654.sock")
+
+
+def test_default_path_of_another_user_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    trap = Path("/tmp/contactd-987654.sock")
+    monkeypatch.delenv("CONTACTD_SOCKET", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", "")
+    monkeypatch.setattr(Path, "is_dir", lambda self: False)
+    monkeypatch.setattr(os, "getuid", lambda: 987_654)
+    trap.symlink_to("/nowhere")
+    try:
+        with pytest.raises(ControlError, match="not to you"):
+            default_socket_path()
+    finally:
+        trap.unlink()
