@@ -1,0 +1,1 @@
+"""The mathematics of contactd. No input or output, no clock, no threads."""

@@ -1,0 +1,146 @@
+"""From residual to contact: thresholds, the subtractive dead-band, debounce, events."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from errors import ModelError
+from estimator import memory
+from estimator.types import Vector
+
+Level = Literal["contact", "collision"]
+LEVELS: tuple[Level, Level] = ("contact", "collision")
+
+STICTION_SHARE = 0.5
+STICTION_VELOCITY = 0.05  # [rad/s]
+
+
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """Levels of |r| per joint [Nm], shape (n,), 0 < contact < collision; read-only arrays.
+
+    Raises ModelError naming the row that is out of order.
+    """
+
+    contact: Vector
+    collision: Vector
+
+    def __post_init__(self) -> None:
+        for name in LEVELS:
+            values = np.array(getattr(self, name), dtype=np.float64)
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        if self.contact.ndim != 1 or self.contact.shape != self.collision.shape:
+            raise ModelError(
+                f"thresholds: contact {self.contact.shape}, collision {self.collision.shape}"
+            )
+        good = (self.contact > 0.0) & (self.contact < self.collision) & np.isfinite(self.collision)
+        for i in np.flatnonzero(~good):
+            raise ModelError(
+                f"thresholds of joint {i + 1}: contact {self.contact[i]}, collision "
+                f"{self.collision[i]}; it must be 0 < contact < collision"
+            )
+
+
+def stiction_raise(coulomb: ArrayLike, velocity: ArrayLike) -> Vector:
+    """0.5 f_s exp(-(w / 0.05)^2) [Nm]: what a joint at rest may hide is no contact."""
+    w = np.asarray(velocity) / STICTION_VELOCITY
+    hidden: Vector = STICTION_SHARE * np.asarray(coulomb) * np.exp(-w * w)
+    return hidden
+
+
+def dead_band(residual: Vector, threshold: Vector) -> Vector:
+    """The thresholded residual sign(r) max(|r| - threshold, 0): no jump at the threshold."""
+    return residual - np.minimum(np.maximum(residual, -threshold), threshold)
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """The residual of one joint stayed past a level for the debounce time."""
+
+    joint: str
+    torque: float
+    """residual, signed [Nm]"""
+    threshold: float
+    """the level it passed, as in force in this tick [Nm]"""
+    level: Level
+    side: int
+    """gap state of the joint, `motor_position.Side`"""
+    time_s: float
+
+
+class ContactDetector:
+    """Thresholds in force, debounce and events.
+
+    A contact begins when |r| has been past a level on one side for `debounce` ticks in a row; it
+    ends when r comes back or changes its sign, and only then may the level fire again.
+    """
+
+    _MEMORY = ("raised", "streak")
+
+    def __init__(
+        self,
+        joints: Sequence[str],
+        thresholds: Thresholds,
+        *,
+        coulomb: Vector,
+        gain: float,
+        debounce: int = 1,
+    ) -> None:
+        n = len(joints)
+        if thresholds.contact.shape != (n,):
+            raise ModelError(f"thresholds for {thresholds.contact.size} joints, the arm has {n}")
+        if debounce < 1:
+            raise ModelError(f"debounce is {debounce} ticks; at least 1")
+        self._joints = tuple(joints)
+        self._levels = np.stack([thresholds.contact, thresholds.collision])
+        self._coulomb = coulomb
+        self._gain = gain
+        self._debounce = debounce
+        self.raised = np.zeros(n)
+        # Ticks in a row past each level, signed as the residual.
+        self.streak = np.zeros((2, n), dtype=np.int64)
+
+    def thresholds(self, velocity: Vector, dt: float) -> Vector:
+        """Contact thresholds in force [Nm]: raised near rest by what stiction hides.
+
+        What stiction left in the residual fades with its gain after break-away, so the raise does.
+        """
+        np.multiply(self.raised, np.exp(-self._gain * dt), out=self.raised)
+        np.maximum(self.raised, stiction_raise(self._coulomb, velocity), out=self.raised)
+        in_force: Vector = self._levels[0] + self.raised
+        return in_force
+
+    def step(self, residual: Vector, side: NDArray[np.int8], time_s: float) -> tuple[Contact, ...]:
+        """Contacts that begin in this tick, at most one per joint and level."""
+        levels = self._levels + self.raised
+        past = (residual > levels).astype(np.int64) - (residual < -levels)
+        if not past.any():
+            self.streak[:] = 0
+            return ()
+        self.streak[:] = np.where(past * self.streak > 0, self.streak + past, past)
+        begins = np.abs(self.streak) == self._debounce
+        return tuple(
+            Contact(
+                joint=self._joints[i],
+                torque=float(residual[i]),
+                threshold=float(levels[level, i]),
+                level=LEVELS[level],
+                side=int(side[i]),
+                time_s=time_s,
+            )
+            for level, i in np.argwhere(begins)
+        )
+
+    def reset(self) -> None:
+        self.raised[:] = 0.0
+        self.streak[:] = 0
+
+    def memory(self) -> dict[str, Any]:
+        return memory.dump(self, self._MEMORY)
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        memory.load(self, self._MEMORY, state)

@@ -1,0 +1,108 @@
+"""Link velocity from sampled positions, and everything else sampled at the same instant.
+
+A parabola through the last three positions gives position and velocity at any instant near them.
+How far back that instant lies is the method:
+
+    backward   now:              second-order backward difference, no delay, most noise
+    midpoint   half a period ago: mean velocity of the last interval
+    central    one period ago:    central difference, least noise
+
+For samples of equal distance T and encoder noise s the noise of the velocity is 2.55, 1.41 and
+0.71 times s / T. Currents and motor velocities are interpolated to the same instant: mixing times
+turns every acceleration into a torque that is not there.
+"""
+
+from typing import Any, Literal
+
+import numpy as np
+
+from estimator import memory
+from estimator.types import Matrix, Vector
+
+Method = Literal["backward", "midpoint", "central"]
+DELAY_PERIODS: dict[Method, float] = {"backward": 0.0, "midpoint": 0.5, "central": 1.0}
+
+SAMPLES = 3
+"""Positions needed before the first velocity."""
+
+
+def parabola(
+    positions: Matrix, last_interval: float, interval_before: float, delay: float
+) -> tuple[Vector, Vector]:
+    """Position and velocity `delay` seconds before the newest of three samples.
+
+    positions: shape (3, n), newest first; the intervals [s] between them may differ.
+    """
+    slope = (positions[0] - positions[1]) / last_interval
+    slope_before = (positions[1] - positions[2]) / interval_before
+    curvature = (slope - slope_before) / (last_interval + interval_before)
+    position = positions[0] - delay * slope - (delay * (last_interval - delay)) * curvature
+    return position, slope + (last_interval - 2.0 * delay) * curvature
+
+
+class Alignment:
+    """The last samples, and their values at one common instant `delay` seconds ago.
+
+    Each signal is older than its sample by a transport delay of its own [s]: the current by its
+    drive's filter, the link position by its encoder's latency.
+    """
+
+    _MEMORY = ("count", "interval", "interval_before", "position", "linear")
+
+    def __init__(
+        self,
+        n: int,
+        method: Method,
+        period: float,
+        *,
+        current_delay: float,
+        link_delay: float,
+        motor_delay: float,
+    ) -> None:
+        self._back = DELAY_PERIODS[method] * period
+        self.delay = self._back + link_delay
+        """The common instant lies this long before the newest sample arrived [s]."""
+        # Rows of `linear`: current, motor velocity, motor position.
+        self._age = self.delay - np.array([[current_delay], [motor_delay], [motor_delay]])
+        self.count = 0
+        self.interval = period
+        self.interval_before = period
+        self.position = np.zeros((SAMPLES, n))
+        self.linear = np.zeros((2, 3, n))
+
+    @property
+    def ready(self) -> bool:
+        return self.count >= SAMPLES
+
+    def push(self, samples: Matrix, dt: float) -> None:
+        """Take the samples of this tick, dt seconds after those before.
+
+        samples: shape (4, n): current, link position, motor velocity, motor position.
+        """
+        self.position[2] = self.position[1]
+        self.position[1] = self.position[0]
+        self.position[0] = samples[1]
+        self.linear[1] = self.linear[0]
+        self.linear[0] = samples[[0, 2, 3]]
+        self.interval_before, self.interval = self.interval, dt
+        self.count = min(self.count + 1, SAMPLES)
+
+    def link(self) -> tuple[Vector, Vector]:
+        """q and q_dot at the common instant."""
+        return parabola(self.position, self.interval, self.interval_before, self._back)
+
+    def motor(self) -> Matrix:
+        """Current, motor velocity and motor position at the common instant, shape (3, n)."""
+        newest, before = self.linear
+        aligned: Matrix = newest - (self._age / self.interval) * (newest - before)
+        return aligned
+
+    def restart(self) -> None:
+        """Forget all samples."""
+        self.count = 0
+
+    def memory(self) -> dict[str, Any]:
+        return memory.dump(self, self._MEMORY)
+
+    def restore(self, state: dict[str, Any]) -> None:
+        memory.load(self, self._MEMORY, state)

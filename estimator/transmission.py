@@ -1,0 +1,148 @@
+"""The transmission of each joint: gear with a gap, rotor behind it, friction on both sides.
+
+phi = q - theta; the link is free while |phi| < alpha. All equations are those of the paper with
+its misprints corrected, and with the rotor's inertia, which the paper leaves out.
+"""
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from errors import ModelError
+from estimator.types import Vector
+
+_SCALARS = ("joints", "sign_width")
+_SIGNED = ("contact_stiffness", "contact_damping")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Transmission:
+    """Parameters at the link side: read-only arrays of shape (n,); one number stands for all.
+
+    The friction of the rotor's side and of the link's side are kept apart. While engaged both rub
+    and an identification sees their sum, K_theta = motor + link, `engaged_*`.
+
+    Raises ModelError naming field and joint where a value is not finite or out of range.
+    """
+
+    joints: tuple[str, ...]
+    torque_constant: Vector
+    """K_c [Nm/A], > 0"""
+    rotor_inertia: Vector
+    """B [kg m2], reflected through the gear, >= 0"""
+    half_gap: Vector
+    """alpha [rad], >= 0"""
+    motor_coulomb: Vector
+    """[Nm], >= 0; rubs on the rotor's side"""
+    motor_viscous: Vector
+    """[Nm s/rad], >= 0"""
+    link_coulomb: Vector
+    """K_q_s [Nm], >= 0; rubs on the link alone"""
+    link_viscous: Vector
+    """K_q_v [Nm s/rad], >= 0"""
+    gap_coulomb: Vector = field(default_factory=lambda: np.array(0.0))
+    """K_phi_s [Nm], >= 0; rubs between rotor and link inside the gap"""
+    gap_viscous: Vector = field(default_factory=lambda: np.array(0.0))
+    """K_phi_v [Nm s/rad], >= 0"""
+    contact_stiffness: Vector = field(default_factory=lambda: np.array(0.0))
+    """K_phi_p [Nm/rad]: a fit's correction on top of tau_M, not the gear's stiffness; any sign"""
+    contact_damping: Vector = field(default_factory=lambda: np.array(0.0))
+    """K_phi_d [Nm s/rad]: likewise"""
+    gear_stiffness: Vector = field(default_factory=lambda: np.array(np.inf))
+    """[Nm/rad], > 0: how far phi is bent beyond the gap by a load; only for the motor position"""
+    sign_width: float = 0.02
+    """[rad/s], > 0: velocity over which Coulomb friction changes its sign"""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", tuple(self.joints))
+        if not np.isfinite(self.sign_width) or self.sign_width <= 0.0:
+            raise ModelError(f"sign_width is {self.sign_width}; it must be > 0 rad/s")
+        for each in fields(self):
+            if each.name not in _SCALARS:
+                object.__setattr__(self, each.name, self._checked(each.name))
+        for name in _SIGNED:
+            self._refuse(name, (self.half_gap == 0.0) & (getattr(self, name) != 0.0), "0 (no gap)")
+
+    @property
+    def n(self) -> int:
+        return len(self.joints)
+
+    @property
+    def engaged_coulomb(self) -> Vector:
+        """K_theta_s [Nm]"""
+        return self.motor_coulomb + self.link_coulomb
+
+    @property
+    def engaged_viscous(self) -> Vector:
+        """K_theta_v [Nm s/rad]"""
+        return self.motor_viscous + self.link_viscous
+
+    def _checked(self, name: str) -> Vector:
+        try:
+            values: Vector = np.array(getattr(self, name), dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ModelError(f"{name}: not numbers: {getattr(self, name)}") from error
+        if values.ndim == 0:
+            values = np.full(self.n, values)
+        if values.shape != (self.n,):
+            raise ModelError(
+                f"{name} has shape {values.shape}; one number for each of {self.n} joints"
+            )
+        object.__setattr__(self, name, values)
+        if name in _SIGNED:
+            self._refuse(name, ~np.isfinite(values), "finite")
+        elif name == "torque_constant":
+            self._refuse(name, ~(np.isfinite(values) & (values > 0.0)), "> 0")
+        elif name == "gear_stiffness":
+            self._refuse(name, ~(values > 0.0), "> 0")
+        else:
+            self._refuse(name, ~(np.isfinite(values) & (values >= 0.0)), ">= 0")
+        values.setflags(write=False)
+        return values
+
+    def _refuse(self, name: str, bad: NDArray[np.bool_], allowed: str) -> None:
+        for i in np.flatnonzero(bad):
+            value = getattr(self, name)[i]
+            raise ModelError(f"{name} of {self.joints[i]} is {value}; it must be {allowed}")
+
+
+def smooth_sign(velocity: Vector, width: float) -> Vector:
+    """tanh(velocity / width): sign() without its chatter at rest."""
+    sign: Vector = np.tanh(velocity / width)
+    return sign
+
+
+def penetration(phi: Vector, half_gap: Vector) -> Vector:
+    """delta = phi - sign(phi) alpha beyond the border of the gap, zero inside [rad]."""
+    return phi - np.minimum(np.maximum(phi, -half_gap), half_gap)
+
+
+def coulomb_viscous(coulomb: Vector, viscous: Vector, velocity: Vector, width: float) -> Vector:
+    """Friction coulomb * sign(velocity) + viscous * velocity [Nm], positive along the velocity."""
+    return coulomb * smooth_sign(velocity, width) + viscous * velocity
+
+
+def friction_torque(
+    transmission: Transmission, engaged: NDArray[np.bool_], qd: Vector, theta_dot: Vector
+) -> Vector:
+    """tau_mu of (6) [Nm]: K_theta on the rotor while engaged; K_phi and K_q inside the gap."""
+    t, width = transmission, transmission.sign_width
+    together = coulomb_viscous(t.engaged_coulomb, t.engaged_viscous, theta_dot, width)
+    apart = coulomb_viscous(t.link_coulomb, t.link_viscous, qd, width)
+    apart = apart + coulomb_viscous(t.gap_coulomb, t.gap_viscous, qd - theta_dot, width)
+    return np.where(engaged, together, apart)
+
+
+def link_torque(
+    transmission: Transmission,
+    engaged: NDArray[np.bool_],
+    tau_M: Vector,
+    theta_ddot: Vector,
+    phi: Vector,
+    phi_dot: Vector,
+) -> Vector:
+    """tau_L of (5) [Nm]: tau_M - B theta_ddot and a fit's correction, while engaged; else zero."""
+    t = transmission
+    correction = t.contact_stiffness * penetration(phi, t.half_gap) + t.contact_damping * phi_dot
+    return np.where(engaged, tau_M - t.rotor_inertia * theta_ddot + correction, 0.0)

@@ -1,0 +1,10 @@
+"""Array types shared by the whole package."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+"""float64; shape (n,) unless stated otherwise: one entry per joint, SI at the link side."""
+
+Matrix = NDArray[np.float64]
+"""float64, shape (rows, n) or (n, n)."""
