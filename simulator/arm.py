@@ -1,0 +1,172 @@
+"""The arm as the bus sees it: plant, sensors, drives and a hand, moved on by `advance`."""
+
+from collections.abc import Callable, Sequence
+
+import can
+import numpy as np
+from numpy.typing import NDArray
+
+from errors import ConfigurationError
+from simulator.description import ArmDescription, SimulationSettings
+from simulator.drive import Drive, Surroundings
+from simulator.events import Event, Listener
+from simulator.hand import AnyAct, Hand
+from simulator.mismatch import true_parameters
+from simulator.plant import Plant
+from simulator.sensors import Sensors
+from simulator.servo import SERVO_PERIOD_S, Servo
+
+Vector = NDArray[np.float64]
+NMT, SYNC = 0x000, 0x080
+SDO_REQUEST, HEARTBEAT = 0x600, 0x700
+
+
+class SimulatedArm:
+    """Frames in by `receive`, frames out by `send`; time moves only in `advance`.
+
+    A SYNC makes every drive sample and send its TPDOs and then latch the RPDOs that came before,
+    so that between two SYNCs the arm obeys what was latched at the first.
+    """
+
+    def __init__(
+        self,
+        description: ArmDescription,
+        settings: SimulationSettings,
+        send: Callable[[can.Message], None],
+        *,
+        hand_script: Sequence[AnyAct] = (),
+        on_event: Listener = lambda _: None,
+    ) -> None:
+        """Raises ConfigurationError or ModelError when description or script do not fit."""
+        self.description, self.settings = description, settings
+        self._per_period = round(SERVO_PERIOD_S / settings.step_s)
+        if abs(self._per_period * settings.step_s - SERVO_PERIOD_S) > 1e-12:
+            raise ConfigurationError(
+                f"simulation: step_s = {settings.step_s}, not a divider of 1 ms"
+            )
+        parameters = true_parameters(description, settings)
+        n = len(description.joints)
+        self.plant = Plant(
+            parameters,
+            settings.step_s,
+            settings.friction,
+            settings.friction_width,
+            settings.presliding,
+        )
+        self.servo = Servo(description, parameters.usual_link)
+        self.sensors = Sensors(description, settings, self.plant.q)
+        self.hand = Hand(
+            hand_script,
+            [joint.name for joint in description.joints],
+            0.3 * parameters.lightest_link / settings.step_s,
+        )
+        self.external_torque = np.zeros(n)
+        """Torque on the links besides the hand's (n,) [Nm], for tests and benches: write to it."""
+        self._send, self._on_event = send, on_event
+        wired = Surroundings(description, self.servo, self.plant, self._put, self._tell_drive)
+        self.drives = tuple(Drive(joint, wired) for joint in range(n))
+        self._by_node = {drive.node: drive for drive in self.drives}
+        if len(self._by_node) != n:
+            raise ConfigurationError("simulated arm: two joints share a node number")
+        self._steps = self._sampled_at = 0
+        self._sample()
+
+    @property
+    def now(self) -> float:
+        """Simulated time since power-on [s]."""
+        return self._steps * self.settings.step_s
+
+    @property
+    def tau_ext(self) -> Vector:
+        """True external torque of the last step (n,) [Nm]; a view."""
+        return self.plant.external_torque
+
+    def power_on(self) -> None:
+        """All drives send their boot-up message."""
+        for drive in self.drives:
+            drive.boot()
+
+    def advance(self, t: float) -> None:
+        """Let the arm live until simulated time t [s], rounded down to whole steps."""
+        target = int(t / self.settings.step_s + 1e-6)
+        while self._steps < target:
+            phase = self._steps % self._per_period
+            if phase == 0:
+                self._servo_period()
+            steps = min(self._per_period - phase, target - self._steps)
+            self.plant.advance(steps, self._touch if self.hand.touching else None)
+            self._steps += steps
+
+    def receive(self, message: can.Message) -> None:
+        """A frame from the bus, at the present simulated time."""
+        cob, data = message.arbitration_id, bytes(message.data)
+        if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+            return
+        if cob == SYNC:
+            self._sync()
+        elif cob == NMT:
+            if len(data) >= 2:
+                for drive in self.drives:
+                    if data[1] in (0, drive.node):
+                        drive.on_nmt(data[0])
+        elif cob & 0x780 == SDO_REQUEST:
+            node = self._by_node.get(cob & 0x7F)
+            if node is not None:
+                self._sample_if_moved()
+                node.on_sdo(data)
+        elif cob & 0x780 == HEARTBEAT:
+            for drive in self.drives:
+                drive.on_heartbeat(cob & 0x7F, self.now)
+        else:
+            for drive in self.drives:
+                drive.on_pdo(cob, data)
+
+    def _sync(self) -> None:
+        self._sample()
+        for drive in self.drives:
+            drive.transmit()
+        for drive in self.drives:
+            drive.latch()
+        if not self.hand.began and self.servo.target.any():
+            self.hand.begin(self.now)
+
+    def _servo_period(self) -> None:
+        plant, now = self.plant, self.now
+        if any(drive.talks_by_itself for drive in self.drives):
+            self._sample_if_moved()
+        for drive in self.drives:
+            drive.tick(now)
+        for words in self.hand.update(now, plant.q, SERVO_PERIOD_S):
+            self._on_event(Event(now, "hand", words))
+        plant.external_torque[:] = self.external_torque
+        self.servo.update(plant.theta_dot)
+        np.multiply(plant.parameters.torque_constant, self.servo.current, out=plant.motor_torque)
+        self.sensors.update(plant.q, self.servo.current)
+
+    def _touch(self, q: Vector, q_dot: Vector, out: Vector) -> None:
+        out[:] = self.external_torque
+        self.hand.torque(q, q_dot, out)
+
+    def _sample_if_moved(self) -> None:
+        if self._steps != self._sampled_at:
+            self._sample()
+
+    def _sample(self) -> None:
+        plant = self.plant
+        readings = self.sensors.read(plant.q, plant.theta, plant.theta_dot)
+        rows = zip(
+            readings.link_position,
+            readings.motor_position,
+            readings.motor_velocity,
+            readings.current,
+            strict=True,
+        )
+        for drive, row in zip(self.drives, rows, strict=True):
+            drive.measure(*row)
+        self._sampled_at = self._steps
+
+    def _put(self, cob_id: int, data: bytes) -> None:
+        self._send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+
+    def _tell_drive(self, text: str) -> None:
+        self._on_event(Event(self.now, "drive", text))

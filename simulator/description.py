@@ -1,0 +1,108 @@
+"""What is simulated: the nominal arm, and how far the true one is off."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from errors import ConfigurationError
+
+Percent = Annotated[float, Meta(ge=0.0, le=50.0)]
+Milliseconds = Annotated[float, Meta(ge=0.0, le=50.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+
+
+@dataclass(frozen=True, slots=True)
+class JointDescription:
+    """One joint, its motor and its drive. SI at the link side: friction [Nm], [Nm s/rad]."""
+
+    name: str
+    node: int
+    gear: float
+    rated_current_A: float
+    max_current_A: float
+    torque_constant: float
+    """K_c, Nm at the link per A."""
+    rotor_inertia: float
+    """B, reflected to the link [kg m^2]."""
+    half_gap: float
+    """alpha [rad]; 0 is a stiff coupling."""
+    motor_coulomb: float
+    motor_viscous: float
+    link_coulomb: float
+    link_viscous: float
+    lower: float
+    upper: float
+    """End stops [rad]."""
+    initial_position: float = 0.0
+    brake: bool = False
+    """A brake that holds the motor whenever the drive is not energised."""
+
+    def __post_init__(self) -> None:
+        for field in ("gear", "rated_current_A", "max_current_A", "torque_constant"):
+            _check(self, field, getattr(self, field) > 0.0, "more than 0")
+        _check(self, "node", 1 <= self.node <= 127, "1 to 127")
+        _check(self, "rotor_inertia", self.rotor_inertia >= 1e-5, "at least 1e-5 kg m^2")
+        for field in (
+            *("half_gap", "motor_coulomb", "motor_viscous"),
+            *("link_coulomb", "link_viscous"),
+        ):
+            _check(self, field, getattr(self, field) >= 0.0, "at least 0")
+        inside = self.lower <= self.initial_position <= self.upper
+        _check(self, "initial_position", inside, f"{self.lower} to {self.upper}")
+
+
+def _check(joint: JointDescription, field: str, fits: bool, allowed: str) -> None:
+    if not fits:
+        value = getattr(joint, field)
+        raise ConfigurationError(f"simulated joint {joint.name}: {field} = {value}, not {allowed}")
+
+
+@dataclass(frozen=True, slots=True)
+class ArmDescription:
+    """The nominal arm: `urdf` and `eds` are files, joints in the order of the URDF."""
+
+    urdf: Path
+    eds: Path
+    joints: tuple[JointDescription, ...]
+    period_s: float = 0.010
+    serial_number: int = 1
+    """0x1018 sub 4 of the first drive; the others count up. Vendor and product are the EDS's."""
+
+
+class Mismatch(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How far the true arm is off the nominal one [percent]; see `simulator.mismatch`."""
+
+    mass: Percent = 3.0
+    center_of_mass: Percent = 3.0
+    friction: Percent = 10.0
+    torque_constant: Percent = 2.0
+    half_gap: Percent = 5.0
+    rotor_inertia: Percent = 5.0
+
+
+class SimulationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Everything of the simulation that no real configuration would know."""
+
+    seed: Annotated[int, Meta(ge=0)] = 1
+    mismatch: Mismatch = Mismatch()
+    step_s: Annotated[float, Meta(gt=0.0, le=0.00025)] = 0.00025
+    """Integration step; a divider of 1 ms."""
+    friction: Literal["smooth", "dahl"] = "smooth"
+    friction_width: Annotated[float, Meta(ge=0.002, le=0.2)] = 0.02
+    """smooth: Coulomb * tanh(velocity / width) [rad/s]."""
+    presliding: Annotated[float, Meta(ge=1e-4, le=0.02)] = 0.001
+    """dahl: deflection at which friction is fully built up [rad]."""
+    contact_stiffness: Annotated[float, Meta(gt=0.0, le=1e5)] = 1000.0
+    """Border of the gap and end stops [Nm/rad]; softened on light joints to what the step resolves."""
+    contact_damping_ratio: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.3
+    current_filter_ms: Milliseconds = 3.0
+    link_latency_ms: Milliseconds = 0.0
+    velocity_noise: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.001
+    """Standard deviation of the reported motor velocity at the link side [rad/s]."""
+    current_noise_permille: Annotated[float, Meta(ge=0.0, le=100.0)] = 2.0
+    velocity_scale_error: Annotated[float, Meta(ge=-0.1, le=0.1)] = 0.0
+    velocity_bias: Annotated[float, Meta(ge=-0.1, le=0.1)] = 0.0
+    """Bias of the reported motor velocity at the link side [rad/s]."""

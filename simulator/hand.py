@@ -1,0 +1,204 @@
+"""A person's hand: holds joints through spring-dampers, pushes, guides, lets go, by script."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from errors import ConfigurationError
+
+Vector = NDArray[np.float64]
+Positive = Annotated[float, Meta(gt=0.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+
+
+class Act(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="act"):
+    """Something a hand does, `at_s` seconds after the arm first moved."""
+
+    at_s: NotNegative
+
+
+class Push(Act, frozen=True, kw_only=True, tag="push"):
+    """A torque [Nm] on one joint: constant, rising from zero, or a half sine."""
+
+    joint: str
+    torque: float
+    duration_s: Positive
+    shape: Literal["step", "ramp", "pulse"] = "step"
+
+
+class Grip(Act, frozen=True, kw_only=True):
+    """Spring [Nm/rad], damper [Nm s/rad] and strongest torque [Nm] per joint."""
+
+    stiffness: Positive = 40.0
+    damping: NotNegative = 2.0
+    max_torque: Positive = 4.0
+
+
+class Hold(Grip, frozen=True, kw_only=True, tag="hold"):
+    """Hold joints where they are."""
+
+    joints: tuple[str, ...]
+
+
+class Guide(Grip, frozen=True, kw_only=True, tag="guide"):
+    """Take joints and lead them to positions [rad] at a speed [rad/s]; holds on at the end."""
+
+    to: dict[str, float]
+    speed: Positive
+
+
+class Release(Act, frozen=True, kw_only=True, tag="release"):
+    """Let go of everything."""
+
+
+AnyAct = Push | Hold | Guide | Release
+Script = tuple[AnyAct, ...]
+
+
+def read_script(path: Path) -> Script:
+    """A YAML (or JSON) list of acts, in order of time. Raises ConfigurationError."""
+    try:
+        text = path.read_bytes()
+        return tuple(sorted(msgspec.yaml.decode(text, type=Script), key=lambda act: act.at_s))
+    except (OSError, msgspec.MsgspecError) as error:
+        raise ConfigurationError(f"{path}: hand script: {error}") from error
+
+
+class Hand:
+    """Plays a script. `update` once per millisecond, `torque` at every step of the plant.
+
+    `damping_limit` (n,): a damper on a light link beyond what the plant's step resolves would
+    shake by itself, so it is softened to that.
+    """
+
+    def __init__(
+        self, script: Sequence[AnyAct], names: Sequence[str], damping_limit: Vector
+    ) -> None:
+        """Raises ConfigurationError when the script names an unknown joint."""
+        self._script = sorted(script, key=lambda act: act.at_s)
+        self._index: Mapping[str, int] = {name: i for i, name in enumerate(names)}
+        for act in self._script:
+            for joint in _joints(act):
+                if joint not in self._index:
+                    known = ", ".join(names)
+                    raise ConfigurationError(f"hand script: joint {joint!r} is none of {known}")
+        n = len(names)
+        self._damping_limit = damping_limit
+        self._next = 0
+        self._began_at: float | None = None
+        self._pushes: list[tuple[Push, float]] = []
+        self._anchor, self._goal, self._speed, self._rate = np.zeros((4, n))
+        self._stiffness, self._damping, self._strongest = np.zeros((3, n))
+        self._pushing, self._scratch = np.zeros((2, n))
+        self._guiding = False
+
+    @property
+    def began(self) -> bool:
+        """Whether the script's clock runs."""
+        return self._began_at is not None
+
+    @property
+    def touching(self) -> bool:
+        """Whether there is any torque to ask for."""
+        return bool(self._pushes) or bool(self._stiffness.any())
+
+    @property
+    def done(self) -> bool:
+        """Every act has begun, no push is left, and the hand is off."""
+        return self._next == len(self._script) and not self.touching
+
+    def begin(self, t: float) -> None:
+        """Start the script's clock."""
+        self._began_at = t
+
+    def update(self, t: float, q: Vector, period_s: float = 0.001) -> list[str]:
+        """Advance script and guided grip to time t; what began or ended, in words."""
+        if self._began_at is None:
+            return []
+        words: list[str] = []
+        while self._next < len(self._script):
+            act = self._script[self._next]
+            if t - self._began_at < act.at_s:
+                break
+            self._next += 1
+            self._start(act, t, q)
+            words.append(f"begin {_describe(act)}")
+        if self._pushes:
+            self._push(t, words)
+        if self._guiding:
+            self._lead(period_s, words)
+        return words
+
+    def torque(self, q: Vector, q_dot: Vector, out: Vector) -> None:
+        """Add the hand's joint torque (n,) [Nm] at q (n,), q_dot (n,) to out."""
+        spring = self._scratch
+        np.subtract(self._rate, q_dot, out=spring)
+        np.multiply(spring, self._damping, out=spring)
+        spring += self._stiffness * (self._anchor - q)
+        np.minimum(spring, self._strongest, out=spring)
+        np.maximum(spring, -self._strongest, out=spring)
+        out += spring
+        out += self._pushing
+
+    def _start(self, act: AnyAct, t: float, q: Vector) -> None:
+        if isinstance(act, Push):
+            self._pushes.append((act, t))
+            return
+        if isinstance(act, Release):
+            for vector in (self._stiffness, self._damping, self._strongest, self._rate):
+                vector[:] = 0.0
+            self._guiding = False
+            return
+        for name in _joints(act):
+            i = self._index[name]
+            if self._stiffness[i] == 0.0:  # a hand that holds already leads on from its own place
+                self._anchor[i] = q[i]
+            self._stiffness[i], self._strongest[i] = act.stiffness, act.max_torque
+            self._damping[i] = min(act.damping, self._damping_limit[i])
+            self._goal[i] = act.to[name] if isinstance(act, Guide) else self._anchor[i]
+            self._speed[i] = act.speed if isinstance(act, Guide) else 0.0
+        self._guiding = self._guiding or isinstance(act, Guide)
+
+    def _push(self, t: float, words: list[str]) -> None:
+        self._pushing[:] = 0.0
+        for act, since in tuple(self._pushes):
+            share = (t - since) / act.duration_s
+            if share >= 1.0:
+                self._pushes.remove((act, since))
+                words.append(f"end {_describe(act)}")
+                continue
+            form = {"step": 1.0, "ramp": share, "pulse": np.sin(np.pi * share)}[act.shape]
+            self._pushing[self._index[act.joint]] += act.torque * form
+
+    def _lead(self, period_s: float, words: list[str]) -> None:
+        way = self._goal - self._anchor
+        reach = self._speed * period_s
+        move = np.clip(way, -reach, reach)
+        self._anchor += move
+        self._rate[:] = move / period_s
+        if not self._rate.any():
+            self._guiding = False
+            words.append("end guide, holding still")
+
+
+def _joints(act: AnyAct) -> tuple[str, ...]:
+    if isinstance(act, Push):
+        return (act.joint,)
+    if isinstance(act, Hold):
+        return act.joints
+    return tuple(act.to) if isinstance(act, Guide) else ()
+
+
+def _describe(act: AnyAct) -> str:
+    if isinstance(act, Push):
+        return f"push {act.joint} {act.torque:g} Nm"
+    if isinstance(act, Hold):
+        return "hold " + ", ".join(act.joints)
+    if isinstance(act, Guide):
+        return "guide " + ", ".join(f"{name} to {goal:g} rad" for name, goal in act.to.items())
+    return "release"

@@ -1,0 +1,53 @@
+"""The arm on a bus of the same process, with the SYNC as its clock: deterministic."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import can
+
+from simulator.arm import SYNC, SimulatedArm
+
+
+class Lockstep:
+    """Every SYNC moves the arm on by one period; nothing else moves it.
+
+    The owner of the other end calls `pump` after sending; the answers are then in its queue. For
+    the SDO part of a boot-up, `serving` answers from a thread, while the plant stands still.
+    """
+
+    def __init__(self, arm: SimulatedArm, bus: can.BusABC) -> None:
+        self.arm, self._bus = arm, bus
+        self.syncs = 0
+        """SYNCs seen since the beginning."""
+        self._serving = False
+
+    def pump(self, timeout: float = 0.0) -> int:
+        """Handle all queued frames; waits up to `timeout` s for the first. How many there were."""
+        count = 0
+        message = self._bus.recv(timeout)
+        while message is not None:
+            count += 1
+            if message.arbitration_id == SYNC and not message.is_extended_id:
+                self.syncs += 1
+                self.arm.advance(self.arm.now + self.arm.description.period_s)
+            self.arm.receive(message)
+            message = self._bus.recv(0.0)
+        return count
+
+    @contextmanager
+    def serving(self) -> Iterator[None]:
+        """A thread that pumps for as long as the block lasts; do not send a SYNC inside."""
+        self._serving = True
+        thread = threading.Thread(target=self._serve, name="simulated arm", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            self._serving = False
+            thread.join()
+            self.pump()
+
+    def _serve(self) -> None:
+        while self._serving:
+            self.pump(0.02)

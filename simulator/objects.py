@@ -1,0 +1,137 @@
+"""The object dictionary of one drive: values, access, limits, as its EDS declares them."""
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import canopen
+from canopen import objectdictionary as od
+from canopen.sdo.exceptions import SdoAbortedError
+
+from errors import ConfigurationError
+
+NO_OBJECT = 0x06020000
+NO_SUBINDEX = 0x06090011
+WRITE_ONLY = 0x06010001
+READ_ONLY = 0x06010002
+UNSUPPORTED_ACCESS = 0x06010000
+LENGTH_MISMATCH = 0x06070010
+INVALID_VALUE = 0x06090030
+TOO_HIGH = 0x06090031
+TOO_LOW = 0x06090032
+NOT_MAPPABLE = 0x06040041
+PDO_TOO_LONG = 0x06040042
+
+FORMATS = {2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I"}
+"""struct codes by CANopen data type: INTEGER8 to UNSIGNED32."""
+
+Value = int | bytes
+Guard = Callable[[int, int], None]
+"""(subindex, value): raises SdoAbortedError to refuse a write."""
+
+
+def key(index: int, subindex: int = 0) -> int:
+    """One number for an object: index and subindex."""
+    return index << 8 | subindex
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One variable of the EDS. `code` is its struct format, "" for a string."""
+
+    code: str
+    readable: bool
+    writable: bool
+    mappable: bool
+    low: int | None
+    high: int | None
+    default: Value
+
+
+class Objects:
+    """Values by `key(index, subindex)`. Reading and writing here follows the rules of an SDO."""
+
+    def __init__(self, eds: Path, node: int) -> None:
+        """Raises ConfigurationError when the EDS is missing or unreadable."""
+        try:
+            dictionary = canopen.import_od(str(eds), node)
+        except (OSError, ValueError, KeyError) as error:
+            raise ConfigurationError(f"{eds}: not a readable EDS: {error}") from error
+        self.entries: dict[int, Entry] = {}
+        for thing in dictionary.values():
+            members = [thing] if isinstance(thing, od.ODVariable) else list(thing.values())
+            for variable in members:
+                self.entries[key(variable.index, variable.subindex)] = _entry(variable)
+        self._indices = {k >> 8 for k in self.entries}
+        self.values: dict[int, Value] = {k: entry.default for k, entry in self.entries.items()}
+        self.guards: dict[int, Guard] = {}
+        """By index; asked before a value is stored."""
+        self.written: Callable[[int], None] = lambda _: None
+        """Told the key after a value was stored."""
+
+    def set_default(self, where: int, value: int) -> None:
+        """A value that belongs to the device and not to its EDS, e.g. the serial number."""
+        old = self.entries[where]
+        self.entries[where] = Entry(
+            old.code, old.readable, old.writable, old.mappable, old.low, old.high, value
+        )
+        self.values[where] = value
+
+    def restore(self, first: int, last: int) -> None:
+        """Defaults for all objects with first <= index <= last."""
+        for k, entry in self.entries.items():
+            if first <= k >> 8 <= last:
+                self.values[k] = entry.default
+
+    def number(self, index: int, subindex: int = 0) -> int:
+        """The value of a numeric object."""
+        value = self.values[key(index, subindex)]
+        assert isinstance(value, int)
+        return value
+
+    def read(self, index: int, subindex: int) -> bytes:
+        """What an SDO upload returns. Raises SdoAbortedError."""
+        entry = self._find(index, subindex)
+        if not entry.readable:
+            raise SdoAbortedError(WRITE_ONLY)
+        value = self.values[key(index, subindex)]
+        return value if isinstance(value, bytes) else struct.pack("<" + entry.code, value)
+
+    def write(self, index: int, subindex: int, data: bytes) -> None:
+        """What an SDO download does. Raises SdoAbortedError."""
+        entry = self._find(index, subindex)
+        if not entry.writable:
+            raise SdoAbortedError(READ_ONLY)
+        if len(data) != struct.calcsize(entry.code):
+            raise SdoAbortedError(LENGTH_MISMATCH)
+        value: int = struct.unpack("<" + entry.code, data)[0]
+        if entry.high is not None and value > entry.high:
+            raise SdoAbortedError(TOO_HIGH)
+        if entry.low is not None and value < entry.low:
+            raise SdoAbortedError(TOO_LOW)
+        guard = self.guards.get(index)
+        if guard is not None:
+            guard(subindex, value)
+        self.values[key(index, subindex)] = value
+        self.written(key(index, subindex))
+
+    def _find(self, index: int, subindex: int) -> Entry:
+        entry = self.entries.get(key(index, subindex))
+        if entry is None:
+            raise SdoAbortedError(NO_SUBINDEX if index in self._indices else NO_OBJECT)
+        return entry
+
+
+def _entry(variable: od.ODVariable) -> Entry:
+    code = FORMATS.get(variable.data_type or 0, "")
+    default = variable.default
+    return Entry(
+        code=code,
+        readable=variable.readable,
+        writable=variable.writable,
+        mappable=variable.pdo_mappable,
+        low=variable.min,
+        high=variable.max,
+        default=int(default or 0) if code else str(default or "").encode("ascii"),
+    )

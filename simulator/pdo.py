@@ -1,0 +1,189 @@
+"""Process data objects of one drive: mapping by the procedure of CiA 301, packing, triggers."""
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from canopen.sdo.exceptions import SdoAbortedError
+
+from simulator import objects as o
+from simulator.objects import Objects
+
+PDOS = 4
+INVALID = 1 << 31
+SYNCHRONOUS = 240
+"""Transmission types up to here wait for the SYNC; 254 and 255 do not."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """Which objects, in which order, and how they are packed."""
+
+    keys: tuple[int, ...]
+    layout: struct.Struct
+
+
+def mapping(objects: Objects, index: int) -> Mapping:
+    """The mapping that 16xx or 1Axx `index` holds now."""
+    count = objects.number(index, 0)
+    keys = tuple(objects.number(index, sub) >> 8 for sub in range(1, count + 1))
+    return Mapping(keys, struct.Struct("<" + "".join(objects.entries[k].code for k in keys)))
+
+
+def guard_pdos(objects: Objects) -> None:
+    """Make the PDO objects refuse what CiA 301 forbids.
+
+    Entries change only while sub 0 is 0, sub 0 only while the PDO is invalid (bit 31), the COB-ID
+    only from or to invalid; what is mapped must exist, be mappable, match in length and fit.
+    """
+    for communication, mapped in ((0x1400, 0x1600), (0x1800, 0x1A00)):
+        for n in range(PDOS):
+            objects.guards[communication + n] = _communication_guard(objects, communication + n)
+            objects.guards[mapped + n] = _mapping_guard(objects, communication + n, mapped + n)
+
+
+def _communication_guard(objects: Objects, index: int) -> o.Guard:
+    def guard(subindex: int, value: int) -> None:
+        present = objects.number(index, 1)
+        if subindex == 1:
+            changed = (value ^ present) & 0x3FFFFFFF
+            if (changed and not (value | present) & INVALID) or value & 0x1FFFF800:
+                raise SdoAbortedError(o.INVALID_VALUE)
+        elif subindex == 2 and SYNCHRONOUS < value < 254:
+            raise SdoAbortedError(o.INVALID_VALUE)
+        elif subindex == 3 and not present & INVALID:
+            raise SdoAbortedError(o.INVALID_VALUE)
+
+    return guard
+
+
+def _mapping_guard(objects: Objects, communication: int, index: int) -> o.Guard:
+    receives = index < 0x1800
+
+    def check(entry: int) -> int:
+        """Length of one mapped object [bit]."""
+        target = objects.entries.get(entry >> 8)
+        if target is None:
+            raise SdoAbortedError(o.NO_OBJECT)
+        direction = target.writable if receives else target.readable
+        if not target.mappable or not direction:
+            raise SdoAbortedError(o.NOT_MAPPABLE)
+        bits = 8 * struct.calcsize(target.code)
+        if entry & 0xFF != bits:
+            raise SdoAbortedError(o.NOT_MAPPABLE)
+        return bits
+
+    def guard(subindex: int, value: int) -> None:
+        if not objects.number(communication, 1) & INVALID:
+            raise SdoAbortedError(o.UNSUPPORTED_ACCESS)
+        if subindex == 0:
+            if sum(check(objects.number(index, sub)) for sub in range(1, value + 1)) > 64:
+                raise SdoAbortedError(o.PDO_TOO_LONG)
+        elif objects.number(index, 0) != 0:
+            raise SdoAbortedError(o.UNSUPPORTED_ACCESS)
+        elif value:
+            check(value)
+
+    return guard
+
+
+class ReceivePdo:
+    """One RPDO: latched until the SYNC, or handed on at once."""
+
+    def __init__(self, objects: Objects, number: int) -> None:
+        self._objects, self._number = objects, number
+        self._pending: bytes | None = None
+        self.reload()
+
+    def reload(self) -> None:
+        """Take over what 14xx and 16xx say."""
+        cob = self._objects.number(0x1400 + self._number, 1)
+        self.cob_id = -1 if cob & INVALID else cob & 0x7FF
+        self._waits = self._objects.number(0x1400 + self._number, 2) <= SYNCHRONOUS
+        self._mapping = mapping(self._objects, 0x1600 + self._number)
+        self._pending = None
+
+    @property
+    def length(self) -> int:
+        """Shortest frame that carries the mapping [byte]."""
+        return self._mapping.layout.size
+
+    def receive(
+        self, data: bytes, apply: Callable[[tuple[int, ...], tuple[int, ...]], None]
+    ) -> None:
+        """Take a frame that is long enough; `apply(keys, values)` now or at the SYNC."""
+        self._pending = data
+        if not self._waits:
+            self.latch(apply)
+
+    def latch(self, apply: Callable[[tuple[int, ...], tuple[int, ...]], None]) -> None:
+        """SYNC: hand on what came since the last one."""
+        if self._pending is not None:
+            layout, data = self._mapping.layout, self._pending
+            self._pending = None
+            apply(self._mapping.keys, layout.unpack_from(data))
+
+
+class TransmitPdo:
+    """One TPDO: on every n-th SYNC, or on change and by its event timer."""
+
+    def __init__(self, objects: Objects, number: int) -> None:
+        self._objects, self._number = objects, number
+        self.reload()
+
+    def reload(self) -> None:
+        """Take over what 18xx and 1Axx say."""
+        objects, index = self._objects, 0x1800 + self._number
+        cob = objects.number(index, 1)
+        self.cob_id = -1 if cob & INVALID else cob & 0x7FF
+        self._type = objects.number(index, 2)
+        self._inhibit_s = 1e-4 * objects.number(index, 3)
+        self._event_s = 1e-3 * objects.number(index, 5)
+        self._mapping = mapping(objects, 0x1A00 + self._number)
+        self._syncs = 0
+        self._last: bytes | None = None
+        self._sent_at = float("-inf")
+
+    @property
+    def by_event(self) -> bool:
+        """Sent on its own initiative."""
+        return self.cob_id >= 0 and self._type > SYNCHRONOUS
+
+    def pack(self) -> bytes:
+        """The present values of the mapped objects."""
+        values = self._objects.values
+        return self._mapping.layout.pack(*[values[k] for k in self._mapping.keys])
+
+    def on_sync(self) -> bytes | None:
+        """The frame for this SYNC, if there is one: type 0 on change, type n on every n-th."""
+        if self.cob_id < 0 or self._type > SYNCHRONOUS:
+            return None
+        self._syncs += 1
+        if self._type == 0:
+            data = self.pack()
+            changed, self._last = data != self._last, data
+            return data if changed else None
+        if self._syncs < self._type:
+            return None
+        self._syncs = 0
+        return self.pack()
+
+    def on_time(self, now: float) -> bytes | None:
+        """The frame that a change or the event timer calls for."""
+        waited = now - self._sent_at
+        if waited < self._inhibit_s:
+            return None
+        data = self.pack()
+        if data == self._last and not (self._event_s and waited >= self._event_s):
+            return None
+        self._last, self._sent_at = data, now
+        return data
+
+
+def pdo_number(where: int) -> int | None:
+    """Which PDO (0 to 3) the object with this key configures, if any."""
+    index = where >> 8
+    for base in (0x1400, 0x1600, 0x1800, 0x1A00):
+        if base <= index < base + PDOS:
+            return index - base
+    return None

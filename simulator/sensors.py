@@ -1,0 +1,82 @@
+"""What the drives measure: encoders, velocity and current, with their noise, delay and filters."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.description import ArmDescription, SimulationSettings
+from simulator.profile import PROFILE
+from simulator.servo import SERVO_PERIOD_S
+
+Vector = NDArray[np.float64]
+TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """One sample of all drives in the drives' own counts; lists of n integers."""
+
+    link_position: list[int]
+    motor_position: list[int]
+    motor_velocity: list[int]
+    current: list[int]
+
+
+class Sensors:
+    """`update` every millisecond, `read` whenever a drive samples. Noise comes from the seed.
+
+    The reported current is low-passed; the link encoder may be late.
+    """
+
+    def __init__(
+        self,
+        description: ArmDescription,
+        settings: SimulationSettings,
+        q: Vector,
+    ) -> None:
+        joints = description.joints
+        self._settings = settings
+        self._rng = np.random.default_rng((settings.seed, 1))
+        self._gear = np.array([joint.gear for joint in joints])
+        self._per_ampere = 1.0 / (
+            np.array([joint.rated_current_A for joint in joints]) * PROFILE.current_unit
+        )
+        filter_s = 1e-3 * settings.current_filter_ms
+        self._gain = 1.0 - np.exp(-SERVO_PERIOD_S / filter_s) if filter_s > 0.0 else 1.0
+        self._current = np.zeros(len(joints))
+        self._scratch = np.zeros(len(joints))
+        late, self._late_share = divmod(settings.link_latency_ms, 1.0)
+        self._history = deque([q.copy() for _ in range(int(late) + 2)], maxlen=int(late) + 2)
+
+    def update(self, q: Vector, current: Vector) -> None:
+        """Follow one servo period: link positions (n,), motor currents (n,) [A]."""
+        np.subtract(current, self._current, out=self._scratch)
+        np.multiply(self._scratch, self._gain, out=self._scratch)
+        np.add(self._current, self._scratch, out=self._current)
+        row = self._history.popleft()
+        row[:] = q
+        self._history.append(row)
+
+    def read(self, q: Vector, theta: Vector, theta_dot: Vector) -> Readings:
+        """Sample: link position, motor position and motor velocity (n,), at the link side."""
+        settings, n = self._settings, len(q)
+        if settings.link_latency_ms > 0.0:
+            older, newer = self._history[0], self._history[1]
+            q = newer + self._late_share * (older - newer)
+        velocity = theta_dot * (1.0 + settings.velocity_scale_error) + settings.velocity_bias
+        velocity = velocity + settings.velocity_noise * self._rng.standard_normal(n)
+        noise = settings.current_noise_permille * self._rng.standard_normal(n)
+        current = np.clip(self._current * self._per_ampere + noise, -32768, 32767)
+        return Readings(
+            link_position=_counts(q * (PROFILE.link_counts / TURN)),
+            motor_position=_counts(theta * self._gear * (PROFILE.motor_counts / TURN)),
+            motor_velocity=_counts(velocity * self._gear / PROFILE.velocity_unit),
+            current=_counts(current),
+        )
+
+
+def _counts(values: Vector) -> list[int]:
+    counts: list[int] = np.rint(values).astype(np.int64).tolist()
+    return counts
