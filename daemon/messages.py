@@ -55,9 +55,9 @@ class Contact(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Something that happened in this tick: a mode change, a fault, a contact, a refusal."""
+    """Something that happened in this tick: a change of mode or permission, a contact, a fault."""
 
-    kind: Literal["mode", "armed", "contact", "fault", "note"]
+    kind: Literal["mode", "contact", "fault"]
     text: str
     contact: Contact | None = None
 

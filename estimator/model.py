@@ -11,7 +11,7 @@ from estimator.types import Matrix, Vector
 
 
 class Model:
-    """An arm's URDF, seen in the caller's order of joints.
+    """An arm's URDF (a file, or the text of one), seen in the caller's order of joints.
 
     Every movable joint of the URDF must be in `joints`: one that is not measured would hang at an
     unknown angle and make gravity wrong, so it is refused; make it `fixed` in the URDF instead.
@@ -25,7 +25,8 @@ class Model:
         model = _read(urdf)
         self.names = tuple(joints)
         self.n = len(self.names)
-        order = _order(model, self.names, str(urdf))
+        where = "the URDF" if isinstance(urdf, str) else str(urdf)
+        order = _order(model, self.names, where)
         model.armature[:] = 0.0
         self.lower: Vector = model.lowerPositionLimit[order]
         self.upper: Vector = model.upperPositionLimit[order]
@@ -72,13 +73,13 @@ class Model:
 
 
 def _read(urdf: Path | str) -> pin.Model:
-    path = Path(urdf)
-    if not path.is_file():
-        raise ModelError(f"{path}: no such URDF file")
+    """Of a file, or of the text of one."""
+    where = "the URDF" if isinstance(urdf, str) else str(urdf)
     try:
-        return pin.buildModelFromUrdf(str(path))
-    except (ValueError, RuntimeError) as error:
-        raise ModelError(f"{path}: not a URDF that can be read: {error}") from error
+        text = urdf if isinstance(urdf, str) else urdf.read_text(encoding="utf-8")
+        return pin.buildModelFromXML(text)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise ModelError(f"{where}: not a URDF that can be read: {error}") from error
 
 
 def _order(model: pin.Model, joints: tuple[str, ...], urdf: str) -> np.ndarray:

@@ -1,0 +1,103 @@
+"""From a checked configuration to the parts of one arm. The only place that knows them all."""
+
+from collections.abc import Callable
+
+import can
+import numpy as np
+from numpy.typing import NDArray
+
+from daemon.admittance import AdmittanceLaw
+from daemon.config.load import Robot
+from daemon.config.schema import Configuration, Joint
+from daemon.controller import Controller, Tuning
+from daemon.cycle import Cycle
+from daemon.limits import Limits
+from daemon.observation import Observer
+from daemon.trajectory import Follower, JointPath
+from drivers.arm import Arm
+from estimator.contact import Thresholds
+from estimator.estimator import Estimator
+from estimator.model import Model
+from estimator.transmission import Transmission
+
+Vector = NDArray[np.float64]
+
+
+def build_cycle(robot: Robot, bus: can.BusABC, clock: Callable[[], float]) -> Cycle:
+    """The tick of `robot` on an open bus whose drives are set up. Raises ContactdError."""
+    c = robot.configuration
+    arm = Arm(
+        bus,
+        [(joint.name, joint.wiring) for joint in c.joints],
+        c.drives,
+        c.period_s,
+        clock,
+        c.bus.master_node,
+    )
+    observer = Observer(c.joint_names, c.supervisor.stale_ticks, c.supervisor.overrun_ticks)
+    return Cycle(arm, build_estimator(c, robot.urdf), build_controller(c), observer, c.period_s)
+
+
+def build_estimator(c: Configuration, urdf: str) -> Estimator:
+    """The whole chain from samples to contact."""
+    return Estimator(
+        Model(urdf, c.joint_names),
+        build_transmission(c),
+        c.estimator,
+        Thresholds(
+            contact=_row(c, lambda j: j.thresholds.contact),
+            collision=_row(c, lambda j: j.thresholds.collision),
+        ),
+        c.period_s,
+    )
+
+
+def build_transmission(c: Configuration) -> Transmission:
+    """Gears, gaps, rotors and friction as arrays."""
+    return Transmission(
+        joints=tuple(c.joint_names),
+        torque_constant=_row(c, lambda j: j.torque_constant),
+        rotor_inertia=_row(c, lambda j: j.rotor_inertia),
+        half_gap=_row(c, lambda j: j.half_gap),
+        motor_coulomb=_row(c, lambda j: j.friction.motor_coulomb),
+        motor_viscous=_row(c, lambda j: j.friction.motor_viscous),
+        link_coulomb=_row(c, lambda j: j.friction.link_coulomb),
+        link_viscous=_row(c, lambda j: j.friction.link_viscous),
+        gap_coulomb=_row(c, lambda j: j.friction.gap_coulomb),
+        gap_viscous=_row(c, lambda j: j.friction.gap_viscous),
+        contact_stiffness=_row(c, lambda j: j.gap_spring.stiffness),
+        contact_damping=_row(c, lambda j: j.gap_spring.damping),
+        sign_width=c.estimator.sign_width,
+    )
+
+
+def build_controller(c: Configuration) -> Controller:
+    """Modes, trajectory, admittance and limits."""
+    n = len(c.joints)
+    tuning = Tuning(
+        joints=tuple(c.joint_names),
+        ends=tuple(joint.end for joint in c.joints),
+        position_gain=c.control.position_gain,
+        quiet_s=c.admittance.quiet_s,
+        enable_timeout_s=c.supervisor.enable_timeout_s,
+        stop_timeout_s=c.supervisor.stop_timeout_s,
+    )
+    limits = Limits(
+        lower=_row(c, lambda j: j.limits.lower),
+        upper=_row(c, lambda j: j.limits.upper),
+        velocity=_row(c, lambda j: j.limits.velocity),
+        acceleration=_row(c, lambda j: j.limits.acceleration),
+    )
+    law = AdmittanceLaw(
+        gain=_row(c, lambda j: j.admittance_gain),
+        virtual_mass_s=c.admittance.virtual_mass_s,
+        velocity=np.full(n, c.admittance.velocity),
+        max_duration_s=c.admittance.max_duration_s,
+        max_excursion=c.admittance.max_excursion,
+    )
+    path = JointPath.from_sinusoids(c.joint_names, c.trajectory.sinusoids)
+    return Controller(tuning, limits, law, Follower(path, c.trajectory.ramp_s))
+
+
+def _row(c: Configuration, of: Callable[[Joint], float]) -> Vector:
+    return np.array([of(joint) for joint in c.joints], dtype=np.float64)

@@ -1,0 +1,177 @@
+"""What must fit together in a configuration. All findings are listed at once."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from daemon.config.schema import Configuration, Joint
+from drivers.bus_load import refuse_overload
+from drivers.profile_checks import profile_findings
+from errors import ConfigurationError, ModelError
+from estimator.model import Model
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that does not fit: where in the file, and what is allowed."""
+
+    keys: list[str | int]
+    where: str
+    what: str
+
+
+def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[Finding]:
+    """Everything wrong with a configuration whose types and ranges are right."""
+    findings = [
+        *_names_and_nodes(configuration),
+        *_joints(configuration),
+        *_estimator(configuration),
+        *_profiles(configuration, folder),
+        *_trajectory(configuration),
+        *_urdf(configuration, urdf),
+    ]
+    # The load can only be computed of a bus whose drives are described without contradiction.
+    return findings or list(_load(configuration))
+
+
+def _at(index: int, joint: Joint, *path: str) -> tuple[list[str | int], str]:
+    return ["joints", index, *path], ".".join([f"joints[{index}] ({joint.name})", *path])
+
+
+def _names_and_nodes(c: Configuration) -> Iterator[Finding]:
+    names = Counter(c.joint_names)
+    nodes = Counter(joint.wiring.node for joint in c.joints)
+    for i, joint in enumerate(c.joints):
+        if names[joint.name] > 1:
+            yield Finding(*_at(i, joint, "name"), "two joints have this name")
+        if nodes[joint.wiring.node] > 1:
+            others = [
+                o.name for o in c.joints if o.wiring.node == joint.wiring.node and o is not joint
+            ]
+            yield Finding(
+                *_at(i, joint, "wiring", "node"),
+                f"node {joint.wiring.node} is also that of {', '.join(others)}; "
+                "each drive needs a node id of its own",
+            )
+        if joint.wiring.node == c.bus.master_node:
+            yield Finding(
+                *_at(i, joint, "wiring", "node"),
+                f"node {joint.wiring.node} is the master's (bus.master_node)",
+            )
+        if joint.wiring.profile not in c.drives:
+            yield Finding(
+                *_at(i, joint, "wiring", "profile"),
+                f"no drive profile `{joint.wiring.profile}`; there are: {', '.join(c.drives)}",
+            )
+
+
+def _joints(c: Configuration) -> Iterator[Finding]:
+    for i, joint in enumerate(c.joints):
+        if joint.limits.lower >= joint.limits.upper:
+            yield Finding(
+                *_at(i, joint, "limits", "lower"),
+                f"{joint.limits.lower:g} must be less than upper ({joint.limits.upper:g})",
+            )
+        if joint.thresholds.contact >= joint.thresholds.collision:
+            yield Finding(
+                *_at(i, joint, "thresholds", "contact"),
+                f"{joint.thresholds.contact:g} must be less than collision "
+                f"({joint.thresholds.collision:g})",
+            )
+        spring = joint.gap_spring
+        if joint.half_gap == 0 and (spring.stiffness > 0 or spring.damping > 0):
+            yield Finding(
+                *_at(i, joint, "gap_spring"), "must be zero where half_gap is 0: there is no border"
+            )
+
+
+def _estimator(c: Configuration) -> Iterator[Finding]:
+    gain, limit = c.estimator.gain, 2.0 / c.period_s
+    if gain >= limit:
+        yield Finding(
+            ["estimator", "gain"],
+            "estimator.gain",
+            f"{gain:g} /s rings at a period of {c.period_ms} ms: T K must be less than 2, "
+            f"so less than {limit:g} /s",
+        )
+    if c.estimator.motor_position == "measured":
+        for i, joint in enumerate(c.joints):
+            profile = c.drives.get(joint.wiring.profile)
+            sent = profile and any("motor_position" in p for p in profile.tpdo.values())
+            if profile and not sent:
+                yield Finding(
+                    *_at(i, joint, "wiring", "profile"),
+                    f"`{joint.wiring.profile}` sends no motor_position, which "
+                    "estimator.motor_position: measured needs (or choose integrated)",
+                )
+
+
+def _profiles(c: Configuration, folder: Path) -> Iterator[Finding]:
+    used = {joint.wiring.profile for joint in c.joints}
+    for name, profile in c.drives.items():
+        if name not in used:
+            yield Finding(["drives", name], f"drives.{name}", "no joint uses this profile")
+        for path, what in profile_findings(profile, folder):
+            where: list[str | int] = ["drives", name, *path]
+            yield Finding(where, ".".join(map(str, where)), what)
+        # A drive must survive one lost heartbeat of ours, which is sent every third of the time.
+        if profile.master_timeout_ms < 3 * c.period_ms:
+            yield Finding(
+                ["drives", name, "master_timeout_ms"],
+                f"drives.{name}.master_timeout_ms",
+                f"{profile.master_timeout_ms} ms must be at least three periods "
+                f"({3 * c.period_ms} ms)",
+            )
+
+
+def _trajectory(c: Configuration) -> Iterator[Finding]:
+    joints = {joint.name: joint for joint in c.joints}
+    for name, wave in c.trajectory.sinusoids.items():
+        keys: list[str | int] = ["trajectory", "sinusoids", name]
+        where = f"trajectory.sinusoids.{name}"
+        if name not in joints:
+            yield Finding(keys, where, f"no such joint; there are: {', '.join(joints)}")
+            continue
+        limits, omega = joints[name].limits, 2 * math.pi * wave.frequency_Hz
+        if (peak := wave.amplitude * omega) > limits.velocity:
+            yield Finding(
+                keys, where, f"its speed of {peak:.3g} rad/s is above the limit {limits.velocity:g}"
+            )
+        if (peak := wave.amplitude * omega**2) > limits.acceleration:
+            yield Finding(
+                keys,
+                where,
+                f"its acceleration of {peak:.3g} rad/s2 is above the limit {limits.acceleration:g}",
+            )
+        if 2 * wave.amplitude > limits.upper - limits.lower:
+            yield Finding(
+                keys,
+                where,
+                f"does not fit between the limits {limits.lower:g} and {limits.upper:g}",
+            )
+
+
+def _urdf(c: Configuration, urdf: str) -> Iterator[Finding]:
+    try:
+        model = Model(urdf, c.joint_names)
+    except ModelError as error:
+        yield Finding(["urdf"], f"urdf ({c.urdf})", str(error))
+        return
+    for i, joint in enumerate(c.joints):
+        lower, upper = float(model.lower[i]), float(model.upper[i])
+        if joint.limits.lower < lower or joint.limits.upper > upper:
+            yield Finding(
+                *_at(i, joint, "limits"),
+                f"[{joint.limits.lower:g}, {joint.limits.upper:g}] goes beyond the URDF's "
+                f"[{lower:g}, {upper:g}] rad",
+            )
+
+
+def _load(c: Configuration) -> Iterator[Finding]:
+    joints = [(joint.name, joint.wiring) for joint in c.joints]
+    try:
+        refuse_overload(joints, c.drives, c.period_s, c.bus.bitrate)
+    except ConfigurationError as error:
+        yield Finding(["bus", "bitrate"], "bus.bitrate", str(error))

@@ -1,0 +1,143 @@
+"""From files to a checked `Configuration`; every refusal names file, line, path and what is
+allowed."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from daemon.config.checks import cross_checks
+from daemon.config.schema import Configuration
+from daemon.config.yaml_source import Source, read_yaml
+from errors import ConfigurationError
+
+T = TypeVar("T", bound=msgspec.Struct)
+_STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """One arm's folder, read and checked."""
+
+    path: Path  # of config.yaml
+    configuration: Configuration
+    text: str  # of config.yaml
+    urdf: str  # text of the URDF
+
+    @property
+    def folder(self) -> Path:
+        """What relative paths in the configuration start from."""
+        return self.path.parent
+
+
+def load_robot(path: Path) -> Robot:
+    """Read `config.yaml` (or the folder that holds it) and everything it refers to.
+
+    Raises ConfigurationError; types stop at the first error, cross-checks list all.
+    """
+    if path.is_dir():
+        path = path / "config.yaml"
+    source = read_yaml(path)
+    configuration = convert(source, Configuration)
+    urdf_path = path.parent / configuration.urdf
+    try:
+        urdf = urdf_path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(
+            f"{path}:{source.line(['urdf'])}: urdf: {urdf_path} cannot be read: {error}"
+        ) from error
+    if findings := cross_checks(configuration, urdf, path.parent):
+        raise ConfigurationError(
+            "\n".join(
+                f"{path}:{source.line(finding.keys)}: {finding.where}: {finding.what}"
+                for finding in findings
+            )
+        )
+    return Robot(path, configuration, source.text, urdf)
+
+
+def convert(source: Source, kind: type[T]) -> T:
+    """Plain data into `kind`, with msgspec's message put on its line.
+
+    A number without a fraction is fine where a float is asked for; nothing else is coerced.
+    """
+    try:
+        return msgspec.convert(source.data, kind)
+    except msgspec.ValidationError as error:
+        message, _, where = str(error).partition(" - at `$")
+        keys = _keys(where.rstrip("`"), source.data)
+        place = _spell(keys, source.data) or "the file"
+        unknown = re.search(r"unknown field `(.+)`", message)
+        if unknown:
+            line = source.line([*keys, unknown.group(1)])
+            known = ", ".join(_fields_at(kind, keys))
+            message = f"unknown key `{unknown.group(1)}`" + (
+                f" (allowed: {known})" if known else ""
+            )
+        else:
+            line = source.line(keys)
+            message = message[:1].lower() + message[1:]
+            message += _value_at(keys, source.data)
+        raise ConfigurationError(f"{source.path}:{line}: {place}: {message}") from error
+
+
+def _keys(where: str, data: Any) -> list[str | int]:
+    """msgspec's `.joints[2].limits` as steps; it writes `[...]` for 'some key of this mapping'."""
+    keys: list[str | int] = []
+    for name, index in _STEP.findall(where):
+        if name:
+            keys.append(name)
+        elif index != "...":
+            keys.append(int(index))
+        else:
+            inside = _walk(keys, data)
+            keys.append(
+                next(iter(inside)) if isinstance(inside, dict) and len(inside) == 1 else "…"
+            )
+    return keys
+
+
+def _walk(keys: list[str | int], data: Any) -> Any:
+    for key in keys:
+        try:
+            data = data[key]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return data
+
+
+def _value_at(keys: list[str | int], data: Any) -> str:
+    value = _walk(keys, data)
+    return f", not {value!r}" if isinstance(value, (str, int, float)) else ""
+
+
+def _spell(keys: list[str | int], data: Any) -> str:
+    """`joints[2] (LElbowRoll).limits.velocity`: a person counts neither from zero nor at all."""
+    text = ""
+    for depth, key in enumerate(keys):
+        if isinstance(key, int):
+            entry = _walk(keys[: depth + 1], data)
+            name = entry.get("name") if isinstance(entry, dict) else None
+            text += f"[{key}]" + (f" ({name})" if isinstance(name, str) else "")
+        else:
+            text += ("." if text else "") + key
+    return text
+
+
+def _fields_at(kind: Any, keys: list[str | int]) -> list[str]:
+    """Names that are allowed at the end of `keys`, from msgspec's own view of the types."""
+    node: Any = msgspec.inspect.type_info(kind)
+    for key in keys:
+        if isinstance(node, msgspec.inspect.UnionType):
+            node = next((t for t in node.types if hasattr(t, "fields")), node)
+        if isinstance(node, msgspec.inspect.StructType):
+            node = next((f.type for f in node.fields if f.encode_name == key), None)
+        elif isinstance(node, msgspec.inspect.DictType):
+            node = node.value_type
+        elif isinstance(node, msgspec.inspect.ListType):
+            node = node.item_type
+    if isinstance(node, msgspec.inspect.UnionType):
+        node = next((t for t in node.types if hasattr(t, "fields")), node)
+    return [f.encode_name for f in node.fields] if hasattr(node, "fields") else []

@@ -1,0 +1,134 @@
+"""What `config.yaml` may say. Types and bounds here; what joins several fields in `checks`."""
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
+from estimator.settings import EstimatorSettings
+
+Positive = Annotated[float, Meta(gt=0)]
+NotNegative = Annotated[float, Meta(ge=0)]
+Ticks = Annotated[int, Meta(ge=1, le=1000)]
+
+
+class Friction(Settings, frozen=True):
+    """Coefficients of eq. (6), at the link side; Coulomb in Nm, viscous in Nm s/rad."""
+
+    motor_coulomb: NotNegative = 0.0
+    motor_viscous: NotNegative = 0.0
+    link_coulomb: NotNegative = 0.0
+    link_viscous: NotNegative = 0.0
+    gap_coulomb: NotNegative = 0.0
+    gap_viscous: NotNegative = 0.0
+
+
+class GapSpring(Settings, frozen=True):
+    """K_phi_p [Nm/rad] and K_phi_d [Nm s/rad] of eq. (5): a fit's correction, not the stiffness
+    of the gear, and zero unless identification showed a gain."""
+
+    stiffness: NotNegative = 0.0
+    damping: NotNegative = 0.0
+
+
+class Levels(Settings, frozen=True):
+    """Residuals [Nm] beyond which a joint is touched (`contact`) or hit (`collision`)."""
+
+    contact: Positive
+    collision: Positive
+
+
+class JointLimits(Settings, frozen=True):
+    """What the daemon never commands beyond, at the link: rad, rad/s, rad/s2."""
+
+    lower: float
+    upper: float
+    velocity: Annotated[float, Meta(gt=0, le=20)]
+    acceleration: Annotated[float, Meta(gt=0, le=500)]
+    quick_stop: Annotated[float, Meta(gt=0, le=1000)]  # the drive's own deceleration
+
+
+class Joint(Settings, frozen=True):
+    """One joint: its drive, its transmission, its levels and limits."""
+
+    name: Name
+    wiring: JointWiring
+    torque_constant: Positive  # K_c [Nm at the link per A of motor current]
+    rotor_inertia: NotNegative  # B, reflected to the link [kg m2]
+    half_gap: Annotated[float, Meta(ge=0, le=0.5)]  # alpha [rad]
+    friction: Friction
+    thresholds: Levels
+    limits: JointLimits
+    admittance_gain: Annotated[float, Meta(ge=0, le=5)]  # K_a [rad/s per Nm]
+    gap_spring: GapSpring = GapSpring()
+    # How the joint ends when the daemon lets go of it: `hold` leaves the drive in quick stop,
+    # where it holds by itself; `brake` and `limp` take its torque away.
+    end: Literal["hold", "brake", "limp"] = "hold"
+
+
+class Control(Settings, frozen=True):
+    """The loop on link position that turns a reference into a target velocity."""
+
+    # Quiet up to 8 /s, cycles in the gap at 40 /s.
+    position_gain: Annotated[float, Meta(gt=0, le=15)] = 8.0
+
+
+class Admittance(Settings, frozen=True):
+    """Eq. (15) on the thresholded residual, and what bounds it."""
+
+    quiet_s: Annotated[float, Meta(ge=0.1, le=60)] = 2.0
+    virtual_mass_s: Annotated[float, Meta(ge=0, le=1)] = 0.05  # time constant of the velocity
+    velocity: Annotated[float, Meta(gt=0, le=2)] = 0.5  # [rad/s]
+    max_duration_s: Annotated[float, Meta(gt=0, le=3600)] = 120.0
+    max_excursion: Annotated[float, Meta(gt=0, le=6.3)] = 1.5  # from where it began [rad]
+
+
+class Sinusoid(Settings, frozen=True):
+    """q = q0 + amplitude * sin(2 pi frequency t), around wherever the joint stands."""
+
+    amplitude: Annotated[float, Meta(gt=0, le=3.2)]
+    frequency_Hz: Annotated[float, Meta(gt=0, le=5)]
+
+
+class Trajectory(Settings, frozen=True):
+    """What the joints do after `contactctl start`; a joint that is not named holds."""
+
+    sinusoids: dict[str, Sinusoid] = msgspec.field(default_factory=dict)
+    ramp_s: Annotated[float, Meta(ge=0.1, le=30)] = 2.0  # from standstill to full speed
+
+
+class SupervisorSettings(Settings, frozen=True):
+    """When doubt becomes a fault."""
+
+    stale_ticks: Ticks = 3  # ticks without the TPDOs of a drive
+    overrun_ticks: Ticks = 5  # deadlines missed in a row
+    enable_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0
+    stop_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0
+
+
+class Configuration(Settings, frozen=True):
+    """One arm, as `config.yaml` describes it."""
+
+    version: Literal[1]
+    name: Name
+    urdf: Name  # path, relative to the configuration
+    period_ms: Annotated[int, Meta(ge=1, le=100)]
+    bus: BusSettings
+    drives: Annotated[dict[str, DriveProfile], Meta(min_length=1)]
+    joints: Annotated[list[Joint], Meta(min_length=1, max_length=32)]
+    estimator: EstimatorSettings = EstimatorSettings()
+    control: Control = Control()
+    admittance: Admittance = Admittance()
+    trajectory: Trajectory = Trajectory()
+    supervisor: SupervisorSettings = SupervisorSettings()
+
+    @property
+    def period_s(self) -> float:
+        """T, in seconds."""
+        return self.period_ms / 1000.0
+
+    @property
+    def joint_names(self) -> list[str]:
+        """In the order of every vector."""
+        return [joint.name for joint in self.joints]

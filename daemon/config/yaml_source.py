@@ -1,0 +1,115 @@
+"""YAML, read strictly: no duplicate keys, no NaN, numbers as YAML 1.2 writes them, and for every
+value the line it came from."""
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from errors import ConfigurationError
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """PyYAML follows YAML 1.1: it reads `1e-3` as text and `off` as a boolean, and takes the last
+    of two equal keys in silence. None of this may happen to a limit."""
+
+    yaml_implicit_resolvers = {  # noqa: RUF012
+        first: [
+            (tag, pattern)
+            for tag, pattern in resolvers
+            if tag not in ("tag:yaml.org,2002:bool", "tag:yaml.org,2002:float")
+        ]
+        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: dict[Any, int] = {}
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            line = key_node.start_mark.line + 1
+            if not isinstance(key, str):
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key {key!r} must be text (put it in quotes)", key_node.start_mark
+                )
+            if key in seen:
+                raise yaml.constructor.ConstructorError(
+                    None,
+                    None,
+                    f"key `{key}` is given twice, first in line {seen[key]}",
+                    key_node.start_mark,
+                )
+            seen[key] = line
+        return super().construct_mapping(node, deep)
+
+    def construct_finite(self, node: yaml.ScalarNode) -> float:
+        text = self.construct_scalar(node)
+        value = float(text.replace("_", "").lower().replace(".inf", "inf").replace(".nan", "nan"))
+        if not math.isfinite(value):
+            raise yaml.constructor.ConstructorError(
+                None, None, f"{text} is not allowed, numbers must be finite", node.start_mark
+            )
+        return value
+
+
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:bool", re.compile(r"^(?:true|false)$"), list("tf")
+)
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(
+        r"^[-+]?(?:(?:\.[0-9]+|[0-9]+\.[0-9]*)(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+"
+        r"|\.(?:inf|Inf|INF|nan|NaN|NAN))$"
+    ),
+    list("-+0123456789."),
+)
+_StrictLoader.add_constructor("tag:yaml.org,2002:float", _StrictLoader.construct_finite)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A YAML file as plain data, with the line of every value."""
+
+    path: Path
+    text: str
+    data: Any
+    root: yaml.Node
+
+    def line(self, keys: list[str | int]) -> int:
+        """Line of the value behind `keys`, or of the deepest part of the way that exists."""
+        node: yaml.Node = self.root
+        for key in keys:
+            found: yaml.Node | None = None
+            if isinstance(node, yaml.MappingNode):
+                found = next((v for k, v in node.value if k.value == key), None)
+            elif isinstance(node, yaml.SequenceNode) and isinstance(key, int):
+                found = node.value[key] if key < len(node.value) else None
+            if found is None:
+                break
+            node = found
+        return int(node.start_mark.line) + 1
+
+
+def read_yaml(path: Path) -> Source:
+    """Read one file; raises ConfigurationError that names file, line and trouble."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{path}: is not UTF-8 text: {error}") from error
+    try:
+        loader = _StrictLoader(text)
+        root = loader.get_single_node()
+        data = None if root is None else loader.construct_document(root)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = f":{mark.line + 1}" if mark else ""
+        raise ConfigurationError(f"{path}{line}: {error.problem or error}") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{path}: is not valid YAML: {error}") from error
+    if root is None:
+        raise ConfigurationError(f"{path}: is empty")
+    return Source(path, text, data, root)

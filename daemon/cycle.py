@@ -1,0 +1,232 @@
+"""One tick: SYNC, samples, estimate, decision, setpoints; and what is published of it.
+
+`begin` and `finish` are apart so that a test in lockstep can let the simulated drives answer the
+SYNC in between. Times come from the caller.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from daemon.controller import Controller, Decision, Observed
+from daemon.messages import Contact, Event, State, Timing, Vector
+from daemon.modes import Mode
+from daemon.observation import Observer
+from daemon.supervisor import Finding, Reaction
+from drivers.arm import Arm
+from drivers.cia402 import DriveState
+from drivers.samples import Samples
+from estimator.estimator import Estimate, Estimator, Flag
+from estimator.motor_position import Side
+
+SIDE_NAMES = {side.value: side.name.lower() for side in Side}
+DRIVE_STATE_NAMES = {state: state.name.lower().replace("_", " ") for state in DriveState}
+FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
+
+
+@dataclass(frozen=True, slots=True)
+class Wakeup:
+    """How the loop met the deadline of a tick."""
+
+    monotonic_s: float = 0.0
+    lateness_s: float = 0.0
+    work_s: float = 0.0  # of the tick before
+    missed: int = 0  # deadlines, since the start
+    late: bool = False  # by more than a period
+
+
+ON_TIME = Wakeup()
+
+
+class Cycle:
+    """Everything of one arm that a tick touches."""
+
+    def __init__(
+        self,
+        arm: Arm,
+        estimator: Estimator,
+        controller: Controller,
+        observer: Observer,
+        period_s: float,
+    ) -> None:
+        self.arm, self.estimator, self.controller = arm, estimator, controller
+        self.tick = -1
+        self.events: list[Event] = []
+        self._observer = observer
+        self._period_s = period_s
+        self._time_s = 0.0
+        self._sampled_s = -period_s  # time of the last complete samples
+        self._interval_s = period_s
+        self._updated = False
+        self._samples: Samples | None = None
+        self._estimate: Estimate | None = None
+        self._decision: Decision | None = None
+        self._told: frozenset[Finding] = frozenset()
+
+    @property
+    def samples(self) -> Samples | None:
+        """Of the last tick."""
+        return self._samples
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The last one that was made."""
+        return self._estimate
+
+    def begin(self, time_s: float) -> None:
+        """Send SYNC: the drives sample now."""
+        self._time_s = time_s
+        self.tick += 1
+        self.events.clear()
+        self.arm.sync(time_s)
+
+    def finish(self, deadline: float, wakeup: Wakeup = ON_TIME) -> None:
+        """Take the samples that arrive until `deadline` (the arm's clock), decide, command."""
+        samples = self._samples = self.arm.collect(deadline)
+        estimate = self._estimated(samples)
+        machine = self.controller.machine
+        mode = machine.mode
+        finite = estimate is None or Flag.INVALID not in estimate.flags
+        findings = self._observer.findings(samples, mode, wakeup.late, finite)
+        if estimate is None:
+            self.controller.doubt(self._time_s, findings)
+        else:
+            observed = self._observe(samples, estimate, findings)
+            decision = self.controller.step(self._time_s, self._period_s, observed)
+            self._decision = decision
+            self.arm.command(decision.power, decision.velocity, decision.reset)
+        if mode is Mode.ENABLING and machine.mode is Mode.HOLDING:
+            # What friction held until now is not an external torque.
+            self.estimator.reset()
+        self._tell(findings)
+
+    def _estimated(self, samples: Samples) -> Estimate | None:
+        """The estimate from these samples; the one before where they are not complete."""
+        self._updated = bool(samples.fresh.all())
+        if self._updated:
+            self._interval_s = self._time_s - self._sampled_s
+            self._sampled_s = self._time_s
+            self._estimate = self.estimator.step(
+                samples.current,
+                samples.link_position,
+                samples.motor_velocity,
+                samples.motor_position,
+                self._interval_s,
+                time_s=self._time_s,
+            )
+        return self._estimate
+
+    def _observe(
+        self, samples: Samples, estimate: Estimate, findings: tuple[Finding, ...]
+    ) -> Observed:
+        touched = hit = ""
+        if self._updated:
+            for contact in estimate.contacts:
+                words = f"{contact.joint} feels {contact.torque:+.2f} Nm"
+                touched = touched or words
+                if contact.level == "collision":
+                    hit = hit or f"{words}, beyond its collision level"
+        return Observed(
+            q=samples.link_position,
+            motor_velocity=samples.motor_velocity,
+            thresholded=estimate.thresholded,
+            touched=touched,
+            hit=hit,
+            energised=all(state is DriveState.OPERATION_ENABLED for state in samples.states),
+            findings=findings,
+            not_armable=self._not_armable(samples, estimate, findings),
+        )
+
+    def _not_armable(
+        self, samples: Samples, estimate: Estimate, findings: tuple[Finding, ...]
+    ) -> tuple[str, ...]:
+        """Reasons outside the modes; mostly none, and then cheap."""
+        reasons = [str(finding) for finding in findings]
+        if estimate.thresholded.any():
+            reasons += [
+                f"{name} feels {estimate.residual[i]:+.2f} Nm, beyond its threshold of "
+                f"{estimate.threshold[i]:.2f} Nm: is somebody touching it?"
+                for i, name in enumerate(self.arm.names)
+                if estimate.thresholded[i]
+            ]
+        if estimate.flags:
+            words = ", ".join(FLAG_NAMES[flag] for flag in estimate.flags)
+            reasons.append(f"the estimator is not ready: {words}")
+        return tuple(reasons)
+
+    # --- what others see of it --------------------------------------------------------------
+
+    def _tell(self, findings: tuple[Finding, ...]) -> None:
+        """Put this tick's news into `events`; a finding that goes on is told once."""
+        if findings or self._told:
+            for finding in findings:
+                if finding.reaction > Reaction.CONTINUE and finding not in self._told:
+                    self.events.append(Event(kind="fault", text=str(finding)))
+            self._told = frozenset(findings)
+        changes = self.controller.machine.changes
+        for change in changes:
+            self.events.append(Event(kind="mode", text=f"{change.text}: {change.cause}"))
+        changes.clear()
+        if self._updated and self._estimate is not None:
+            for c in self._estimate.contacts:
+                contact = Contact(
+                    joint=c.joint,
+                    torque=c.torque,
+                    threshold=c.threshold,
+                    level=c.level,
+                    side=SIDE_NAMES[c.side],
+                )
+                text = f"{c.joint} {c.torque:+.2f} Nm ({c.level})"
+                self.events.append(Event(kind="contact", text=text, contact=contact))
+
+    def state(self, wakeup: Wakeup = ON_TIME) -> State:
+        """This tick, for the readers. Raises RuntimeError before the first complete samples."""
+        samples, estimate, decision = self._samples, self._estimate, self._decision
+        if samples is None or estimate is None or decision is None:
+            raise RuntimeError("no complete samples yet")
+        machine = self.controller.machine
+        motor_position = samples.motor_position
+        return State(
+            tick=self.tick,
+            time_s=self._time_s,
+            interval_s=self._interval_s,
+            mode=machine.mode.value,
+            armed=machine.armed,
+            cause=machine.cause,
+            moving=machine.moving,
+            fresh=samples.fresh.tolist(),
+            drives=[DRIVE_STATE_NAMES[state] for state in samples.states],
+            current=finite_list(samples.current),
+            link_position=finite_list(samples.link_position),
+            motor_velocity=finite_list(samples.motor_velocity),
+            motor_position=None if motor_position is None else finite_list(motor_position),
+            velocity=estimate.qd.tolist(),
+            motor=estimate.theta.tolist(),
+            gap=estimate.phi.tolist(),
+            gap_sigma=estimate.sigma_phi.tolist(),
+            side=[SIDE_NAMES[side] for side in estimate.side.tolist()],
+            torque=estimate.tau_M.tolist(),
+            residual=estimate.residual.tolist(),
+            threshold=estimate.threshold.tolist(),
+            thresholded=estimate.thresholded.tolist(),
+            beside={name: values.tolist() for name, values in estimate.beside.items()},
+            flags=[FLAG_NAMES[flag] for flag in estimate.flags],
+            updated=self._updated,
+            reference=decision.reference.tolist(),
+            setpoint=decision.velocity.tolist(),
+            quiet_s=self.controller.quiet_s,
+            events=list(self.events),
+            timing=Timing(
+                wall_s=time.time(),
+                monotonic_s=wakeup.monotonic_s,
+                lateness_us=wakeup.lateness_s * 1e6,
+                work_us=wakeup.work_s * 1e6,
+                missed=wakeup.missed,
+            ),
+        )
+
+
+def finite_list(values: np.ndarray) -> Vector:
+    """As a list; JSON has no NaN, and msgspec would write null where a number is promised."""
+    return [value if value == value else 0.0 for value in values.tolist()]  # noqa: PLR0124

@@ -1,0 +1,184 @@
+"""Motion modes and the one table of transitions between them. Pure data: no I/O, no time.
+
+`armed` is a permission beside the mode: only when armed may a contact lead to admittance.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Mode(StrEnum):
+    """What the arm is doing."""
+
+    OFF = "off"  # the daemon energises nothing; drives end as configured
+    ENABLING = "enabling"  # drives are on their way to operation enabled, no motion
+    HOLDING = "holding"  # energised, standing where it stands
+    TRACKING = "tracking"  # the trajectory
+    ADMITTANCE = "admittance"  # yields to the residual, eq. (15)
+    STOPPING = "stopping"  # decelerating
+    FAULTED = "faulted"  # all drives in quick stop, latched until `reset`
+
+
+class Event(StrEnum):
+    """What may change the mode."""
+
+    # commands of a person
+    ENABLE = "enable"
+    START = "start"
+    PAUSE = "pause"
+    STOP = "stop"
+    DISARM = "disarm"
+    DISABLE = "disable"
+    RESET = "reset"
+    # what the arm does and feels
+    ENERGISED = "energised"  # every drive reports operation enabled
+    STANDSTILL = "standstill"
+    TOUCH = "touch"  # a contact while armed
+    COLLISION = "collision"  # beyond the collision level while not armed
+    RESUME = "resume"  # quiet, and the trajectory goes on from here
+    SETTLE = "settle"  # quiet, and nothing to go on with
+    BOUND = "bound"  # admittance reached its duration or its excursion
+    TIMEOUT = "timeout"  # enabling or stopping took too long
+    DOUBT = "doubt"  # the supervisor asks to stand still
+    FAULT = "fault"  # the supervisor's quick stop
+
+
+_M, _E = Mode, Event
+
+TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
+    (_M.OFF, _E.ENABLE): _M.ENABLING,
+    (_M.OFF, _E.DISABLE): _M.OFF,
+    (_M.OFF, _E.STOP): _M.OFF,
+    (_M.OFF, _E.DISARM): _M.OFF,
+    (_M.OFF, _E.FAULT): _M.FAULTED,
+    (_M.ENABLING, _E.ENERGISED): _M.HOLDING,
+    (_M.ENABLING, _E.TIMEOUT): _M.OFF,
+    (_M.ENABLING, _E.STOP): _M.OFF,
+    (_M.ENABLING, _E.DISABLE): _M.OFF,
+    (_M.ENABLING, _E.DISARM): _M.ENABLING,
+    (_M.ENABLING, _E.FAULT): _M.FAULTED,
+    (_M.HOLDING, _E.START): _M.TRACKING,
+    (_M.HOLDING, _E.PAUSE): _M.HOLDING,
+    (_M.HOLDING, _E.STOP): _M.STOPPING,
+    (_M.HOLDING, _E.DISARM): _M.HOLDING,
+    (_M.HOLDING, _E.DISABLE): _M.OFF,
+    (_M.HOLDING, _E.TOUCH): _M.ADMITTANCE,
+    (_M.HOLDING, _E.COLLISION): _M.STOPPING,
+    (_M.HOLDING, _E.DOUBT): _M.STOPPING,
+    (_M.HOLDING, _E.FAULT): _M.FAULTED,
+    (_M.TRACKING, _E.PAUSE): _M.STOPPING,
+    (_M.TRACKING, _E.STOP): _M.STOPPING,
+    (_M.TRACKING, _E.DISARM): _M.TRACKING,
+    (_M.TRACKING, _E.DISABLE): _M.STOPPING,
+    (_M.TRACKING, _E.TOUCH): _M.ADMITTANCE,
+    (_M.TRACKING, _E.COLLISION): _M.STOPPING,
+    (_M.TRACKING, _E.DOUBT): _M.STOPPING,
+    (_M.TRACKING, _E.FAULT): _M.FAULTED,
+    (_M.ADMITTANCE, _E.PAUSE): _M.ADMITTANCE,
+    (_M.ADMITTANCE, _E.STOP): _M.STOPPING,
+    (_M.ADMITTANCE, _E.DISARM): _M.STOPPING,
+    (_M.ADMITTANCE, _E.DISABLE): _M.STOPPING,
+    (_M.ADMITTANCE, _E.RESUME): _M.TRACKING,
+    (_M.ADMITTANCE, _E.SETTLE): _M.HOLDING,
+    (_M.ADMITTANCE, _E.BOUND): _M.STOPPING,
+    (_M.ADMITTANCE, _E.DOUBT): _M.STOPPING,
+    (_M.ADMITTANCE, _E.FAULT): _M.FAULTED,
+    (_M.STOPPING, _E.STANDSTILL): _M.HOLDING,
+    (_M.STOPPING, _E.PAUSE): _M.STOPPING,
+    (_M.STOPPING, _E.STOP): _M.STOPPING,
+    (_M.STOPPING, _E.DISARM): _M.STOPPING,
+    (_M.STOPPING, _E.DISABLE): _M.STOPPING,
+    (_M.STOPPING, _E.TIMEOUT): _M.FAULTED,
+    (_M.STOPPING, _E.FAULT): _M.FAULTED,
+    (_M.FAULTED, _E.RESET): _M.OFF,
+    (_M.FAULTED, _E.STOP): _M.FAULTED,
+    (_M.FAULTED, _E.DISARM): _M.FAULTED,
+}
+
+# Who feels contacts: elsewhere the drives carry nothing that the residual could be read from.
+SENSING = frozenset({_M.HOLDING, _M.TRACKING, _M.ADMITTANCE, _M.STOPPING})
+ARMABLE = frozenset({_M.HOLDING, _M.TRACKING})
+ENERGISED = frozenset({_M.ENABLING, *SENSING})
+
+# Events after which a person must arm again.
+DISARMING = frozenset(
+    {_E.DISARM, _E.STOP, _E.DISABLE, _E.BOUND, _E.TIMEOUT, _E.DOUBT, _E.FAULT, _E.RESET}
+)
+# Events after which the trajectory does not go on by itself.
+CANCELLING = DISARMING - {_E.DISARM} | {_E.PAUSE, _E.COLLISION, _E.SETTLE}
+
+# Why a command is refused in a mode, and what to do about it.
+REFUSALS: dict[Mode, str] = {
+    _M.OFF: "the drives are off (`contactctl enable` first)",
+    _M.ENABLING: "the drives are still being enabled",
+    _M.HOLDING: "the arm is holding",
+    _M.TRACKING: "the trajectory is running (`contactctl pause` or `stop` first)",
+    _M.ADMITTANCE: "somebody is guiding the arm (`contactctl stop` first)",
+    _M.STOPPING: "the arm is still stopping",
+    _M.FAULTED: "a fault is latched (`contactctl reset` first)",
+}
+
+
+def next_mode(mode: Mode, event: Event) -> Mode | None:
+    """The mode after `event`, or None where the event means nothing in this mode."""
+    return TRANSITIONS.get((mode, event))
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A mode was left for another, or the permission changed, and why."""
+
+    text: str
+    cause: str
+
+
+class ModeMachine:
+    """The present mode and the permissions beside it; every change leaves a line of why.
+
+    `changes` collects these lines; whoever tells them empties it every tick.
+    """
+
+    def __init__(self) -> None:
+        self.changes: list[Change] = []
+        self.mode = Mode.OFF
+        self.armed = False
+        self.moving = False  # a trajectory runs, or goes on after this contact
+        self.cause = "started"
+        self.entered_s = 0.0  # time at which the mode was entered
+        self._disable_pending = False
+
+    def arm(self, cause: str) -> None:
+        """Allow contacts to lead to admittance; whether they may is decided elsewhere."""
+        if not self.armed:
+            self.armed = True
+            self.changes.append(Change("armed", cause))
+
+    def can(self, event: Event) -> bool:
+        """Whether `event` means anything in this mode."""
+        return next_mode(self.mode, event) is not None
+
+    def apply(self, event: Event, cause: str, time_s: float) -> bool:
+        """Follow the table; returns False, and changes nothing, where it has no such row.
+
+        `disable` in motion first stops the arm; the drives go off when it holds.
+        """
+        after = next_mode(self.mode, event)
+        if after is None:
+            return False
+        if event in DISARMING and self.armed:
+            self.armed = False
+            self.changes.append(Change("disarmed", cause))
+        if event in CANCELLING:
+            self.moving = False
+        if event is Event.START:
+            self.moving = True
+        if after is not self.mode:
+            self.changes.append(Change(f"{self.mode} -> {after}", cause))
+            self.mode, self.cause, self.entered_s = after, cause, time_s
+        if event is Event.DISABLE:
+            self._disable_pending = after is Mode.STOPPING
+        elif after is Mode.FAULTED:
+            self._disable_pending = False
+        if after is Mode.HOLDING and self._disable_pending:
+            self.apply(Event.DISABLE, "disabled", time_s)
+        return True
