@@ -63,7 +63,9 @@ class SimulatedArm:
         self.external_torque = np.zeros(n)
         """Torque on the links besides the hand's (n,) [Nm], for tests and benches: write to it."""
         self._send, self._on_event = send, on_event
-        wired = Surroundings(description, self.servo, self.plant, self._put, self._tell_drive)
+        wired = Surroundings(
+            description, self.servo, self.plant, self._put, self._sample_if_moved, self._tell_drive
+        )
         self.drives = tuple(Drive(joint, wired) for joint in range(n))
         self._by_node = {drive.node: drive for drive in self.drives}
         if len(self._by_node) != n:
@@ -112,7 +114,6 @@ class SimulatedArm:
         elif cob & 0x780 == SDO_REQUEST:
             node = self._by_node.get(cob & 0x7F)
             if node is not None:
-                self._sample_if_moved()
                 node.on_sdo(data)
         elif cob & 0x780 == HEARTBEAT:
             for drive in self.drives:
@@ -132,12 +133,12 @@ class SimulatedArm:
 
     def _servo_period(self) -> None:
         plant, now = self.plant, self.now
-        if any(drive.talks_by_itself for drive in self.drives):
-            self._sample_if_moved()
         for drive in self.drives:
-            drive.tick(now)
-        for words in self.hand.update(now, plant.q, SERVO_PERIOD_S):
-            self._on_event(Event(now, "hand", words))
+            if drive.due <= now:
+                drive.tick(now)
+        if self.hand.began:
+            for words in self.hand.update(now, plant.q, SERVO_PERIOD_S):
+                self._on_event(Event(now, "hand", words))
         plant.external_torque[:] = self.external_torque
         self.servo.update(plant.theta_dot)
         np.multiply(plant.parameters.torque_constant, self.servo.current, out=plant.motor_torque)

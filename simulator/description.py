@@ -96,7 +96,7 @@ class SimulationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     presliding: Annotated[float, Meta(ge=1e-4, le=0.02)] = 0.001
     """dahl: deflection at which friction is fully built up [rad]."""
     contact_stiffness: Annotated[float, Meta(gt=0.0, le=1e5)] = 1000.0
-    """Border of the gap and end stops [Nm/rad]; softened on light joints to what the step resolves."""
+    """Border of the gap and end stops [Nm/rad]; softer on light joints: `simulator.mismatch`."""
     contact_damping_ratio: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.3
     current_filter_ms: Milliseconds = 3.0
     link_latency_ms: Milliseconds = 0.0

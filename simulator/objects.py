@@ -106,15 +106,26 @@ class Objects:
         if len(data) != struct.calcsize(entry.code):
             raise SdoAbortedError(LENGTH_MISMATCH)
         value: int = struct.unpack("<" + entry.code, data)[0]
+        self._check(key(index, subindex), entry, value)
+        self.values[key(index, subindex)] = value
+        self.written(key(index, subindex))
+
+    def accepts(self, where: int, value: int) -> bool:
+        """Whether an RPDO may set the object to this value."""
+        try:
+            self._check(where, self.entries[where], value)
+        except SdoAbortedError:
+            return False
+        return True
+
+    def _check(self, where: int, entry: Entry, value: int) -> None:
         if entry.high is not None and value > entry.high:
             raise SdoAbortedError(TOO_HIGH)
         if entry.low is not None and value < entry.low:
             raise SdoAbortedError(TOO_LOW)
-        guard = self.guards.get(index)
+        guard = self.guards.get(where >> 8)
         if guard is not None:
-            guard(subindex, value)
-        self.values[key(index, subindex)] = value
-        self.written(key(index, subindex))
+            guard(where & 0xFF, value)
 
     def _find(self, index: int, subindex: int) -> Entry:
         entry = self.entries.get(key(index, subindex))

@@ -49,9 +49,9 @@ def _communication_guard(objects: Objects, index: int) -> o.Guard:
             changed = (value ^ present) & 0x3FFFFFFF
             if (changed and not (value | present) & INVALID) or value & 0x1FFFF800:
                 raise SdoAbortedError(o.INVALID_VALUE)
-        elif subindex == 2 and SYNCHRONOUS < value < 254:
-            raise SdoAbortedError(o.INVALID_VALUE)
-        elif subindex == 3 and not present & INVALID:
+        elif (subindex == 2 and SYNCHRONOUS < value < 254) or (
+            subindex == 3 and not present & INVALID
+        ):
             raise SdoAbortedError(o.INVALID_VALUE)
 
     return guard

@@ -20,9 +20,9 @@ class Plant:
     M(q) q_dotdot + c(q, q_dot) = tau_gear - friction_q + tau_stop + tau_ext
     B theta_dotdot              = tau_M - tau_gear - friction_theta
 
-    The gear is a dead zone of half-width alpha in phi = q - theta; beyond it a spring-damper acts on
-    the penetration delta = phi - sign(phi) alpha, and pushes only. End stops are the same element in
-    q. Inside, links come first and motors second in every (2n,) vector.
+    The gear is a dead zone of half-width alpha in phi = q - theta; beyond it a spring-damper acts
+    on the penetration delta = phi - sign(phi) alpha, and pushes only. End stops are the same
+    element in q. Inside, links come first and motors second in every (2n,) vector.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Plant:
     @property
     def theta(self) -> Vector:
         """Motor positions seen at the link (n,) [rad]."""
-        return self._phi_q[self.n :] - self._phi_q[: self.n]
+        return np.subtract(self._phi_q[self.n :], self._phi_q[: self.n])
 
     @property
     def phi(self) -> Vector:
@@ -93,7 +93,7 @@ class Plant:
     @property
     def gear_torque(self) -> Vector:
         """What the gear hands to the link (n,) [Nm], of the last step."""
-        return -self._contact[: self.n]
+        return np.negative(self._contact[: self.n])
 
     @property
     def friction_torque(self) -> Vector:
@@ -103,8 +103,7 @@ class Plant:
     @property
     def in_gap(self) -> NDArray[np.bool_]:
         """True where link and motor do not touch (n,)."""
-        inside: NDArray[np.bool_] = np.abs(self.phi) < self.parameters.half_gap
-        return inside
+        return np.asarray(np.abs(self.phi) < self.parameters.half_gap)
 
     def brake(self, joint: int, closed: bool) -> None:
         """A closed brake holds the motor where it is."""
@@ -115,13 +114,13 @@ class Plant:
             )
         if closed:
             self.theta_dot[joint] = 0.0
+            self._rates[joint] = self.q_dot[joint]
 
     def place(self, q: Vector, phi: Vector | None = None) -> None:
         """Put the arm at rest at q (n,), with phi (n,) or in the middle of its gaps."""
         self._phi_q[self.n :] = q
         self._phi_q[: self.n] = 0.0 if phi is None else phi
-        self._velocity[:] = 0.0
-        self._deflection[:] = 0.0
+        self._velocity[:] = self._rates[:] = self._deflection[:] = 0.0
 
     def energy(self) -> float:
         """Kinetic, potential and elastic energy [J]: constant without friction and damping."""
@@ -148,8 +147,6 @@ class Plant:
         for _ in range(steps):
             if external is not None:
                 external(q, q_dot, tau_ext)
-            np.subtract(q_dot, theta_dot, out=rates_phi)
-            rates_q[:] = q_dot
             np.maximum(phi_q, self._low, out=scratch)
             np.minimum(scratch, self._high, out=scratch)
             np.subtract(phi_q, scratch, out=delta)
@@ -171,8 +168,8 @@ class Plant:
             np.add(velocity, acceleration, out=velocity)
             np.subtract(q_dot, theta_dot, out=rates_phi)
             rates_q[:] = q_dot
-            np.multiply(rates, step, out=rates)
-            np.add(phi_q, rates, out=phi_q)
+            np.multiply(rates, step, out=scratch)
+            np.add(phi_q, scratch, out=phi_q)
 
     def _rub_smoothly(self, scratch: Vector) -> None:
         """Coulomb * tanh(velocity / width) + viscous * velocity."""

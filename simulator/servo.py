@@ -73,10 +73,7 @@ class Servo:
         np.subtract(self.target, self.reference, out=error)
         np.minimum(error, self.rate, out=error)
         np.maximum(error, -self.rate, out=error)
-        # The last step lands on the target exactly, or `arrived` would miss it by a rounding.
         np.add(self.reference, error, out=self.reference)
-        close = np.abs(self.target - self.reference) < 1e-9
-        np.copyto(self.reference, self.target, where=close)
         np.subtract(self.reference, velocity, out=error)
         np.multiply(self._kp, error, out=wanted)
         np.multiply(error, self._ki_step, out=error)

@@ -1,0 +1,125 @@
+"""The power side of one drive: CiA 402 states, setpoints, limits, and how it stops."""
+
+from collections.abc import Callable
+
+from simulator.description import JointDescription
+from simulator.objects import Objects, key
+from simulator.plant import Plant
+from simulator.profile import PROFILE
+from simulator.servo import Servo
+from simulator.state_machine import HOLDING_OPTIONS, Event, State, on_controlword, step
+
+CSV = 9
+VOLTAGE_PRESENT, REMOTE, LIMIT_ACTIVE, FOLLOWS = 1 << 4, 1 << 9, 1 << 11, 1 << 12
+CONTROLWORD, STATUSWORD, TARGET_VELOCITY = key(0x6040), key(0x6041), key(0x60FF)
+MODE, MODE_DISPLAY = key(0x6060), key(0x6061)
+
+
+class Axis:
+    """Reads its objects, writes its entries of the servo; knows nothing of frames or time.
+
+    `tell` hears in one sentence when a stop is over.
+    """
+
+    def __init__(
+        self,
+        joint: int,
+        about: JointDescription,
+        objects: Objects,
+        servo: Servo,
+        plant: Plant,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._joint, self._about, self._objects = joint, about, objects
+        self._servo, self._plant, self._tell = servo, plant, tell
+        self.unit = PROFILE.velocity_unit / about.gear
+        """One count of 606C and 60FF at the link side [rad/s]."""
+        self.state = State.NOT_READY_TO_SWITCH_ON
+        self.stopping = False
+        """A ramp of a quick stop or fault reaction is under way: call `stop_further`."""
+        self._controlword = 0
+        self._fastest = self._interpolation_s = 0.0
+
+    def start(self) -> None:
+        """Power-up: limp, switch on disabled, limits from the objects."""
+        self.state, self._controlword = State.NOT_READY_TO_SWITCH_ON, 0
+        self.happen(Event.INITIALISED)
+        self.configure()
+
+    def configure(self) -> None:
+        """Take over limits and the interpolation period."""
+        number = self._objects.number
+        share = min(number(0x6072), number(0x6073)) * PROFILE.current_unit
+        self._servo.current_limit[self._joint] = share * self._about.rated_current_A
+        self._fastest = number(0x6080) * PROFILE.speed_unit / self._about.gear
+        self._interpolation_s = number(0x60C2, 1) * 10.0 ** number(0x60C2, 2)
+
+    def statusword(self, remote: bool) -> int:
+        """6041: bit 9 when `remote`, 11 at the current limit, 12 when it follows 60FF."""
+        word = self.state.value | VOLTAGE_PRESENT | (REMOTE if remote else 0)
+        if self.state is State.OPERATION_ENABLED:
+            if self._objects.values[MODE] == CSV:
+                word |= FOLLOWS
+            if self._servo.saturated(self._joint):
+                word |= LIMIT_ACTIVE
+        return word
+
+    def on_controlword(self) -> None:
+        """6040 was written."""
+        previous, self._controlword = self._controlword, self._objects.number(0x6040)
+        option = self._objects.number(0x605A)
+        after = on_controlword(self.state, previous, self._controlword, option)
+        if after is not self.state:
+            self._enter(after)
+
+    def on_target(self) -> None:
+        """60FF or 6060 was written: head for it over the interpolation period of 60C2."""
+        values = self._objects.values
+        values[MODE_DISPLAY] = values[MODE]
+        if self.state is State.OPERATION_ENABLED and values[MODE] == CSV:
+            velocity = self._objects.number(0x60FF) * self.unit
+            velocity = min(max(velocity, -self._fastest), self._fastest)
+            self._servo.follow(self._joint, velocity, self._interpolation_s)
+
+    def happen(self, event: Event) -> None:
+        """Something inside the drive, not a controlword."""
+        after = step(self.state, event, self._objects.number(0x605A))
+        if after is not self.state:
+            self._enter(after)
+
+    def stop_further(self) -> None:
+        """The ramp of a quick stop or fault reaction may be over."""
+        energised = self._servo.energised(self._joint)
+        if energised and not self._servo.arrived(self._joint):
+            return
+        self.stopping = False
+        if self.state is State.FAULT_REACTION_ACTIVE:
+            self.happen(Event.REACTION_DONE)
+        elif not energised:
+            self.happen(Event.DISABLE_VOLTAGE)
+        elif self._objects.number(0x605A) in HOLDING_OPTIONS:
+            self._tell("standing, holding")
+        else:
+            self.happen(Event.QUICK_STOP_DONE)
+
+    def _enter(self, state: State) -> None:
+        servo, joint = self._servo, self._joint
+        self.state, self.stopping = state, False
+        if state is State.OPERATION_ENABLED:
+            if not servo.energised(joint):
+                servo.energise(joint, float(self._plant.theta_dot[joint]))
+            self._brake()
+            self.on_target()
+        elif state in (State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE):
+            option = self._objects.number(0x605A if state is State.QUICK_STOP_ACTIVE else 0x605E)
+            if option == 0:
+                servo.release(joint)
+            servo.ramp(joint, 0.0, self._objects.number(0x6085) * self.unit)
+            self.stopping = True
+        else:
+            servo.release(joint)
+            self._brake()
+
+    def _brake(self) -> None:
+        if self._about.brake:
+            self._plant.brake(self._joint, not self._servo.energised(self._joint))
