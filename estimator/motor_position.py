@@ -79,16 +79,20 @@ class MotorPosition:
         self.side[:] = Side.UNKNOWN
         self.streak[:] = 0
 
-    def uncertainty(self, tau_M: Vector, rotor: Vector, theta_dot: Vector) -> Vector:
-        """How wrong the torque transmitted by the gear may be [Nm].
+    def uncertainty(
+        self, tau_M: Vector, rotor: Vector, theta_dot: Vector
+    ) -> tuple[Vector, Vector]:
+        """How wrong the torque transmitted by the gear may be [Nm]: in motion, and as it is now.
 
-        tau_M and rotor = B theta_ddot [Nm]; at rest Coulomb friction may have any value.
+        tau_M and rotor = B theta_ddot [Nm]. They differ near rest, where Coulomb friction may have
+        any value.
         """
         t, s = self._t, self._s
+        friction = t.motor_coulomb + t.motor_viscous * np.abs(theta_dot)
+        moving = s.friction_error * friction
+        moving += s.rotor_error * np.abs(rotor) + s.current_error * np.abs(tau_M)
         w = theta_dot / _REST
-        friction = t.motor_coulomb * (s.friction_error + np.exp(-w * w))
-        friction += s.friction_error * t.motor_viscous * np.abs(theta_dot)
-        return friction + s.rotor_error * np.abs(rotor) + s.current_error * np.abs(tau_M)
+        return moving, moving + t.motor_coulomb * np.exp(-w * w)
 
     def step(
         self,
@@ -97,7 +101,7 @@ class MotorPosition:
         theta_dot: Vector,
         advance: Vector,
         transmitted: Vector,
-        uncertainty: Vector,
+        uncertainty: tuple[Vector, Vector],
         dt: float,
         *,
         measured: bool,
@@ -116,16 +120,20 @@ class MotorPosition:
             self.sigma += np.where(moving, s.velocity_scale_error * speed + s.velocity_bias, 0) * dt
         self.theta += advance
 
-        clear = (transmitted < -uncertainty).astype(np.int64) - (transmitted > uncertainty)
+        # A torque that may be friction does not tell the side; but it may as well be a load, and
+        # dropping a load is worse than keeping a friction.
+        small, doubtful = uncertainty
+        clear = (transmitted < -doubtful).astype(np.int64) - (transmitted > doubtful)
         self.streak[:] = np.where(clear * self.streak > 0, self.streak + clear, clear)
         engaged = np.abs(self.streak) >= s.hold_ticks
         border = np.sign(self.streak)
-        self._correct(q, engaged, border, np.abs(transmitted))
+        load = np.abs(transmitted)
+        self._correct(q, engaged, border, load)
 
         phi = q - self.theta
         free = np.abs(phi) < alpha - np.maximum(self._margin, self.sigma)
         unknown = self.sigma >= alpha
-        self.side[:] = np.where(free & (clear == 0), Side.GAP, np.where(phi < 0, -1, 1))
+        self.side[:] = np.where(free & (load < small), Side.GAP, np.where(phi < 0, -1, 1))
         self.side[unknown] = Side.UNKNOWN
         np.copyto(self.side, border, where=engaged, casting="unsafe")
         self._couple(q, transmitted)
