@@ -79,11 +79,12 @@ def objects_to_write(setup: DriveSetup, period_ms: int, master_node: int) -> lis
 
 def check_drive(setup: DriveSetup, period_ms: int, master_node: int) -> None:
     """Raise ConfigurationError if the EDS does not have what the configuration counts on."""
-    for problem in _problems(setup, period_ms, master_node):
+    for problem in problems(setup, period_ms, master_node):
         raise ConfigurationError(f"{setup}, {setup.profile.eds}: {problem}")
 
 
-def _problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[str]:
+def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[str]:
+    """Everything that the configuration counts on and the EDS does not have."""
     sheet, profile = setup.data_sheet, setup.profile
     for index, subindex in READ_AT_BOOT_UP:
         if sheet.get_variable(index, subindex) is None:

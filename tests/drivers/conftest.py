@@ -1,0 +1,126 @@
+"""The arm of configs/romeo_left_arm, on both ends of a virtual bus."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import can
+import msgspec
+import pytest
+import yaml
+
+from drivers.arm import Arm
+from drivers.codec import Joint
+from drivers.drive_setup import DriveSetup, load_data_sheet
+from drivers.settings import DriveProfile, JointWiring
+from simulator.arm import SimulatedArm
+from simulator.description import ArmDescription, JointDescription, SimulationSettings
+from simulator.lockstep import Lockstep
+
+ROBOT = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
+CONFIG: dict[str, Any] = yaml.safe_load((ROBOT / "config.yaml").read_text())
+PERIOD_S = 0.010
+_channels = count()
+
+
+@pytest.fixture(scope="session")
+def profile() -> DriveProfile:
+    return msgspec.convert(CONFIG["drives"]["two_encoder_drive"], DriveProfile)
+
+
+@pytest.fixture(scope="session")
+def profiles(profile: DriveProfile) -> dict[str, DriveProfile]:
+    return {"two_encoder_drive": profile}
+
+
+@pytest.fixture(scope="session")
+def joints() -> list[Joint]:
+    return [(j["name"], msgspec.convert(j["wiring"], JointWiring)) for j in CONFIG["joints"]]
+
+
+@pytest.fixture(scope="session")
+def setups(joints: list[Joint], profile: DriveProfile) -> list[DriveSetup]:
+    sheet = load_data_sheet(ROBOT / "drive.eds")
+    braking = [j["limits"]["quick_stop"] for j in CONFIG["joints"]]
+    return [
+        DriveSetup(name, wiring, profile, sheet, deceleration)
+        for (name, wiring), deceleration in zip(joints, braking, strict=True)
+    ]
+
+
+@dataclass
+class Bench:
+    """Master and simulated arm at the two ends of a bus of their own."""
+
+    bus: can.BusABC
+    other_end: can.BusABC
+    simulated: SimulatedArm
+    lockstep: Lockstep
+    ticks: int = 0
+
+    @property
+    def now(self) -> float:
+        return self.ticks * PERIOD_S
+
+    def tick(self, arm: Arm) -> Any:
+        """SYNC and samples; the command is the caller's."""
+        self.ticks += 1
+        arm.sync(self.now)
+        self.lockstep.pump()
+        return arm.collect(self.now)
+
+
+@pytest.fixture
+def wire() -> Iterator[tuple[can.BusABC, can.BusABC]]:
+    """Both ends of a virtual bus that nobody else uses."""
+    channel = f"drivers-{next(_channels)}"
+    ends = tuple(can.Bus(interface="virtual", channel=channel) for _ in range(2))
+    yield ends[0], ends[1]
+    for end in ends:
+        end.shutdown()
+
+
+def describe() -> ArmDescription:
+    """The simulated arm, from the same file; torques and friction are of no account here."""
+    simulated = []
+    for joint in CONFIG["joints"]:
+        wiring, limits = joint["wiring"], joint["limits"]
+        lower, upper = limits["lower"], limits["upper"]
+        simulated.append(
+            JointDescription(
+                name=joint["name"],
+                node=wiring["node"],
+                gear=wiring["gear"],
+                rated_current_A=wiring["rated_current_A"],
+                max_current_A=wiring["max_current_A"],
+                torque_constant=joint["torque_constant"],
+                rotor_inertia=joint["rotor_inertia"],
+                half_gap=joint["half_gap"],
+                **joint["friction"],
+                lower=lower,
+                upper=upper,
+                initial_position=min(max(0.2, lower + 0.2), upper - 0.1),
+            )
+        )
+    return ArmDescription(
+        urdf=ROBOT / "arm.urdf", eds=ROBOT / "drive.eds", joints=tuple(simulated), period_s=PERIOD_S
+    )
+
+
+@pytest.fixture
+def bench(wire: tuple[can.BusABC, can.BusABC]) -> Bench:
+    bus, other_end = wire
+    simulated = SimulatedArm(describe(), SimulationSettings(), other_end.send)
+    lockstep = Lockstep(simulated, other_end)
+    simulated.power_on()
+    return Bench(bus, other_end, simulated, lockstep)
+
+
+@pytest.fixture
+def make_arm(
+    joints: list[Joint], profiles: dict[str, DriveProfile]
+) -> Callable[[can.BusABC], Arm]:
+    """An arm whose clock stands still: `collect` reads what is queued."""
+    return lambda bus: Arm(bus, joints, profiles, PERIOD_S, lambda: 0.0)

@@ -1,0 +1,139 @@
+"""Opening the bus, and noticing that it is gone."""
+
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+
+import can
+import pytest
+
+from drivers.bus import connection_lost, drain, open_bus
+from drivers.settings import BusSettings
+from errors import BusError
+
+
+@contextmanager
+def peer(replies: list[bytes]) -> Iterator[tuple[int, list[socket.socket]]]:
+    """A TCP server that greets, and answers what it reads with the replies, one after the other."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    connections: list[socket.socket] = []
+
+    def converse(connection: socket.socket) -> None:
+        connection.sendall(replies[0])
+        for reply in replies[1:]:
+            if not connection.recv(256):
+                return
+            connection.sendall(reply)
+
+    def accept() -> None:
+        while True:
+            try:
+                connection, _ = listener.accept()
+            except OSError:
+                return
+            connections.append(connection)
+            try:
+                converse(connection)
+            except OSError:
+                continue
+
+    thread = threading.Thread(target=accept)
+    thread.start()
+    try:
+        yield listener.getsockname()[1], connections
+    finally:
+        listener.shutdown(socket.SHUT_RDWR)
+        listener.close()
+        thread.join()
+        for connection in connections:
+            connection.close()
+
+
+def socketcand(port: int) -> BusSettings:
+    return BusSettings(interface="socketcand", channel="can0", port=port)
+
+
+SOCKETCAND = [b"< hi >", b"< ok >", b"< ok >"]
+
+
+def test_an_interface_that_is_not_there():
+    with pytest.raises(BusError, match=r"no interface 'can77'.*ip link"):
+        open_bus(BusSettings(interface="socketcan", channel="can77"))
+
+
+def test_an_interface_without_can():
+    with pytest.raises(BusError, match="bus socketcan lo"):
+        open_bus(BusSettings(interface="socketcan", channel="lo"))
+
+
+def test_nobody_listens():
+    with closing(socket.create_server(("127.0.0.1", 0))) as server:
+        port = server.getsockname()[1]
+    with pytest.raises(BusError, match=rf"127.0.0.1:{port}; is `contactd simulate` running"):
+        open_bus(socketcand(port))
+
+
+def test_somebody_else_listens():
+    with peer([b"SSH-2.0-OpenSSH"]) as (port, _):
+        with pytest.raises(BusError, match="not as socketcand does"):
+            open_bus(socketcand(port))
+
+
+def test_a_bus_that_is_not_served():
+    with peer([b"< hi >", b"< error could not open bus >"]) as (port, _):
+        with pytest.raises(BusError, match="could not open bus"):
+            open_bus(socketcand(port))
+
+
+def test_a_serial_adapter_that_is_not_there():
+    with pytest.raises(BusError, match="bus slcan /dev/nosuchadapter"):
+        open_bus(BusSettings(interface="slcan", channel="/dev/nosuchadapter"))
+
+
+def test_the_end_of_the_connection_is_noticed_and_nothing_is_taken():
+    with peer(SOCKETCAND) as (port, connections), closing_bus(open_bus(socketcand(port))) as bus:
+        assert not connection_lost(bus)
+        connections[-1].sendall(b"< frame 181 1.0 2700 >")
+        while bus.recv(1.0) is None:
+            pass
+        connections[-1].sendall(b"< frame 182 1.0 2700 >")
+        assert not connection_lost(bus)
+        frame = bus.recv(1.0)
+        assert frame is not None
+        assert frame.arbitration_id == 0x182
+        connections[-1].close()
+        for _ in range(1000):
+            if connection_lost(bus):
+                return
+            assert bus.recv(0.01) is None
+        pytest.fail("end-of-file was not noticed")
+
+
+@contextmanager
+def closing_bus(bus: can.BusABC) -> Iterator[can.BusABC]:
+    try:
+        yield bus
+    finally:
+        bus.shutdown()
+
+
+def test_other_buses_have_no_connection_to_lose(wire):
+    assert not connection_lost(wire[0])
+
+
+def test_drain(wire):
+    bus, other_end = wire
+    for _ in range(5):
+        other_end.send(can.Message(arbitration_id=0x181, is_extended_id=False))
+    assert drain(bus, limit=2) == 2
+    assert drain(bus) == 3
+    assert bus.recv(0) is None
+    bus.shutdown()
+    with pytest.raises(BusError):
+        drain(bus)
+
+
+def test_virtual():
+    with closing_bus(open_bus(BusSettings(interface="virtual", channel="drivers-open"))) as bus:
+        assert bus.recv(0) is None

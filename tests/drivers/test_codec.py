@@ -1,0 +1,231 @@
+"""PDOs to SI values and back."""
+
+import struct
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.codec import (
+    SampleDecoder,
+    SetpointEncoder,
+    link_side,
+    receive_pdos,
+    transmit_pdos,
+    type_limits,
+)
+from drivers.settings import DriveProfile, JointWiring, Quantity
+from errors import ConfigurationError
+
+INT16 = st.integers(-(2**15), 2**15 - 1)
+INT32 = st.integers(-(2**31), 2**31 - 1)
+SIGN = st.sampled_from([-1, 1])
+
+
+def wiring(node=1, profile="plain", **changes) -> JointWiring:
+    values = {"gear": 100.0, "rated_current_A": 2.0, "max_current_A": 4.0} | changes
+    return JointWiring(node=node, profile=profile, **values)
+
+
+def quantity(index, kind="INTEGER32", scale=0.01, **changes) -> Quantity:
+    return Quantity(object=index, type=kind, scale=scale, **changes)
+
+
+def plain_profile(**changes) -> DriveProfile:
+    values = {
+        "eds": "drive.eds",
+        "current": quantity(0x6078, "INTEGER16", 0.001),
+        "link_position": quantity(0x60E4, scale=2e-5, subindex=1),
+        "motor_velocity": quantity(0x606C),
+        "target_velocity": quantity(0x60FF),
+        "quick_stop_deceleration": quantity(0x6085, "UNSIGNED32"),
+        "tpdo": {"1": ["statusword", "current", "motor_velocity"], "2": ["link_position"]},
+        "rpdo": {"1": ["controlword", "target_velocity"]},
+    }
+    return DriveProfile(**values | changes)
+
+
+def test_romeo_uses_the_predefined_connection_set(profile):
+    assert [hex(pdo.cob_id) for pdo in transmit_pdos(profile, 5)] == ["0x185", "0x285"]
+    assert [hex(pdo.cob_id) for pdo in receive_pdos(profile, 5)] == ["0x205"]
+    assert [pdo.layout.format for pdo in transmit_pdos(profile, 5)] == ["<Hhi", "<ii"]
+    assert receive_pdos(profile, 5)[0].layout.format == "<Hi"
+    assert [field.bits for field in transmit_pdos(profile, 5)[0].fields] == [16, 16, 32]
+
+
+@given(
+    current=INT16, velocity=INT32, link=INT32, motor=INT32, motor_sign=SIGN, link_sign=SIGN,
+    sign=SIGN, link_offset=st.floats(-3, 3), offset=st.floats(-3, 3),
+)  # fmt: skip
+def test_counts_arrive_as_si_values_at_the_link(
+    current, velocity, link, motor, motor_sign, link_sign, sign, link_offset, offset
+):
+    profile = plain_profile(
+        link_position=quantity(0x60E4, scale=2e-5, sign=sign, offset=offset),
+        motor_position=quantity(0x6064, scale=1e-3, sign=sign),
+        tpdo={"2": ["link_position", "motor_position"],
+              "1": ["motor_velocity", "statusword", "current"]},
+    )  # fmt: skip
+    joint = wiring(motor_sign=motor_sign, link_sign=link_sign, link_offset=link_offset)
+    decoder = SampleDecoder([("elbow", joint)], {"plain": profile})
+    for cob_id, layout, values in (
+        (0x181, "<iHh", (velocity, 0x27, current)),
+        (0x281, "<ii", (link, motor)),
+    ):
+        _, start, stop, compiled = decoder.slots[cob_id]
+        decoder.raw[start:stop] = compiled.unpack(struct.pack(layout, *values))
+    decoder.decode()
+    assert decoder.statuswords == [0x27]
+    close = {"rtol": 1e-12, "atol": 1e-12}
+    np.testing.assert_allclose(decoder.current, motor_sign * 2.0 * 0.001 * current, **close)
+    np.testing.assert_allclose(
+        decoder.motor_velocity, motor_sign * 0.01 * velocity / 100.0, **close
+    )
+    np.testing.assert_allclose(
+        decoder.motor_position, motor_sign * sign * 1e-3 * motor / 100.0, **close
+    )
+    np.testing.assert_allclose(
+        decoder.link_position, link_sign * sign * (offset + 2e-5 * link) + link_offset, **close
+    )
+
+
+def test_nothing_is_known_before_the_first_frame(joints, profiles):
+    decoder = SampleDecoder(joints, profiles)
+    decoder.decode()
+    assert np.isnan([decoder.current, decoder.link_position, decoder.motor_velocity]).all()
+    assert decoder.statuswords == [-1] * 7
+
+
+def test_drives_of_two_kinds_share_an_arm():
+    kinds = {
+        "plain": plain_profile(),
+        "other": plain_profile(
+            current=quantity(0x6077, "INTEGER16", 0.002, sign=-1),
+            motor_position=quantity(0x6064),
+            tpdo={"1": ["link_position", "current", "statusword"],
+                  "3": ["motor_position", "motor_velocity"]},
+        ),
+    }  # fmt: skip
+    decoder = SampleDecoder([("a", wiring(1)), ("b", wiring(2, "other"))], kinds)
+    frames = {
+        0x181: struct.pack("<Hhi", 0x40, 500, 100),
+        0x281: struct.pack("<i", 1000),
+        0x182: struct.pack("<ihH", 2000, 500, 0x27),
+        0x382: struct.pack("<ii", 7, 300),
+    }
+    assert {cob_id: slot[0] for cob_id, slot in decoder.slots.items()} == {
+        0x181: 0, 0x281: 0, 0x182: 1, 0x382: 1,
+    }  # fmt: skip
+    for cob_id, data in frames.items():
+        _, start, stop, layout = decoder.slots[cob_id]
+        decoder.raw[start:stop] = layout.unpack(data)
+    decoder.decode()
+    assert decoder.statuswords == [0x40, 0x27]
+    np.testing.assert_allclose(decoder.current, [1.0, -2.0])
+    np.testing.assert_allclose(decoder.link_position, [0.02, 0.04])
+    np.testing.assert_allclose(decoder.motor_velocity, [0.01, 0.03])
+    assert decoder.motor_position is None, "only one of the drives sends it"
+
+
+@given(
+    velocity=st.floats(-100, 100), gear=st.floats(0.5, 500), motor_sign=SIGN, sign=SIGN,
+    scale=st.floats(1e-3, 1.0),
+)  # fmt: skip
+def test_a_setpoint_is_right_within_half_a_count(velocity, gear, motor_sign, sign, scale):
+    profile = plain_profile(target_velocity=quantity(0x60FF, scale=scale, sign=sign))
+    joint = wiring(gear=gear, motor_sign=motor_sign)
+    encoder = SetpointEncoder([("elbow", joint)], {"plain": profile})
+    (counts,) = encoder.encode(np.array([velocity]))
+    gain, bias = link_side(profile, joint, "target_velocity")
+    assert gain == pytest.approx(motor_sign * sign * scale / gear)
+    assert abs(gain * counts + bias - velocity) <= 0.5 * abs(gain) * (1 + 1e-9)
+    assert encoder.standstill == [0]
+
+
+@pytest.mark.parametrize("kind", ["INTEGER16", "INTEGER32"])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_setpoint_is_saturated_at_the_limits_of_its_type(kind, sign):
+    profile = plain_profile(target_velocity=quantity(0x60FF, kind, sign=sign))
+    encoder = SetpointEncoder([("a", wiring(1)), ("b", wiring(2))], {"plain": profile})
+    lowest, highest = type_limits(kind)
+    limits = [highest, lowest] if sign == 1 else [lowest, highest]
+    assert encoder.encode(np.array([1e9, -1e9])) == limits
+    step = 0.01 / 100.0
+    assert encoder.encode(sign * np.array([highest, lowest]) * step) == [highest, lowest]
+    assert encoder.encode(sign * np.array([highest - 1, lowest + 1]) * step) == [
+        highest - 1,
+        lowest + 1,
+    ]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_setpoint_that_is_not_finite_is_refused(joints, profiles, bad):
+    velocity = np.zeros(7)
+    velocity[3] = bad
+    with pytest.raises(ValueError, match="not finite"):
+        SetpointEncoder(joints, profiles).encode(velocity)
+
+
+@pytest.mark.parametrize(
+    ("kind", "limits"),
+    [
+        ("INTEGER8", (-128, 127)),
+        ("UNSIGNED8", (0, 255)),
+        ("INTEGER16", (-32768, 32767)),
+        ("UNSIGNED16", (0, 65535)),
+        ("INTEGER32", (-(2**31), 2**31 - 1)),
+        ("UNSIGNED32", (0, 2**32 - 1)),
+    ],
+)
+def test_type_limits(kind, limits):
+    assert type_limits(kind) == limits
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"tpdo": {"1": ["statusword", "current"]}}, "tpdo: link_position, motor_velocity missing"),
+        ({"tpdo": {"1": ["current", "motor_velocity"], "2": ["link_position"]}}, "statusword"),
+        ({"tpdo": {"1": ["link_position", "motor_velocity", "current"]}}, "10 bytes; 8 are"),
+        (
+            {"tpdo": {"1": ["statusword", "current", "motor_velocity"],
+                      "2": ["link_position", "current"]}},
+            "more than once",
+        ),
+        (
+            {"tpdo": {"1": ["statusword", "current", "motor_velocity"],
+                      "2": ["link_position", "motor_position"]}},
+            "carries motor_position, but the drive says not where",
+        ),
+        (
+            {"tpdo": {"1": ["statusword", "current", "motor_velocity"],
+                      "2": ["link_position", "controlword"]}},
+            "controlword is not for a tpdo",
+        ),
+    ],
+)  # fmt: skip
+def test_a_layout_that_cannot_be_is_refused(changes, says):
+    with pytest.raises(ConfigurationError, match=says):
+        transmit_pdos(plain_profile(**changes), 1)
+
+
+@pytest.mark.parametrize(
+    ("layout", "says"),
+    [
+        ({"1": ["controlword"]}, "target_velocity missing"),
+        ({"1": ["target_velocity"]}, "controlword missing"),
+        ({"1": ["controlword", "statusword"]}, "statusword is not for a rpdo"),
+    ],
+)
+def test_an_rpdo_that_cannot_be_is_refused(layout, says):
+    with pytest.raises(ConfigurationError, match=says):
+        receive_pdos(plain_profile(rpdo=layout), 1)
+
+
+def test_settings_refuse_a_ninth_entry_and_a_fifth_pdo():
+    raw = msgspec.to_builtins(plain_profile())
+    for layout in ({"5": ["statusword"]}, {"1": []}, {"1": ["torque"]}):
+        with pytest.raises(msgspec.ValidationError):
+            msgspec.convert(raw | {"tpdo": layout}, DriveProfile)

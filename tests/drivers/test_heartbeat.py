@@ -1,0 +1,48 @@
+"""The watch over one drive's heartbeat."""
+
+import pytest
+
+from drivers.events import HeartbeatLost, NotOperational, Rebooted
+from drivers.heartbeat import HeartbeatWatch
+
+PRE_OPERATIONAL, OPERATIONAL, STOPPED, BOOT_UP = 127, 5, 4, 0
+
+
+@pytest.fixture
+def watch():
+    watch = HeartbeatWatch(3, timeout_s=0.15)
+    watch.begin(10.0)
+    return watch
+
+
+def test_silence_is_told_once(watch):
+    assert watch.check(10.149) is None
+    assert watch.check(10.151) == HeartbeatLost(3)
+    assert watch.check(10.2) is None
+
+
+def test_a_heartbeat_that_comes_back_can_be_lost_again(watch):
+    watch.check(11.0)
+    assert watch.hear(OPERATIONAL, 12.0) is None
+    assert watch.check(12.149) is None
+    assert watch.check(12.2) == HeartbeatLost(3)
+
+
+@pytest.mark.parametrize(
+    ("heard", "told"),
+    [
+        ([OPERATIONAL, OPERATIONAL], []),
+        ([OPERATIONAL, PRE_OPERATIONAL, PRE_OPERATIONAL], [NotOperational(3, 127)]),
+        ([OPERATIONAL, STOPPED], [NotOperational(3, 4)]),
+        # The first one may have been sent before NMT start came.
+        ([PRE_OPERATIONAL, OPERATIONAL], []),
+        ([PRE_OPERATIONAL, PRE_OPERATIONAL], [NotOperational(3, 127)]),
+        ([OPERATIONAL, BOOT_UP, PRE_OPERATIONAL], [Rebooted(3)]),
+        ([OPERATIONAL, STOPPED, OPERATIONAL, STOPPED], [NotOperational(3, 4)] * 2),
+        # Node guarding toggles bit 7.
+        ([OPERATIONAL | 0x80, OPERATIONAL], []),
+    ],
+)
+def test_states(watch, heard, told):
+    events = [watch.hear(state, 10.0 + 0.05 * k) for k, state in enumerate(heard)]
+    assert [event for event in events if event] == told
