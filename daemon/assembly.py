@@ -15,6 +15,7 @@ from daemon.limits import Limits
 from daemon.observation import Observer
 from daemon.trajectory import Follower, JointPath
 from drivers.arm import Arm
+from drivers.drive_setup import DriveSetup, load_data_sheet
 from estimator.contact import Thresholds
 from estimator.estimator import Estimator
 from estimator.model import Model
@@ -36,6 +37,24 @@ def build_cycle(robot: Robot, bus: can.BusABC, clock: Callable[[], float]) -> Cy
     )
     observer = Observer(c.joint_names, c.supervisor.stale_ticks, c.supervisor.overrun_ticks)
     return Cycle(arm, build_estimator(c, robot.urdf), build_controller(c), observer, c.period_s)
+
+
+def build_setups(robot: Robot) -> list[DriveSetup]:
+    """What each drive shall hold before it may be operational. Raises ConfigurationError."""
+    c = robot.configuration
+    sheets = {
+        name: load_data_sheet(robot.folder / profile.eds) for name, profile in c.drives.items()
+    }
+    return [
+        DriveSetup(
+            joint.name,
+            joint.wiring,
+            c.drives[joint.wiring.profile],
+            sheets[joint.wiring.profile],
+            joint.limits.quick_stop,
+        )
+        for joint in c.joints
+    ]
 
 
 def build_estimator(c: Configuration, urdf: str) -> Estimator:

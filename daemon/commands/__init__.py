@@ -1,1 +1,1 @@
-"""The command lines, one file per command."""
+"""The command lines `contactd` and `contactctl`."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from daemon.config.schema import Configuration, Joint
 from drivers.bus_load import refuse_overload
-from drivers.profile_checks import profile_findings
+from drivers.drive_setup import DriveSetup, load_data_sheet, problems
 from errors import ConfigurationError, ModelError
 from estimator.model import Model
 
@@ -113,9 +113,8 @@ def _profiles(c: Configuration, folder: Path) -> Iterator[Finding]:
     for name, profile in c.drives.items():
         if name not in used:
             yield Finding(["drives", name], f"drives.{name}", "no joint uses this profile")
-        for path, what in profile_findings(profile, folder):
-            where: list[str | int] = ["drives", name, *path]
-            yield Finding(where, ".".join(map(str, where)), what)
+        for what in _data_sheet(c, name, folder):
+            yield Finding(["drives", name], f"drives.{name}", what)
         # A drive must survive one lost heartbeat of ours, which is sent every third of the time.
         if profile.master_timeout_ms < 3 * c.period_ms:
             yield Finding(
@@ -124,6 +123,22 @@ def _profiles(c: Configuration, folder: Path) -> Iterator[Finding]:
                 f"{profile.master_timeout_ms} ms must be at least three periods "
                 f"({3 * c.period_ms} ms)",
             )
+
+
+def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
+    """What the EDS says against a profile and the joints that use it, each complaint once."""
+    profile = c.drives[name]
+    try:
+        sheet = load_data_sheet(folder / profile.eds)
+        setups = [
+            DriveSetup(joint.name, joint.wiring, profile, sheet, joint.limits.quick_stop)
+            for joint in c.joints
+            if joint.wiring.profile == name
+        ]
+        found = [p for s in setups for p in problems(s, c.period_ms, c.bus.master_node)]
+    except ConfigurationError as error:
+        return [str(error)]
+    return [f"{profile.eds}: {what}" for what in dict.fromkeys(found)]
 
 
 def _trajectory(c: Configuration) -> Iterator[Finding]:

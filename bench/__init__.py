@@ -1,0 +1,1 @@
+"""Side-by-side figures, each a command: `python -m bench.NAME [--json]`."""

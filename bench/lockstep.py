@@ -1,0 +1,123 @@
+"""The whole program and the simulated arm on one virtual bus, SYNC as the clock: deterministic,
+faster than real time. For tests and benches."""
+
+import itertools
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import can
+import msgspec
+
+from daemon.assembly import build_cycle, build_setups
+from daemon.commands.simulated_robot import describe, read_simulation
+from daemon.config.load import Robot, load_robot
+from daemon.config.schema import Configuration
+from daemon.cycle import Cycle
+from daemon.messages import State
+from daemon.modes import Event, Mode
+from drivers.boot_up import boot_up
+from simulator.arm import SimulatedArm
+from simulator.description import SimulationSettings
+from simulator.hand import AnyAct
+from simulator.lockstep import Lockstep
+
+ROMEO = Path(__file__).parent.parent / "configs" / "romeo_left_arm"
+SINGLE_JOINT = ROMEO.parent / "single_joint"
+
+_channels = itertools.count()
+
+
+@dataclass(slots=True)
+class Rig:
+    """Both ends; `tick` moves them on by one period."""
+
+    robot: Robot
+    cycle: Cycle
+    arm: SimulatedArm
+    lockstep: Lockstep
+    ticks: int = 0
+
+    @property
+    def time_s(self) -> float:
+        """Of the next tick."""
+        return self.ticks * self.robot.configuration.period_s
+
+    def tick(self) -> None:
+        """SYNC, answers of the simulated drives, decision, setpoints."""
+        self.cycle.begin(self.time_s)
+        self.lockstep.pump()
+        self.cycle.finish(0.0)
+        self.ticks += 1
+
+    def run(self, seconds: float, each: Callable[[], None] = lambda: None) -> None:
+        """Tick for so long; `each` is called after every tick."""
+        for _ in range(round(seconds / self.robot.configuration.period_s)):
+            self.tick()
+            each()
+
+    def states(self, seconds: float) -> list[State]:
+        """Every State of the next `seconds`."""
+        states: list[State] = []
+        self.run(seconds, lambda: states.append(self.cycle.state()))
+        return states
+
+    def request(self, event: Event) -> None:
+        """As a person would; raises AssertionError with the reasons of a refusal."""
+        reasons = self.cycle.controller.request(event, "the bench", self.time_s)
+        assert not reasons, reasons
+
+    def enable(self) -> None:
+        """Energise, and wait until the arm holds."""
+        self.run(0.1)
+        self.request(Event.ENABLE)
+        self.run(0.5)
+        assert self.mode is Mode.HOLDING, (self.mode, self.cycle.controller.machine.cause)
+
+    @property
+    def mode(self) -> Mode:
+        """The controller's."""
+        return self.cycle.controller.machine.mode
+
+
+@contextmanager
+def lockstep_rig(
+    folder: Path = ROMEO,
+    *,
+    configure: Callable[[Configuration], Configuration] = lambda c: c,
+    simulate: Callable[[SimulationSettings], SimulationSettings] = lambda s: s,
+    hand: tuple[AnyAct, ...] = (),
+) -> Iterator[Rig]:
+    """Boot the simulated arm of `folder` up; `configure` and `simulate` may change both ends."""
+    robot = load_robot(folder)
+    simulation = read_simulation(robot)
+    settings = simulate(simulation.settings)
+    description = describe(robot, simulation)
+    robot = replace(robot, configuration=configure(robot.configuration))
+    channel = f"lockstep-{next(_channels)}"
+    with (
+        can.Bus(interface="virtual", channel=channel) as far,
+        can.Bus(interface="virtual", channel=channel) as near,
+    ):
+        arm = SimulatedArm(description, settings, far.send, hand_script=hand)
+        lockstep = Lockstep(arm, far)
+        arm.power_on()
+        cycle = build_cycle(robot, near, lambda: 0.0)
+        c = robot.configuration
+        with lockstep.serving():
+            boot_up(
+                near,
+                build_setups(robot),
+                period_ms=c.period_ms,
+                master_node=c.bus.master_node,
+                listen_s=0.0,
+            )
+        cycle.arm.start(0.0)
+        lockstep.pump()
+        yield Rig(robot, cycle, arm, lockstep)
+
+
+def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:
+    """A copy of a settings struct with some fields changed."""
+    return msgspec.structs.replace(settings, **fields)

@@ -1,0 +1,280 @@
+"""`contactctl`: what a person tells the daemon, and sees of it.
+
+Everything heavy is imported by the command that needs it, so that the others start at once.
+"""
+# ruff: noqa: PLC0415
+
+import signal
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from errors import ContactdError, ControlError, UnreachableError
+
+if TYPE_CHECKING:
+    from daemon.client import Client
+    from daemon.messages import Command, Reply, Status
+
+WAIT_S = 5.0
+POLL_S = 0.02
+FRAMES_PER_S = 10
+
+# Where a command leads to, when it takes a while: waited for unless told otherwise.
+GOALS: dict[str, frozenset[str]] = {
+    "enable": frozenset({"holding"}),
+    "pause": frozenset({"holding"}),
+    "stop": frozenset({"holding", "off", "faulted"}),
+    "disable": frozenset({"off"}),
+}
+RESTING = frozenset({"off", "holding", "faulted"})  # nothing leaves these by itself
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What was said before the command."""
+
+    socket: Path | None
+    json: bool
+
+    def connect(self) -> "Client":
+        from daemon.client import Client
+
+        return Client(self.socket)
+
+
+class _Group(click.Group):
+    """Turns our errors into one line on stderr and their exit code."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except ContactdError as error:
+            click.echo(f"contactctl: {error}", err=True)
+            ctx.exit(error.exit_code)
+
+
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--socket",
+    type=click.Path(path_type=Path),
+    metavar="PATH",
+    help="The daemon's control socket, where it is not the usual one.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Answer in one line of JSON, for programs.")
+@click.version_option(package_name="contactd", prog_name="contactctl")
+@click.pass_context
+def main(ctx: click.Context, socket: Path | None, as_json: bool) -> None:
+    """Talk to contactd, the daemon that lets a robot arm feel.
+
+    A session usually is: enable, start, arm; then pause or stop; then disable. The program is no
+    certified safety function: keep the hardware emergency stop within reach.
+
+    The exit status is 0 when it was done, 1 when the daemon refused, 69 when it cannot be reached.
+    """
+    ctx.obj = Options(socket, as_json)
+
+
+_no_wait = click.option("--no-wait", is_flag=True, help="Return at once, before it is done.")
+
+
+@main.command()
+@_no_wait
+@click.pass_obj
+def enable(options: Options, no_wait: bool) -> None:
+    """Energise the drives; the arm holds where it stands."""
+    _command(options, "enable", wait=not no_wait)
+
+
+@main.command()
+@click.pass_obj
+def start(options: Options) -> None:
+    """Start the trajectory. The arm moves!"""
+    _command(options, "start")
+
+
+@main.command()
+@_no_wait
+@click.pass_obj
+def pause(options: Options, no_wait: bool) -> None:
+    """Slow down the trajectory to a halt; the arm holds and stays armed."""
+    _command(options, "pause", wait=not no_wait)
+
+
+@main.command()
+@click.pass_obj
+def arm(options: Options) -> None:
+    """Let the arm yield to contact. Refused with every reason while it cannot be trusted."""
+    _command(options, "arm")
+
+
+@main.command()
+@click.pass_obj
+def disarm(options: Options) -> None:
+    """Do not let the arm yield any more. Contacts are still reported, and collisions stop it."""
+    _command(options, "disarm")
+
+
+@main.command()
+@_no_wait
+@click.pass_obj
+def stop(options: Options, no_wait: bool) -> None:
+    """Stop the arm as fast as it is configured to, and disarm it. Always works."""
+    _command(options, "stop", wait=not no_wait)
+
+
+@main.command()
+@_no_wait
+@click.pass_obj
+def disable(options: Options, no_wait: bool) -> None:
+    """Take the power off the drives; what each joint then does is configured."""
+    _command(options, "disable", wait=not no_wait)
+
+
+@main.command()
+@click.pass_obj
+def reset(options: Options) -> None:
+    """Acknowledge a fault, after its cause is gone. Energises and moves nothing."""
+    _command(options, "reset")
+
+
+@main.command()
+@click.pass_obj
+def status(options: Options) -> None:
+    """Show what the daemon does, what each joint feels, and why the arm cannot be armed."""
+    with options.connect() as client:
+        found = _status(client)
+    if options.json:
+        _print_json(found)
+        return
+    from rich.console import Console
+
+    from daemon.view import status_view
+
+    # Nothing is cut off where the output goes to a file.
+    Console(width=None if sys.stdout.isatty() else 120).print(status_view(found))
+
+
+@main.command()
+@click.pass_obj
+def watch(options: Options) -> None:
+    """Show the joints live, until Ctrl-C. With --json: every state, one line each."""
+    if not options.json and not sys.stdout.isatty():
+        raise click.UsageError("watch needs a terminal; use `contactctl --json watch` or `record`")
+    with options.connect() as client:
+        try:
+            _stream_json(client) if options.json else _watch(client)
+        except KeyboardInterrupt:
+            return
+
+
+@main.command()
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE.mcap")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0, min_open=True),
+    help="End after so many seconds; without it, Ctrl-C ends the recording.",
+)
+@click.pass_obj
+def record(options: Options, file: Path, seconds: float | None) -> None:
+    """Record every state into a new FILE.mcap, for replay, Foxglove or PlotJuggler."""
+    from daemon import recorder
+
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _: signals.append(received))
+    if not options.json and seconds is None:
+        click.echo(f"recording to {file}; Ctrl-C ends it", err=True)
+    made = recorder.record(options.connect, file, seconds=seconds, stop=lambda: bool(signals))
+    if options.json:
+        _print_json(made)
+    else:
+        again = f", {made.snapshots} snapshots" if made.snapshots > 1 else ""
+        click.echo(
+            f"{file}: {made.duration_s:.1f} s, {made.states} states, {made.lost} lost{again}"
+        )
+    if made.ended:
+        raise UnreachableError(made.ended)
+
+
+def _command(options: Options, command: "Command", wait: bool = False) -> None:
+    """Ask for `command`, wait where it takes a while, and say where it ended; exit 1 if not."""
+    with options.connect() as client:
+        reply = client.request(command)
+        if wait and reply.ok:
+            reply = _await(client, reply, GOALS[command])
+    if options.json:
+        _print_json(reply)
+    elif reply.ok:
+        click.echo(reply.message or reply.mode)
+    else:
+        click.echo(f"contactctl: {reply.message or 'refused'}", err=True)
+        for reason in reply.reasons:
+            click.echo(f"  - {reason}", err=True)
+    if not reply.ok:
+        sys.exit(1)
+
+
+def _await(client: "Client", first: "Reply", goal: frozenset[str]) -> "Reply":
+    """Poll until the mode is in `goal`, comes to rest elsewhere, or WAIT_S have passed."""
+    from daemon.messages import Reply
+
+    deadline = time.monotonic() + WAIT_S
+    left = False
+    while True:
+        now = _status(client)
+        left = left or now.mode != first.mode
+        late = time.monotonic() > deadline
+        if now.mode in goal or late or (left and now.mode in RESTING):
+            break
+        time.sleep(POLL_S)
+    text = f"{now.mode}{', armed' if now.armed else ''}: {now.cause}"
+    if now.mode not in goal:
+        expected = "holding" if "holding" in goal else "off"
+        text = f"not {expected} {f'after {WAIT_S:.0f} s' if late else 'but'} {text}"
+    return Reply(ok=now.mode in goal, message=text, mode=now.mode, armed=now.armed)
+
+
+def _status(client: "Client") -> "Status":
+    reply = client.request("status")
+    if reply.status is None:
+        raise ControlError("; ".join([reply.message or "no status", *reply.reasons]))
+    return reply.status
+
+
+def _watch(client: "Client") -> None:
+    """Take every state, draw some."""
+    from rich.live import Live
+
+    from daemon.view import Dashboard, History
+
+    snapshot, states = client.subscribe()
+    history = History()
+    drawn_s = 0.0
+    with Live(screen=True, auto_refresh=False) as live:
+        for state in states:
+            history.add(state)
+            now_s = time.monotonic()
+            if now_s - drawn_s >= 1 / FRAMES_PER_S:
+                drawn_s = now_s
+                live.update(Dashboard(snapshot, state, history.summary()), refresh=True)
+
+
+def _stream_json(client: "Client") -> None:
+    """The states as the daemon sends them, until the reader of the pipe has had enough."""
+    client.subscribe()
+    try:
+        while True:
+            sys.stdout.buffer.write(client.packet() + b"\n")
+            sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        sys.stderr.close()  # or the interpreter complains about stdout when it ends
+
+
+def _print_json(message: Any) -> None:
+    import msgspec
+
+    click.echo(msgspec.json.encode(message).decode())

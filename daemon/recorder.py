@@ -1,0 +1,253 @@
+"""Recordings: the daemon's stream as an MCAP file, and back.
+
+Channel `/state` has one message per tick, its bytes as the daemon sent them, so that a replay sees
+every bit; channel `/snapshot` has what is needed to read them alone, once at the start and again
+after every gap. Foxglove and PlotJuggler open such files.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import msgspec
+from mcap.records import Channel, Header, Message
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+
+from daemon.client import Client
+from daemon.messages import Snapshot, State
+from errors import LogError, UnreachableError
+
+PROFILE = "contactd"
+CHUNK_BYTES = 512 * 1024  # about a second: what a power cut may cost
+RECORD_LIMIT_BYTES = 64 << 20  # a damaged length must not ask for all memory
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What `record` wrote. `lost` counts the ticks missing between the first and the last State."""
+
+    path: str
+    duration_s: float
+    states: int
+    lost: int
+    snapshots: int
+    ended: str  # empty if it ended as asked, else what the daemon did
+
+
+class _Wall(msgspec.Struct):
+    wall_s: float
+    monotonic_s: float
+
+
+class _Stamp(msgspec.Struct):
+    """The few fields of a State that the recorder looks at."""
+
+    tick: int
+    timing: _Wall
+
+
+def record(
+    connect: Callable[[], Client],
+    path: Path,
+    *,
+    seconds: float | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> Recording:
+    """Write the daemon's stream to `path` until `stop()`, `seconds` have passed, or it ends.
+
+    Where ticks are missing, it subscribes anew and writes a new snapshot. Whatever ends it, the
+    file is finished properly. Raises LogError if `path` exists or cannot be written, ControlError
+    if there is no daemon to begin with.
+    """
+    if path.exists():
+        raise LogError(f"{path} exists: a recording is never overwritten")
+    client = connect()
+    try:
+        snapshot, _ = client.subscribe()
+        try:
+            with path.open("xb") as stream:
+                log = _LogWriter(stream, snapshot)
+                try:
+                    ended = _follow(client, connect, log, seconds, stop)
+                finally:
+                    log.finish()
+        except OSError as error:
+            raise LogError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        client.close()
+    return Recording(str(path), log.duration_s, log.states, log.lost, log.snapshots, ended)
+
+
+def _follow(
+    client: Client,
+    connect: Callable[[], Client],
+    log: "_LogWriter",
+    seconds: float | None,
+    stop: Callable[[], bool],
+) -> str:
+    """Feed `log`; the answer says why the daemon ended it, empty if it did not."""
+    decoder = msgspec.json.Decoder(_Stamp)
+    first = client
+    try:
+        while not stop() and (seconds is None or log.duration_s < seconds):
+            packet = client.packet()
+            stamp = decoder.decode(packet)
+            if log.is_gap(stamp.tick):
+                if client is not first:
+                    client.close()
+                client = connect()
+                log.snapshot(client.subscribe()[0])
+            else:
+                log.state(packet, stamp)
+    except UnreachableError as error:
+        return str(error)
+    except msgspec.DecodeError as error:
+        return f"the daemon speaks another version: {error}"
+    finally:
+        if client is not first:
+            client.close()
+    return ""
+
+
+class _LogWriter:
+    """The MCAP file: a snapshot waits for its first State, whose time it shares."""
+
+    def __init__(self, stream: IO[bytes], snapshot: Snapshot) -> None:
+        self._writer = Writer(stream, chunk_size=CHUNK_BYTES)
+        self._writer.start(profile=PROFILE, library=snapshot.program)
+        self._state_channel = self._channel("/state", State)
+        self._snapshot_channel = self._channel("/snapshot", Snapshot)
+        self._pending: Snapshot | None = snapshot
+        self._first: _Stamp | None = None
+        self._last: _Stamp | None = None
+        self.states = 0
+        self.lost = 0
+        self.snapshots = 0
+
+    @property
+    def duration_s(self) -> float:
+        if self._first is None or self._last is None:
+            return 0.0
+        return self._last.timing.monotonic_s - self._first.timing.monotonic_s
+
+    def is_gap(self, tick: int) -> bool:
+        """Whether ticks are missing before `tick` that no waiting snapshot makes up for."""
+        return self._pending is None and self._last is not None and tick > self._last.tick + 1
+
+    def snapshot(self, snapshot: Snapshot) -> None:
+        self._pending = snapshot
+
+    def state(self, packet: bytes, stamp: _Stamp) -> None:
+        """Write one State as it came; one that is older than the last or its snapshot is none."""
+        newest = -1 if self._last is None else self._last.tick
+        if self._pending is not None:
+            newest = max(newest, self._pending.tick)
+        if stamp.tick <= newest:
+            return
+        time_ns = round(stamp.timing.wall_s * 1e9)
+        if self._pending is not None:
+            self._write(self._snapshot_channel, time_ns, msgspec.json.encode(self._pending))
+            self._pending = None
+            self.snapshots += 1
+        self._write(self._state_channel, time_ns, packet)
+        self.states += 1
+        if self._last is not None:
+            self.lost += stamp.tick - self._last.tick - 1
+        self._first = self._first or stamp
+        self._last = stamp
+
+    def finish(self) -> None:
+        self._writer.finish()
+
+    def _channel(self, topic: str, kind: type) -> int:
+        data = msgspec.json.encode(viewer_schema(kind))
+        schema = self._writer.register_schema(f"contactd.{kind.__name__}", "jsonschema", data)
+        return self._writer.register_channel(topic, "json", schema)
+
+    def _write(self, channel: int, time_ns: int, data: bytes) -> None:
+        self._writer.add_message(channel, log_time=time_ns, data=data, publish_time=time_ns)
+
+
+def viewer_schema(kind: type) -> dict[str, Any]:
+    """JSON schema of `kind` as the plainest viewers want it.
+
+    The root is an object, every node has one `type`, every object has `properties`, and there is no
+    `$ref`. What may be null is described by what it is otherwise.
+    """
+    (schema,), definitions = msgspec.json.schema_components([kind], ref_template="{name}")
+
+    def plain(node: dict[str, Any]) -> dict[str, Any]:
+        if "$ref" in node:
+            return plain(definitions[node["$ref"]])
+        if "anyOf" in node:
+            return plain(next(one for one in node["anyOf"] if one.get("type") != "null"))
+        if "enum" in node:
+            return {"type": "string", **node}
+        if node.get("type") == "array":
+            return {**node, "items": plain(node["items"])}
+        if node.get("type") == "object":
+            fields = node.get("properties", {})
+            return {**node, "properties": {name: plain(one) for name, one in fields.items()}}
+        return node
+
+    return plain(schema)
+
+
+def read_log(path: Path) -> Iterator[Snapshot | State]:
+    """What `record` wrote, in its order, one message at a time.
+
+    Raises LogError if `path` cannot be read, is no MCAP file, is not ours, or is damaged; from a
+    file that ends in the middle, everything that is whole comes first.
+    """
+    try:
+        stream = path.open("rb")
+    except OSError as error:
+        raise LogError(f"cannot read {path}: {error.strerror}") from error
+    with stream:
+        decoders = {
+            "/state": msgspec.json.Decoder(State),
+            "/snapshot": msgspec.json.Decoder(Snapshot),
+        }
+        states = 0
+        last = "none"
+        topics: dict[int, str] = {}
+        for record_ in _records(path, stream, lambda: f"{states} states read, last tick {last}"):
+            if isinstance(record_, Channel):
+                topics[record_.id] = record_.topic
+            if not isinstance(record_, Message) or topics.get(record_.channel_id) not in decoders:
+                continue
+            topic = topics[record_.channel_id]
+            try:
+                message = decoders[topic].decode(record_.data)
+            except msgspec.DecodeError as error:
+                text = f"{path}: {topic} after tick {last} is of another version: {error}"
+                raise LogError(text) from error
+            if isinstance(message, State):
+                states += 1
+                last = str(message.tick)
+            yield message
+
+
+def _records(path: Path, stream: IO[bytes], progress: Callable[[], str]) -> Iterator[Any]:
+    """The records of an MCAP file of ours; every failure of the library becomes a LogError."""
+    magic = stream.read(8)
+    if magic != b"\x89MCAP0\r\n":
+        raise LogError(f"{path} is not an MCAP file")
+    size = path.stat().st_size
+    stream.seek(0)
+    reader = StreamReader(stream, validate_crcs=True, record_size_limit=RECORD_LIMIT_BYTES)
+    records = reader.records
+    while True:
+        try:
+            found = next(records)
+        except StopIteration:
+            return
+        except Exception as error:  # garbage makes the library raise nearly anything
+            if stream.tell() >= size:
+                raise LogError(f"{path} ends in the middle: {progress()}") from error
+            raise LogError(f"{path} is damaged ({error}): {progress()}") from error
+        if isinstance(found, Header) and found.profile != PROFILE:
+            raise LogError(f"{path} is an MCAP file, but not a recording of contactd")
+        yield found

@@ -1,0 +1,251 @@
+"""What a person sees of the daemon: a live dashboard and a status report, as rich renderables.
+
+Made purely from messages: nothing here reads a socket, a clock or a terminal. `Dashboard` fits
+100 x 30 characters, and 80 x 24 with narrower bars.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from daemon.messages import Snapshot, State, Status
+
+WINDOW_TICKS = 1000
+EVENTS_KEPT = 12
+WIDE = 96  # columns from which the bars are wide and the drives' states shown
+
+MODE_STYLES = {
+    "off": "white on grey30",
+    "enabling": "black on yellow",
+    "holding": "white on blue",
+    "tracking": "white on dark_green",
+    "admittance": "black on bright_cyan",
+    "stopping": "black on yellow",
+    "faulted": "white on red",
+}
+SIDE_STYLES = {"gap": "cyan", "left": "", "right": "", "unknown": "yellow"}
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What the present State does not say: the last thousand ticks and the last events."""
+
+    lateness_p50_us: float = 0.0
+    lateness_max_us: float = 0.0
+    work_max_us: float = 0.0
+    events: tuple[tuple[float, str, str], ...] = ()  # time [s], kind, text; newest last
+
+
+@dataclass(slots=True)
+class History:
+    """Takes every State, keeps a bounded past."""
+
+    _timing: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=WINDOW_TICKS))
+    _events: deque[tuple[float, str, str]] = field(
+        default_factory=lambda: deque(maxlen=EVENTS_KEPT)
+    )
+
+    def add(self, state: State) -> None:
+        """Remember the timing and the events of one tick."""
+        self._timing.append((state.timing.lateness_us, state.timing.work_us))
+        self._events.extend((state.time_s, event.kind, event.text) for event in state.events)
+
+    def summary(self) -> Summary:
+        """The past so far; all zero before the first State."""
+        if not self._timing:
+            return Summary()
+        lateness = sorted(late for late, _ in self._timing)
+        return Summary(
+            lateness_p50_us=lateness[len(lateness) // 2],
+            lateness_max_us=lateness[-1],
+            work_max_us=max(work for _, work in self._timing),
+            events=tuple(self._events),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Dashboard:
+    """One frame of `contactctl watch`; lays itself out for the console that prints it."""
+
+    snapshot: Snapshot
+    state: State
+    summary: Summary
+
+    def __rich_console__(
+        self, console: Console, options: ConsoleOptions
+    ) -> Iterator[RenderableType]:
+        wide = options.max_width >= WIDE
+        state = self.state
+        yield _headline(state)
+        yield Text(f" {state.cause}", no_wrap=True, overflow="ellipsis")
+        yield Text()
+        yield self._joints(wide, options.ascii_only)
+        yield Text()
+        yield self._loop()
+        rows_left = (options.height or console.height) - len(state.setpoint) - 9
+        if state.flags:
+            yield Text(f" estimator: {'; '.join(state.flags)}", "yellow", overflow="ellipsis")
+            rows_left -= 1
+        for time_s, kind, text in list(self.summary.events)[-max(rows_left, 1) :]:
+            style = {"fault": "bold red", "contact": "bright_cyan"}.get(kind, "")
+            line = Text(f" {time_s:9.2f} s  {kind:8}", "dim", no_wrap=True, overflow="ellipsis")
+            yield line.append(text, style)
+
+    def _joints(self, wide: bool, ascii_only: bool) -> Table:
+        state = self.state
+        beside = next(iter(state.beside), None)
+        table = Table(box=None, padding=(0, 1), header_style="bold")
+        table.add_column("joint", no_wrap=True, min_width=8, ratio=None)
+        table.add_column("rad", justify="right", no_wrap=True)
+        table.add_column("gap", no_wrap=True)
+        table.add_column("side", no_wrap=True)
+        table.add_column("residual", no_wrap=True)
+        table.add_column("Nm", justify="right", no_wrap=True)
+        table.add_column("of", justify="right", no_wrap=True)
+        if beside:
+            table.add_column(beside, justify="right", no_wrap=True, style="dim")
+        if wide:
+            table.add_column("drive", no_wrap=True, overflow="ellipsis")
+        for i, joint in enumerate(self.snapshot.joints):
+            residual, threshold = state.residual[i], state.threshold[i]
+            row: list[RenderableType] = [
+                Text(joint, "" if state.fresh[i] else "dim"),
+                f"{state.link_position[i]:+.3f}",
+                gap_bar(state.gap[i], self.snapshot.half_gap[i], 5 if wide else 3),
+                Text(state.side[i], SIDE_STYLES.get(state.side[i], "")),
+                residual_bar(residual, threshold, 8 if wide else 5, ascii_only),
+                Text(f"{residual:+.2f}", _strain_style(residual, threshold)),
+                f"{threshold:.2f}",
+            ]
+            if beside:
+                row.append(f"{state.beside[beside][i]:+.2f}")
+            if wide:
+                row.append(_drive(state.drives[i]))
+            table.add_row(*row)
+        return table
+
+    def _loop(self) -> Text:
+        summary, timing = self.summary, self.state.timing
+        period_us = 1e6 * self.snapshot.period_s
+        late = "red" if summary.lateness_max_us > 0.2 * period_us else ""
+        line = Text(" loop  late p50 ", no_wrap=True, overflow="ellipsis")
+        line.append(f"{summary.lateness_p50_us / 1e3:.2f}, ")
+        line.append(f"max {summary.lateness_max_us / 1e3:.2f} ms", late)
+        busy = "red" if summary.work_max_us > period_us else ""
+        line.append("   work max ").append(f"{summary.work_max_us / 1e3:.2f} ms", busy)
+        line.append(f" of {period_us / 1e3:.0f}   missed ")
+        return line.append(str(timing.missed), "red" if timing.missed else "")
+
+
+def gap_bar(phi: float, half_gap: float, half_width: int) -> Text:
+    """`[--o--|-----]`: where phi stands between the borders of its gap, o on a border beyond it."""
+    if half_gap <= 0.0:
+        return Text("no gap".center(2 * half_width + 3), "dim")
+    cells = ["[", *("-" * half_width), "|", *("-" * half_width), "]"]
+    reach = half_width + 1
+    if abs(phi) >= half_gap:
+        at = reach if phi > 0.0 else -reach
+    else:
+        at = round(phi / half_gap * half_width)
+    bar = Text("".join(cells), "dim")
+    bar.right_crop(len(cells) - (reach + at))
+    bar.append("o", "bold cyan" if abs(at) < reach else "bold")
+    return bar.append("".join(cells[reach + at + 1 :]), "dim")
+
+
+def residual_bar(residual: float, threshold: float, half_width: int, ascii_only: bool) -> Text:
+    """A bar from the middle to the residual; `:` marks the thresholds, half-way to either end."""
+    full = "#" if ascii_only else "█"
+    middle = "|" if ascii_only else "│"
+    mark = ":" if ascii_only else "┊"
+    scale = 2.0 * threshold if threshold > 0.0 else 1.0
+    filled = min(half_width, round(abs(residual) / scale * half_width))
+    marks = [mark if i == round(half_width / 2) else " " for i in range(1, half_width + 1)]
+    side = full * filled + "".join(marks[filled:])
+    other = "".join(marks)
+    style = _strain_style(residual, threshold)
+    bar = Text()
+    if residual < 0.0:
+        return bar.append(side[::-1], style).append(middle).append(other, "dim")
+    return bar.append(other[::-1], "dim").append(middle).append(side, style)
+
+
+def status_view(status: Status) -> RenderableType:
+    """The report of `contactctl status`."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column()
+    permission = Text("armed", "bold bright_cyan") if status.armed else Text("not armed")
+    mode = Text(f" {status.mode.upper()} ", MODE_STYLES.get(status.mode, ""))
+    table.add_row("mode", Text.assemble(mode, "  ", permission))
+    table.add_row("cause", status.cause)
+    if not status.armed:
+        reasons = status.not_armable or ["nothing: `contactctl arm` would be accepted"]
+        table.add_row("arming needs", "\n".join(reasons))
+    table.add_row("robot", f"{status.name} ({status.configuration})")
+    missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
+    work = f"work at most {status.work_max_us / 1e3:.2f} ms"
+    table.add_row("loop", f"{status.cycles} cycles, {missed}, {work}")
+    table.add_row("real time", "\n".join(status.realtime) or "nothing was asked for")
+    uptime = _duration(status.uptime_s)
+    table.add_row("process", f"pid {status.pid}, up {uptime}, {status.readers} readers")
+    frame = Table.grid()
+    frame.add_row(table)
+    frame.add_row("")
+    frame.add_row(_status_joints(status))
+    return frame
+
+
+def _status_joints(status: Status) -> Table:
+    table = Table(box=None, padding=(0, 1), header_style="bold")
+    for name in ("joint", "rad", "Nm", "of", "side", "age", "drive"):
+        justify = "right" if name in {"rad", "Nm", "of", "age"} else "left"
+        table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    for i, joint in enumerate(status.joints):
+        residual, threshold = status.residual[i], status.threshold[i]
+        table.add_row(
+            joint,
+            f"{status.position[i]:+.3f}",
+            Text(f"{residual:+.2f}", _strain_style(residual, threshold)),
+            f"{threshold:.2f}",
+            Text(status.side[i], SIDE_STYLES.get(status.side[i], "")),
+            Text(str(status.age_ticks[i]), "yellow" if status.age_ticks[i] else "dim"),
+            _drive(status.drives[i]),
+        )
+    return table
+
+
+def _headline(state: State) -> Text:
+    line = Text(no_wrap=True, overflow="ellipsis")
+    line.append(f" {state.mode.upper():^10} ", MODE_STYLES.get(state.mode, "reverse"))
+    line.append("  ")
+    line.append(*(("ARMED", "bold bright_cyan") if state.armed else ("not armed", "dim")))
+    line.append(f"   {_duration(state.time_s)}   tick {state.tick}")
+    if state.mode == "admittance":
+        then = "then the trajectory goes on" if state.moving else "then the arm holds"
+        line.append(f"   quiet for {state.quiet_s:.1f} s, {then}", "bright_cyan")
+    elif state.moving:
+        line.append("   trajectory runs")
+    return line
+
+
+def _strain_style(residual: float, threshold: float) -> str:
+    """Green, yellow from half the threshold on, red beyond it."""
+    if abs(residual) > threshold:
+        return "bold red"
+    return "yellow" if abs(residual) > 0.5 * threshold else "green"
+
+
+def _drive(name: str) -> Text:
+    styles: dict[str, str] = {"operation enabled": "green", "fault": "bold red"}
+    return Text(name, styles.get(name, "yellow"))
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(seconds, 60.0)
+    hours, minutes = divmod(int(minutes), 60)
+    return f"{hours}:{minutes:02d}:{rest:04.1f}"
