@@ -37,7 +37,6 @@ class Plant:
         self.parameters, self.n, self.step_s = parameters, n, step_s
         self._model, self._data = parameters.model, parameters.model.createData()
         self._friction = friction
-        self._friction_width, self._presliding = friction_width, presliding
         # Dead zones: rows 0..n-1 are phi, n..2n-1 are q.
         self._low = np.concatenate((-parameters.half_gap, parameters.lower))
         self._high = np.concatenate((parameters.half_gap, parameters.upper))
@@ -52,8 +51,12 @@ class Plant:
         self._deflection = np.zeros(2 * n)
         self._contact = np.zeros(2 * n)
         self._delta, self._scratch, self._sign = np.zeros((3, 2 * n))
-        self._inverse_rotor = 1.0 / parameters.rotor_inertia
-        self._braked = np.zeros(n, dtype=np.bool_)
+        # Torque of the motors to change of speed in a step; the links' inertia is in their ABA.
+        self._gain = step_s / np.concatenate((np.ones(n), parameters.rotor_inertia))
+        # A Python float as operand costs numpy a conversion at each step; a vector does not.
+        self._steps, self._none, self._one = np.full(2 * n, step_s), np.zeros(2 * n), np.ones(2 * n)
+        self._per_width = np.full(2 * n, 1.0 / friction_width)
+        self._per_presliding = np.full(2 * n, step_s / presliding)
 
     @property
     def q(self) -> Vector:
@@ -63,7 +66,7 @@ class Plant:
     @property
     def theta(self) -> Vector:
         """Motor positions seen at the link (n,) [rad]."""
-        return np.subtract(self._phi_q[self.n :], self._phi_q[: self.n])
+        return np.subtract(self.q, self.phi)
 
     @property
     def phi(self) -> Vector:
@@ -107,11 +110,8 @@ class Plant:
 
     def brake(self, joint: int, closed: bool) -> None:
         """A closed brake holds the motor where it is."""
-        if closed != self._braked[joint]:
-            self._braked[joint] = closed
-            self._inverse_rotor[joint] = (
-                0.0 if closed else 1.0 / self.parameters.rotor_inertia[joint]
-            )
+        rotor = self.parameters.rotor_inertia[joint]
+        self._gain[self.n + joint] = 0.0 if closed else self.step_s / rotor
         if closed:
             self.theta_dot[joint] = 0.0
             self._rates[joint] = self.q_dot[joint]
@@ -133,7 +133,7 @@ class Plant:
     def advance(self, steps: int, external: External | None = None) -> None:
         """Integrate over `steps` steps with constant motor torque; external is asked each step."""
         # One pass of small vectors: every name below is a buffer or a view, nothing is allocated.
-        n, step, model, data = self.n, self.step_s, self._model, self._data
+        n, model, data = self.n, self._model, self._data
         phi_q, rates, velocity = self._phi_q, self._rates, self._velocity
         q, q_dot, theta_dot = phi_q[n:], velocity[:n], velocity[n:]
         rates_phi, rates_q = rates[:n], rates[n:]
@@ -155,26 +155,25 @@ class Plant:
             np.multiply(self._damping, rates, out=scratch)
             np.add(contact, scratch, out=contact)
             np.multiply(contact, sign, out=contact)
-            np.maximum(contact, 0.0, out=contact)  # a border pushes, it never pulls
+            np.maximum(contact, self._none, out=contact)  # a border pushes, it never pulls
             np.multiply(contact, sign, out=contact)
             rub(scratch)
             np.subtract(applied, rubbing, out=acceleration)
             np.subtract(link, gear, out=link)
             np.subtract(link, stop, out=link)
             np.add(motor, gear, out=motor)
-            np.multiply(motor, self._inverse_rotor, out=motor)
             link[:] = pin.aba(model, data, q, q_dot, link)
-            np.multiply(acceleration, step, out=acceleration)
+            np.multiply(acceleration, self._gain, out=acceleration)
             np.add(velocity, acceleration, out=velocity)
             np.subtract(q_dot, theta_dot, out=rates_phi)
             rates_q[:] = q_dot
-            np.multiply(rates, step, out=scratch)
+            np.multiply(rates, self._steps, out=scratch)
             np.add(phi_q, scratch, out=phi_q)
 
     def _rub_smoothly(self, scratch: Vector) -> None:
         """Coulomb * tanh(velocity / width) + viscous * velocity."""
         rubbing, velocity = self._rubbing, self._velocity
-        np.multiply(velocity, 1.0 / self._friction_width, out=rubbing)
+        np.multiply(velocity, self._per_width, out=rubbing)
         np.tanh(rubbing, out=rubbing)
         np.multiply(rubbing, self.parameters.coulomb, out=rubbing)
         np.multiply(velocity, self.parameters.viscous, out=scratch)
@@ -186,10 +185,10 @@ class Plant:
         The implicit step z = (z + v h) / (1 + |v| h / z_max) keeps |z| <= z_max at any speed.
         """
         rubbing, velocity, z = self._rubbing, self._velocity, self._deflection
-        np.multiply(velocity, self.step_s / self._presliding, out=scratch)  # z in units of z_max
+        np.multiply(velocity, self._per_presliding, out=scratch)  # z in units of z_max
         np.add(z, scratch, out=z)
         np.abs(scratch, out=scratch)
-        np.add(scratch, 1.0, out=scratch)
+        np.add(scratch, self._one, out=scratch)
         np.divide(z, scratch, out=z)
         np.multiply(z, self.parameters.coulomb, out=rubbing)
         np.multiply(velocity, self.parameters.viscous, out=scratch)
