@@ -1,0 +1,258 @@
+"""The simulated arm in real time: over TCP for other processes, or as a node on a CAN bus."""
+
+import selectors
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import BinaryIO
+
+import can
+import msgspec
+
+from errors import BusError
+from simulator.arm import SimulatedArm
+from simulator.description import ArmDescription, SimulationSettings
+from simulator.events import Event
+from simulator.hand import AnyAct
+from simulator.socketcand import HELLO, Conversation, Reply, frame_line
+
+PULSE_S = 0.001
+"""The plant moves on at least this often, with or without a SYNC."""
+LONGEST_GAP_S = 0.1
+"""Held up for longer, the simulation skips time instead of racing after it."""
+SETTLING_S = 0.05
+"""python-can reads the answer to rawmode as one chunk: frames must not follow too soon."""
+MOST_UNSENT = 1 << 20
+"""A client that lets more bytes than this pile up is dropped."""
+
+
+class RealTimeArm:
+    """A simulated arm bound to CLOCK_MONOTONIC; tells its events as JSON lines."""
+
+    def __init__(
+        self,
+        description: ArmDescription,
+        settings: SimulationSettings,
+        send: Callable[[can.Message], None],
+        hand_script: Sequence[AnyAct],
+        events: BinaryIO | None,
+    ) -> None:
+        self._events = events
+        self._origin = time.monotonic()
+        self.arm = SimulatedArm(
+            description, settings, send, hand_script=hand_script, on_event=self.tell
+        )
+        self._origin = time.monotonic()
+        self.arm.power_on()
+
+    def live(self) -> float:
+        """Bring the plant up to the present; returns it [s, monotonic]."""
+        now = time.monotonic()
+        behind = now - self._origin - self.arm.now
+        if behind > LONGEST_GAP_S:
+            self._origin += behind - PULSE_S
+            self.tell(Event(self.arm.now, "server", f"held up for {behind:.3f} s, time skipped"))
+        self.arm.advance(now - self._origin)
+        return now
+
+    def tell(self, event: Event) -> None:
+        """Write `{monotonic_s, simulated_s, kind, text}` as one line."""
+        if self._events is not None:
+            line = {
+                "monotonic_s": round(self._origin + event.at_s, 6),
+                "simulated_s": round(event.at_s, 6),
+                "kind": event.kind,
+                "text": event.text,
+            }
+            try:
+                self._events.write(msgspec.json.encode(line) + b"\n")
+                self._events.flush()
+            except OSError:  # nobody listens any more; the arm lives on
+                self._events = None
+
+
+class _Client:
+    """One TCP connection: what it said, and what it has not taken yet."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.connection = connection
+        self.conversation = Conversation()
+        self.takes_frames_from = float("inf")
+        self.unsent = bytearray(HELLO)
+
+    def flush(self) -> bool:
+        """Send what the socket takes; False when the client is gone or far too slow."""
+        try:
+            while self.unsent:
+                del self.unsent[: self.connection.send(self.unsent)]
+        except BlockingIOError:
+            return len(self.unsent) < MOST_UNSENT
+        except OSError:
+            return False
+        return True
+
+
+class Server:
+    """A socketcand server whose bus has one arm on it; `arm` is open to tests in this process."""
+
+    def __init__(
+        self,
+        description: ArmDescription,
+        settings: SimulationSettings,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 29536,
+        hand_script: Sequence[AnyAct] = (),
+        events: BinaryIO | None = None,
+    ) -> None:
+        """Raises BusError when the port cannot be had; port 0 takes a free one, see `port`."""
+        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        try:
+            self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self._listener.bind((host, port))
+            self._listener.listen()
+        except (OSError, OverflowError) as error:
+            self._listener.close()
+            raise BusError(f"cannot serve the simulated arm on {host}:{port}: {error}") from error
+        self._listener.setblocking(False)
+        self.port: int = self._listener.getsockname()[1]
+        self._clients: dict[socket.socket, _Client] = {}
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        try:
+            self._real_time = RealTimeArm(
+                description, settings, self._broadcast, hand_script, events
+            )
+        except Exception:
+            self.close()
+            raise
+        self.arm = self._real_time.arm
+        self._real_time.tell(Event(0.0, "server", f"listening on {host}:{self.port}"))
+
+    def run(self, stop: threading.Event) -> None:
+        """Serve until `stop` is set."""
+        while not stop.is_set():
+            self.turn(PULSE_S)
+
+    def turn(self, timeout: float) -> None:
+        """Wait up to `timeout` s for a client, serve what came, and let the plant live."""
+        ready = self._selector.select(timeout)
+        now = self._real_time.live()
+        for entry, _ in ready:
+            if entry.fileobj is self._listener:
+                self._accept()
+            elif (client := self._clients.get(entry.data)) is not None:
+                self._listen(client, now)
+        for client in tuple(self._clients.values()):
+            if client.unsent and not client.flush():
+                self._drop(client)
+
+    def close(self) -> None:
+        """Close all sockets."""
+        for client in tuple(self._clients.values()):
+            self._drop(client)
+        self._selector.close()
+        self._listener.close()
+
+    def _accept(self) -> None:
+        try:
+            connection, _ = self._listener.accept()
+        except OSError:
+            return
+        self._clients[connection] = _Client(connection)
+        self._selector.register(connection, selectors.EVENT_READ, connection)
+
+    def _listen(self, client: _Client, now: float) -> None:
+        try:
+            data = client.connection.recv(65536)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            self._drop(client)
+            return
+        for answer in client.conversation.feed(data):
+            if isinstance(answer, Reply):
+                client.unsent += answer.data
+                if answer.raw_mode:
+                    client.takes_frames_from = now + SETTLING_S
+            else:
+                client.takes_frames_from = min(client.takes_frames_from, now)
+                self._broadcast(answer, client)
+                self._real_time.arm.receive(answer)
+
+    def _broadcast(self, message: can.Message, sender: _Client | None = None) -> None:
+        if not self._clients:
+            return
+        now = time.monotonic()
+        line = frame_line(message, time.time())
+        for client in self._clients.values():
+            if client is not sender and now >= client.takes_frames_from:
+                client.unsent += line
+
+    def _drop(self, client: _Client) -> None:
+        self._selector.unregister(client.connection)
+        del self._clients[client.connection]
+        client.connection.close()
+
+
+def serve(
+    description: ArmDescription,
+    settings: SimulationSettings,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 29536,
+    hand_script: Sequence[AnyAct] = (),
+    events: BinaryIO | None = None,
+) -> None:
+    """Serve the arm as a socketcand server until SIGTERM or SIGINT. Raises BusError."""
+    server = Server(
+        description, settings, host=host, port=port, hand_script=hand_script, events=events
+    )
+    try:
+        server.run(_stop_on_signals())
+    finally:
+        server.close()
+
+
+def serve_on_bus(
+    description: ArmDescription,
+    settings: SimulationSettings,
+    *,
+    interface: str,
+    channel: str,
+    hand_script: Sequence[AnyAct] = (),
+    events: BinaryIO | None = None,
+    stop: threading.Event | None = None,
+) -> None:
+    """Be the nodes of the arm on a CAN bus until `stop`, SIGTERM or SIGINT. Raises BusError."""
+    try:
+        bus = can.Bus(interface=interface, channel=channel)
+    except (can.CanError, OSError, ValueError) as error:
+        raise BusError(f"no CAN bus {interface} {channel}: {error}") from error
+    try:
+        stop = stop or _stop_on_signals()
+        real_time = RealTimeArm(description, settings, bus.send, hand_script, events)
+        real_time.tell(Event(0.0, "server", f"on {interface} {channel}"))
+        while not stop.is_set():
+            message = bus.recv(PULSE_S)
+            real_time.live()
+            while message is not None:
+                real_time.arm.receive(message)
+                message = bus.recv(0.0)
+    except can.CanError as error:
+        raise BusError(f"CAN bus {interface} {channel}: {error}") from error
+    finally:
+        bus.shutdown()
+
+
+def _stop_on_signals() -> threading.Event:
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    return stop

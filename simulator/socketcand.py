@@ -1,0 +1,79 @@
+"""The socketcand protocol in raw mode, as far as python-can's client speaks it; no I/O here."""
+
+from dataclasses import dataclass
+
+import can
+
+HELLO = b"< hi >"
+OK = b"< ok >"
+REFUSED = b"< error unknown command >"
+LONGEST_COMMAND = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """Bytes for this client."""
+
+    data: bytes
+    raw_mode: bool = False
+    """From here on the client takes frames."""
+
+
+class Conversation:
+    """The server's side with one client: bytes in, replies and frames out."""
+
+    def __init__(self) -> None:
+        self._buffer = b""
+        self._opened = self.raw_mode = False
+
+    def feed(self, data: bytes) -> list[Reply | can.Message]:
+        """Take received bytes; what they ask for, in order. Commands may arrive in pieces."""
+        self._buffer += data
+        answers: list[Reply | can.Message] = []
+        while (end := self._buffer.find(b">")) >= 0:
+            command, self._buffer = self._buffer[: end + 1], self._buffer[end + 1 :]
+            answers.append(self._answer(command.strip()))
+        if len(self._buffer) > LONGEST_COMMAND:
+            self._buffer = b""
+            answers.append(Reply(REFUSED))
+        return answers
+
+    def _answer(self, command: bytes) -> Reply | can.Message:
+        words = command.split()
+        if len(words) < 3 or words[0] != b"<" or words[-1] != b">":
+            return Reply(REFUSED)
+        verb, arguments = words[1], words[2:-1]
+        if verb == b"open" and len(arguments) == 1:
+            self._opened = True
+            return Reply(OK)
+        if verb == b"rawmode" and self._opened:
+            self.raw_mode = True
+            return Reply(OK, raw_mode=True)
+        if verb == b"send" and self.raw_mode:
+            message = _frame(arguments)
+            if message is not None:
+                return message
+        return Reply(REFUSED)
+
+
+def _frame(words: list[bytes]) -> can.Message | None:
+    """`ID LENGTH BYTE...`, all hexadecimal; an id of eight digits is an extended one."""
+    try:
+        numbers = [int(word, 16) for word in words]
+    except ValueError:
+        return None
+    if len(numbers) < 2 or not 0 <= numbers[1] <= 8 or len(numbers) != 2 + numbers[1]:
+        return None
+    cob_id, data, extended = numbers[0], numbers[2:], len(words[0]) > 3
+    if not 0 <= cob_id <= (0x1FFFFFFF if extended else 0x7FF):
+        return None
+    if any(not 0 <= byte <= 0xFF for byte in data):
+        return None
+    return can.Message(arbitration_id=cob_id, data=data, is_extended_id=extended)
+
+
+def frame_line(message: can.Message, timestamp: float) -> bytes:
+    """A frame as the server tells it to its clients; `timestamp` in s."""
+    width = 8 if message.is_extended_id else 3
+    text = f"< frame {message.arbitration_id:0{width}X} {timestamp:.6f} {message.data.hex()} >"
+    return text.encode("ascii")
