@@ -49,18 +49,24 @@ def _refuse_missing_interface(settings: BusSettings) -> None:
 
 def _open_socketcand(settings: BusSettings) -> can.BusABC:
     where = f"{settings.host}:{settings.port}"
-    # python-can would retry a refused connection for ten seconds, and wait for a greeting for ever.
+    # python-can would retry a refused connection for ten seconds, wait for a greeting for ever, and
+    # leave its socket open after a refusal; so a connection of our own tries first.
     try:
         with socket.create_connection((settings.host, settings.port), _CONNECT_TIMEOUT_S) as probe:
             greeting = probe.recv(64)
+            if greeting != b"< hi >":
+                raise BusError(f"bus socketcand: {where} answers, but not as socketcand does")
+            probe.sendall(f"< open {settings.channel} >".encode())
+            answer = probe.recv(256)
+            if answer != b"< ok >":
+                words = answer.decode(errors="replace")
+                raise BusError(f"bus socketcand: {where} opens no {settings.channel!r}: {words!r}")
     except ConnectionRefusedError as error:
         raise BusError(
             f"bus socketcand: nothing listens on {where}; is `contactd simulate` running?"
         ) from error
     except OSError as error:
         raise BusError(f"bus socketcand: {where}: {error}") from error
-    if not greeting.startswith(b"< hi"):
-        raise BusError(f"bus socketcand: {where} answers, but not as socketcand does")
     # A frame cut in two by TCP is no news, but python-can warns of each.
     logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)
     return can.Bus(

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 import canopen
-from canopen.objectdictionary import ODVariable
+from canopen.objectdictionary import ODArray, ODVariable
 
 from drivers.codec import STRUCT_CODES, Pdo, receive_pdos, transmit_pdos, type_limits
 from drivers.settings import DriveProfile, JointWiring, ObjectValue
@@ -49,9 +49,25 @@ class DriveSetup:
 def load_data_sheet(path: Path) -> canopen.ObjectDictionary:
     """Read an EDS; raises ConfigurationError naming the file."""
     try:
-        return canopen.import_od(str(path))
+        sheet = canopen.import_od(str(path))
     except Exception as error:  # configparser's and canopen's own, and whatever int() meets
         raise ConfigurationError(f"{path}: not a readable EDS: {error}") from error
+    if 0x1000 not in sheet:
+        raise ConfigurationError(f"{path}: not an EDS: object 0x1000 (device type) is missing")
+    return sheet
+
+
+def find_object(
+    sheet: canopen.ObjectDictionary, index: int, subindex: int = 0
+) -> ODVariable | None:
+    """The object in the EDS, or None."""
+    entry = sheet.get(index)
+    # canopen makes up every member of an array from its first; the EDS says how many there are.
+    if isinstance(entry, ODArray) and subindex and 0 in entry.subindices:
+        highest = entry[0].default
+        if highest is not None and subindex > highest:
+            return None
+    return sheet.get_variable(index, subindex)
 
 
 def objects_to_write(setup: DriveSetup, period_ms: int, master_node: int) -> list[ObjectValue]:
@@ -87,11 +103,11 @@ def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[st
     """Everything that the configuration counts on and the EDS does not have."""
     sheet, profile = setup.data_sheet, setup.profile
     for index, subindex in READ_AT_BOOT_UP:
-        if sheet.get_variable(index, subindex) is None:
+        if find_object(sheet, index, subindex) is None:
             yield f"object 0x{index:04X}:{subindex:02X} is missing"
     for wanted in objects_to_write(setup, period_ms, master_node):
         where = f"object 0x{wanted.object:04X}:{wanted.subindex:02X}"
-        variable = sheet.get_variable(wanted.object, wanted.subindex)
+        variable = find_object(sheet, wanted.object, wanted.subindex)
         if variable is None:
             yield f"{where} is missing, and {wanted.value} cannot be written to it"
             continue
@@ -114,7 +130,7 @@ def _pdo_problems(sheet: canopen.ObjectDictionary, pdo: Pdo, communication: int)
         yield f"has no PDO with parameters at 0x{communication:04X}"
     for field in pdo.fields:
         where = f"{field.entry}, object 0x{field.index:04X}:{field.subindex:02X},"
-        variable = sheet.get_variable(field.index, field.subindex)
+        variable = find_object(sheet, field.index, field.subindex)
         if variable is None:
             yield f"{where} is missing"
         elif _TYPES.get(variable.data_type) != field.type:

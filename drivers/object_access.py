@@ -10,7 +10,7 @@ import canopen
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from drivers.bus import BUS_FAILURES, connection_lost
-from drivers.drive_setup import DriveSetup
+from drivers.drive_setup import DriveSetup, find_object
 from errors import BusError, DriveError
 
 _READER_CYCLE_S: Final = 0.02
@@ -45,7 +45,7 @@ class ObjectAccess:
 
     def has(self, index: int, subindex: int = 0) -> bool:
         """Whether the EDS has the object."""
-        return self._setup.data_sheet.get_variable(index, subindex) is not None
+        return find_object(self._setup.data_sheet, index, subindex) is not None
 
     def read(self, index: int, subindex: int = 0) -> int:
         """Value of an integer object; raises DriveError or BusError."""

@@ -119,8 +119,6 @@ def bench(wire: tuple[can.BusABC, can.BusABC]) -> Bench:
 
 
 @pytest.fixture
-def make_arm(
-    joints: list[Joint], profiles: dict[str, DriveProfile]
-) -> Callable[[can.BusABC], Arm]:
+def make_arm(joints: list[Joint], profiles: dict[str, DriveProfile]) -> Callable[[can.BusABC], Arm]:
     """An arm whose clock stands still: `collect` reads what is queued."""
     return lambda bus: Arm(bus, joints, profiles, PERIOD_S, lambda: 0.0)

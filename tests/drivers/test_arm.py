@@ -1,16 +1,421 @@
+"""The arm on a bus: ticks with the simulated drives, and with everything that may go wrong."""
+
+import struct
+
+import can
 import numpy as np
-from drivers.boot_up import boot_up
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.arm import EVENTS_PER_TICK, FRAMES_PER_PASS, Arm
+from drivers.boot_up import boot_up, forget_master
 from drivers.cia402 import DriveState, PowerTarget
+from drivers.events import (
+    BadSetpoint,
+    BusTrouble,
+    Emergency,
+    ForeignMaster,
+    HeartbeatLost,
+    NotOperational,
+    Rebooted,
+)
+
+N = 7
+STILL = np.zeros(N)
+PERIOD_S = 0.010
+OPERATION_ENABLED = 0x27
 
 
-def test_enable(bench, setups, make_arm):
+def frame(cob_id: int, data: bytes = b"", **kind) -> can.Message:
+    return can.Message(arbitration_id=cob_id, data=data, **{"is_extended_id": False} | kind)
+
+
+def tpdos(node: int, statusword: int = OPERATION_ENABLED) -> list[can.Message]:
+    return [
+        frame(0x180 + node, struct.pack("<Hhi", statusword, 500, 10 * node)),
+        frame(0x280 + node, struct.pack("<ii", 1000 * node, 0)),
+    ]
+
+
+def everything(statusword: int = OPERATION_ENABLED) -> list[can.Message]:
+    return [message for node in range(1, N + 1) for message in tpdos(node, statusword)]
+
+
+class ScriptedBus:
+    """A bus that delivers what it is given and keeps what it is told to send."""
+
+    channel_info = "scripted"
+
+    def __init__(self) -> None:
+        self.incoming: list[can.Message] = []
+        self.sent: list[tuple[int, bytes]] = []
+        self.waits: list[float] = []
+        self.failure: Exception | None = None
+
+    def recv(self, timeout: float) -> can.Message | None:
+        if self.failure:
+            raise self.failure
+        self.waits.append(timeout)
+        return self.incoming.pop(0) if self.incoming else None
+
+    def send(self, message: can.Message) -> None:
+        if self.failure:
+            raise self.failure
+        self.sent.append((message.arbitration_id, bytes(message.data)))
+
+
+@pytest.fixture
+def scripted() -> ScriptedBus:
+    return ScriptedBus()
+
+
+@pytest.fixture
+def arm(scripted, make_arm) -> Arm:
+    """Started, at time 0."""
+    arm = make_arm(scripted)
+    arm.start(0.0)
+    scripted.sent.clear()
+    return arm
+
+
+def tick(arm, bus, frames, now=PERIOD_S):
+    arm.sync(now)
+    bus.incoming += frames
+    return arm.collect(now)
+
+
+# -- with the simulated drives ---------------------------------------------------------------------
+
+
+def test_enable_move_stop_disable(bench, setups, make_arm):
     with bench.lockstep.serving():
         boot_up(bench.bus, setups, period_ms=10, listen_s=0.01)
     arm = make_arm(bench.bus)
     arm.start(0.0)
-    for k in range(20):
-        s = bench.tick(arm)
-        if k: print(k, s.states[0].name, s.fresh.all(), s.events, s.link_position[0], s.motor_velocity[0])
-        arm.command(PowerTarget.ON, np.full(7, 0.1))
-    print(arm.counters)
-    assert all(state is DriveState.OPERATION_ENABLED for state in s.states)
+    assert np.isnan(arm.samples.current).all()
+
+    def run(ticks, power, velocity):
+        for _ in range(ticks):
+            samples = bench.tick(arm)
+            assert samples.events == ()
+            arm.command(power, velocity)
+        return samples
+
+    samples = run(10, PowerTarget.OFF, STILL)
+    assert set(samples.states) == {DriveState.SWITCH_ON_DISABLED}
+    run(10, PowerTarget.ON, STILL)
+    # Away from the end stops; each joint its own velocity, so that rows cannot be mixed up.
+    velocity = np.array([0.1, 0.15, 0.2, -0.1, -0.3, -0.05, -0.25])
+    before = run(100, PowerTarget.ON, velocity).link_position.copy()
+    samples = run(50, PowerTarget.ON, velocity)
+    assert set(samples.states) == {DriveState.OPERATION_ENABLED}
+    np.testing.assert_allclose(samples.motor_velocity, velocity, atol=0.05)
+    np.testing.assert_allclose((samples.link_position - before) / 0.5, velocity, atol=0.05)
+    plant = bench.simulated.plant
+    np.testing.assert_allclose(samples.link_position, plant.q, atol=1e-4)
+    samples = run(50, PowerTarget.QUICK_STOP, velocity)
+    assert set(samples.states) == {DriveState.QUICK_STOP_ACTIVE}
+    np.testing.assert_allclose(samples.motor_velocity, STILL, atol=0.02)
+    mixed = [PowerTarget.OFF] * 3 + [PowerTarget.QUICK_STOP] * 4
+    samples = run(5, mixed, STILL)
+    assert samples.states[:3] == [DriveState.SWITCH_ON_DISABLED] * 3
+    assert samples.states[3:] == [DriveState.QUICK_STOP_ACTIVE] * 4
+    assert not any(
+        (arm.counters.unknown_frames, arm.counters.late_frames, arm.counters.missing_frames)
+    )
+
+
+def test_drives_stop_by_themselves_when_the_loop_hangs(bench, setups, make_arm):
+    with bench.lockstep.serving():
+        boot_up(bench.bus, setups, period_ms=10, listen_s=0.01)
+    arm = make_arm(bench.bus)
+    arm.start(0.0)
+    for _ in range(50):
+        bench.tick(arm)
+        arm.command(PowerTarget.ON, np.full(N, 0.1))
+    bench.simulated.advance(bench.simulated.now + 1.0)
+    samples = bench.tick(arm)
+    assert {event for event in samples.events if isinstance(event, Emergency)} >= {
+        Emergency(node, 0x8130, 0x11) for node in range(1, N + 1)
+    }
+    assert set(samples.states) == {DriveState.QUICK_STOP_ACTIVE}
+
+
+def test_an_orderly_end_is_no_fault_to_the_drives(bench, setups, make_arm):
+    with bench.lockstep.serving():
+        boot_up(bench.bus, setups, period_ms=10, listen_s=0.01)
+    arm = make_arm(bench.bus)
+    arm.start(0.0)
+    for power in (PowerTarget.ON, PowerTarget.QUICK_STOP):
+        for _ in range(20):
+            bench.tick(arm)
+            arm.command(power, STILL)
+    arm.end()
+    bench.lockstep.pump()
+    with bench.lockstep.serving():
+        forget_master(bench.bus, setups)
+    bench.simulated.advance(bench.simulated.now + 1.0)
+    assert {drive.state.name for drive in bench.simulated.drives} == {"QUICK_STOP_ACTIVE"}
+    while (message := bench.bus.recv(0)) is not None:
+        assert not 0x80 < message.arbitration_id < 0x100, "no emergency"
+        assert not 0x180 <= message.arbitration_id < 0x580, "no PDO"
+
+
+# -- sending ---------------------------------------------------------------------------------------
+
+
+def test_start_names_every_node_and_nobody_else(scripted, make_arm):
+    make_arm(scripted).start(0.0)
+    assert scripted.sent == [(0x77F, b"\x05")] + [
+        (0x000, bytes([1, node])) for node in range(1, N + 1)
+    ]
+
+
+def test_the_master_beats_within_a_third_of_the_drives_patience(scripted, arm):
+    beats = []
+    for k in range(1, 100):
+        tick(arm, scripted, everything(), k * PERIOD_S)
+        assert scripted.sent.pop() == (0x080, b""), "SYNC last"
+        beats += [k * PERIOD_S for cob_id, _ in scripted.sent if cob_id == 0x77F]
+        scripted.sent.clear()
+    gaps = np.diff([0.0, *beats])
+    assert gaps.max() <= 0.100 / 3
+    assert gaps.min() > 2.5 * PERIOD_S, "and not more often than needed"
+
+
+def test_a_setpoint_on_the_wire(scripted, arm):
+    tick(arm, scripted, everything())
+    scripted.sent.clear()
+    arm.command(PowerTarget.ON, np.linspace(-0.3, 0.3, N))
+    gears = np.array([150, 150, 100, 100, 100, 80, 80])
+    counts = np.rint(np.linspace(-0.3, 0.3, N) * gears * 600 / (2 * np.pi)).astype(int)
+    assert scripted.sent == [
+        (0x200 + node, struct.pack("<Hi", 0x0F, counts[node - 1])) for node in range(1, N + 1)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("statusword", "power"),
+    [
+        (0x23, PowerTarget.ON),
+        (0x07, PowerTarget.ON),
+        (0x08, PowerTarget.ON),
+        (OPERATION_ENABLED, PowerTarget.QUICK_STOP),
+        (OPERATION_ENABLED, PowerTarget.OFF),
+    ],
+)
+def test_a_drive_that_is_not_in_operation_gets_no_velocity(scripted, arm, statusword, power):
+    tick(arm, scripted, everything(statusword))
+    scripted.sent.clear()
+    arm.command(power, np.full(N, 0.5))
+    assert len(scripted.sent) == N
+    assert {data[2:] for _, data in scripted.sent} == {bytes(4)}
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_velocity_that_is_not_finite_stops_the_arm(scripted, arm, bad):
+    tick(arm, scripted, everything())
+    scripted.sent.clear()
+    velocity = np.full(N, 0.5)
+    velocity[2] = bad
+    arm.command(PowerTarget.ON, velocity)
+    assert {data for _, data in scripted.sent} == {struct.pack("<Hi", 0x02, 0)}
+    assert [type(event) for event in tick(arm, scripted, []).events] == [BadSetpoint]
+
+
+def test_a_reset_is_an_edge(scripted, arm):
+    words = []
+    for k in range(4):
+        tick(arm, scripted, everything(0x08), k * PERIOD_S)
+        scripted.sent.clear()
+        arm.command(PowerTarget.OFF, STILL, reset=True)
+        words.append({data[:2] for _, data in scripted.sent})
+    assert words == [{b"\x80\0"}, {b"\0\0"}] * 2
+
+
+def test_the_heartbeat_is_last(scripted, arm):
+    arm.end()
+    assert scripted.sent == [
+        *((0x000, bytes([128, node])) for node in range(1, N + 1)),
+        (0x77F, b"\x05"),
+    ]
+
+
+# -- receiving -------------------------------------------------------------------------------------
+
+
+def test_reading_ends_with_the_last_tpdo(scripted, arm):
+    late = frame(0x703, b"\x05")
+    samples = tick(arm, scripted, [*everything(), late])
+    assert samples.fresh.all()
+    assert scripted.incoming == [late]
+    np.testing.assert_allclose(samples.current, [1.0, 0.75, 0.6, 0.6, 0.3, 0.15, 0.15])
+
+
+def test_reading_waits_until_the_deadline_and_no_longer(scripted, joints, profiles):
+    times = iter([0.0, 0.001, 0.004, 0.0, 0.0])
+    arm = Arm(scripted, joints, profiles, PERIOD_S, lambda: next(times))
+    arm.sync(0.0)
+    scripted.waits.clear()
+    scripted.incoming += tpdos(1)
+    arm.collect(0.003)
+    assert scripted.waits == pytest.approx([0.003, 0.002, 0.0])
+
+
+def test_a_joint_is_fresh_when_all_its_tpdos_are_in(scripted, arm):
+    samples = tick(arm, scripted, everything())
+    position = samples.link_position.copy()
+    for age in (1, 2):
+        one_missing = [message for message in everything() if message.arbitration_id != 0x283]
+        samples = tick(arm, scripted, one_missing, (1 + age) * PERIOD_S)
+        assert list(samples.fresh) == [i != 2 for i in range(N)]
+        assert list(samples.age_ticks) == [age if i == 2 else 0 for i in range(N)]
+        np.testing.assert_array_equal(samples.link_position, position)
+    assert arm.counters.missing_frames == 2
+    samples = tick(arm, scripted, everything(), 4 * PERIOD_S)
+    assert samples.fresh.all()
+    assert not samples.age_ticks.any()
+
+
+def test_a_late_tpdo_does_not_pass_for_the_next(scripted, arm):
+    tick(arm, scripted, everything())
+    tick(arm, scripted, everything()[1:], 2 * PERIOD_S)
+    scripted.incoming += everything()[:1]  # comes after the deadline, before the next SYNC
+    samples = tick(arm, scripted, everything()[1:], 3 * PERIOD_S)
+    assert not samples.fresh[0]
+    assert list(samples.age_ticks[:2]) == [2, 0]
+    assert arm.counters.late_frames == 1
+
+
+def test_short_frames_are_counted_and_not_believed(scripted, arm):
+    samples = tick(arm, scripted, [frame(0x181, b"\x27"), frame(0x703), frame(0x83, b"\1")])
+    assert arm.counters.short_frames == 3
+    assert samples.statuswords[0] == -1
+    assert samples.events == ()
+
+
+@pytest.mark.parametrize(
+    ("message", "event"),
+    [
+        (frame(0x83, struct.pack("<HB5x", 0x8130, 0x11)), Emergency(3, 0x8130, 0x11)),
+        (frame(0x703, b"\0"), Rebooted(3)),
+        (frame(0x080), ForeignMaster(0x080)),
+        (frame(0x000, b"\1\0"), ForeignMaster(0x000)),
+        (frame(0x77F, b"\5"), ForeignMaster(0x77F)),
+        (frame(0x203, bytes(6)), ForeignMaster(0x203)),
+        (frame(0x040, bytes(8), is_error_frame=True), BusTrouble("error frame: bus off")),
+    ],
+)
+def test_what_happens_beside_samples_is_an_event(scripted, arm, message, event):
+    assert tick(arm, scripted, [message]).events == (event,)
+    assert str(event)
+    assert tick(arm, scripted, []).events == (), "and is told once"
+    scripted.incoming.append(message)  # between two ticks
+    assert tick(arm, scripted, []).events == (event,)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        frame(0x703, b"\5"),
+        frame(0x583, bytes(8)),
+        frame(0x708, b"\0"),
+        frame(0x88, bytes(8)),
+        frame(0x080, is_rx=False),
+        frame(0x77F, b"\5", is_rx=False),
+        frame(0x181, bytes(8), is_extended_id=True),
+        frame(0x703, is_remote_frame=True),
+    ],
+)
+def test_what_is_none_of_our_business_is_no_event(scripted, arm, message):
+    samples = tick(arm, scripted, [message])
+    assert samples.events == ()
+    assert samples.statuswords == [-1] * N
+
+
+def test_a_drive_that_falls_silent(scripted, arm):
+    for k in range(1, 40):
+        beats = [frame(0x700 + node, b"\5") for node in range(1, N + 1) if node != 4 or k < 10]
+        samples = tick(arm, scripted, beats + everything(), k * PERIOD_S)
+        # Last heard in tick 9, three periods of 50 ms.
+        assert samples.events == ((HeartbeatLost(4),) if k == 25 else ())
+
+
+def test_a_drive_that_leaves_operational(scripted, arm):
+    tick(arm, scripted, [frame(0x702, b"\5")])
+    assert tick(arm, scripted, [frame(0x702, b"\x7f")]).events == (NotOperational(2, 127),)
+
+
+@pytest.mark.parametrize(
+    "failure",
+    [
+        can.CanOperationError("No buffer space available", 105),
+        can.CanOperationError("Network is down", 100),
+        BrokenPipeError(32, "Broken pipe"),
+        ValueError("file descriptor cannot be a negative integer (-1)"),
+    ],
+)
+def test_a_bus_that_fails_is_an_event(scripted, arm, failure):
+    tick(arm, scripted, everything())
+    scripted.failure = failure
+    arm.command(PowerTarget.ON, STILL)
+    arm.sync(2 * PERIOD_S)
+    samples = arm.collect(2 * PERIOD_S)
+    arm.end()
+    assert {type(event) for event in samples.events} == {BusTrouble}
+    assert len(samples.events) == 2, "once for sending, once for receiving"
+    assert not samples.fresh.any()
+    assert arm.counters.send_errors >= N + 1
+    scripted.failure = None
+    assert tick(arm, scripted, everything(), 3 * PERIOD_S).fresh.all(), "and it comes back"
+
+
+def test_a_closed_bus_is_an_event(wire, make_arm):
+    arm = make_arm(wire[0])
+    arm.start(0.0)
+    wire[0].shutdown()
+    arm.sync(PERIOD_S)
+    samples = arm.collect(PERIOD_S)
+    arm.command(PowerTarget.ON, STILL)
+    assert {type(event) for event in samples.events} == {BusTrouble}
+
+
+def test_a_flood_is_bounded(scripted, arm):
+    arm.sync(PERIOD_S)
+    scripted.incoming += [frame(0x80 + 1 + k % N, struct.pack("<HB", k, 1)) for k in range(2000)]
+    samples = arm.collect(PERIOD_S)
+    assert len(scripted.incoming) == 2000 - FRAMES_PER_PASS
+    assert len(samples.events) == EVENTS_PER_TICK
+    assert arm.counters.dropped_events == FRAMES_PER_PASS - EVENTS_PER_TICK
+
+
+ANY_FRAME = st.builds(
+    can.Message,
+    arbitration_id=st.one_of(
+        st.integers(0, 0x7FF),
+        st.sampled_from([0x000, 0x080, 0x083, 0x181, 0x287, 0x201, 0x701, 0x77F]),
+        st.integers(0, 0x1FFFFFFF),
+    ),
+    data=st.binary(max_size=8),
+    is_extended_id=st.booleans(),
+    is_error_frame=st.booleans(),
+    is_remote_frame=st.booleans(),
+    is_rx=st.booleans(),
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(ticks=st.lists(st.lists(ANY_FRAME, max_size=40), max_size=5))
+def test_no_frame_makes_an_exception(joints, profiles, ticks):
+    bus = ScriptedBus()
+    arm = Arm(bus, joints, profiles, PERIOD_S, lambda: 0.0)
+    arm.start(0.0)
+    for k, frames in enumerate(ticks, start=1):
+        samples = tick(arm, bus, frames, k * PERIOD_S)
+        arm.command(PowerTarget.ON, np.full(N, 0.1))
+        assert len(samples.events) <= EVENTS_PER_TICK
+        assert samples.age_ticks.max() <= k
+        moved = {cob_id - 0x201 for cob_id, data in bus.sent[-N:] if data[2:] != bytes(4)}
+        in_operation = {i for i in range(N) if samples.states[i] is DriveState.OPERATION_ENABLED}
+        assert moved == in_operation

@@ -1,15 +1,219 @@
-"""Boot-up against the simulated drives."""
+"""Boot-up against the simulated drives, as they are and with one thing wrong."""
 
+import threading
+from dataclasses import replace
+
+import can
+import msgspec
 import pytest
 
-from drivers.boot_up import boot_up
+from drivers.boot_up import boot_up, forget_master, refuse_other_master
+from drivers.bus import connection_lost
+from errors import BusError, ConfigurationError, DriveError
+from simulator.objects import key
+
+QUICK = {"period_ms": 10, "listen_s": 0.005, "sdo_timeout_s": 0.05}
 
 
-def test_every_drive_is_set_up_and_says_who_it_is(bench, setups):
-    lines = []
+def start(bench, setups, **options):
     with bench.lockstep.serving():
-        identities = boot_up(bench.bus, setups, period_ms=10, progress=lines.append, listen_s=0.01)
-    assert [identity.serial for identity in identities] == list(range(1, 8))
-    assert {identity.vendor for identity in identities} == {0x00C0DAC7}
-    assert len(lines) == 2 * len(setups)
-    print("\n".join(lines))
+        return boot_up(bench.bus, setups, **QUICK | options)
+
+
+def number(bench, drive, index, subindex=0):
+    return bench.simulated.drives[drive].objects.number(index, subindex)
+
+
+def threads():
+    return {thread.name for thread in threading.enumerate()}
+
+
+def test_every_drive_says_who_it_is(bench, setups):
+    lines = []
+    before = threads()
+    identities = start(bench, setups, progress=lines.append)
+    assert threads() == before, "the reader is gone"
+    assert [(i.name, i.node, i.serial) for i in identities] == [
+        (setup.name, setup.wiring.node, setup.wiring.node) for setup in setups
+    ]
+    assert {(i.vendor, i.product, i.revision) for i in identities} == {(0xC0DAC7, 0x402, 0x10000)}
+    assert lines[2] == "node 3 (LElbowRoll): vendor 0xC0DAC7, product 0x402, revision 0x10000, " + (
+        "serial 3"
+    )
+    assert lines[-1] == "node 7 (LWristPitch): set up and read back"
+    bench.bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
+    assert bench.other_end.recv(0) is not None, "the bus is still open"
+
+
+def test_every_drive_holds_what_it_was_told(bench, setups):
+    start(bench, setups)
+    wanted = {
+        (0x1016, 1): 127 << 16 | 100,
+        (0x1017, 0): 50,
+        (0x1029, 1): 1,
+        (0x6007, 0): 3,
+        (0x605A, 0): 6,
+        (0x605E, 0): 2,
+        (0x6060, 0): 9,
+        (0x6061, 0): 9,
+        (0x60C2, 1): 10,
+        (0x6073, 0): 2000,
+        (0x1400, 1): 0x203,
+        (0x1400, 2): 1,
+        (0x1600, 0): 2,
+        (0x1600, 1): 0x60400010,
+        (0x1600, 2): 0x60FF0020,
+        (0x1800, 1): 0x40000183,
+        (0x1800, 2): 1,
+        (0x1A00, 0): 3,
+        (0x1A00, 1): 0x60410010,
+        (0x1A00, 2): 0x60780010,
+        (0x1A00, 3): 0x606C0020,
+        (0x1801, 1): 0x40000283,
+        (0x1A01, 0): 2,
+        (0x1A01, 1): 0x60E40120,
+        (0x1A01, 2): 0x60640020,
+    }
+    assert {where: number(bench, 2, *where) for where in wanted} == wanted
+    assert number(bench, 2, 0x60C2, 2) == -3
+    # 12 rad/s2 at the link, behind a gear of 100, in 0.1 rpm/s.
+    assert number(bench, 2, 0x6085) == round(12 * 100 / 0.010471975511965977)
+
+
+def test_pdos_that_are_left_over_are_off(bench, setups):
+    start(bench, setups)
+    for drive in range(len(setups)):
+        for communication in (0x1401, 0x1402, 0x1403, 0x1802, 0x1803):
+            assert number(bench, drive, communication, 1) >> 31 == 1
+
+
+def test_set_up_twice_is_set_up(bench, setups):
+    assert start(bench, setups) == start(bench, setups)
+
+
+def test_the_configurations_own_objects_come_last(bench, setups):
+    extra = msgspec.structs.replace(
+        setups[0].profile,
+        write=[{"object": 0x6080, "value": 3000}, {"object": 0x6073, "value": 1500}],
+    )
+    extra = msgspec.convert(msgspec.to_builtins(extra), type(extra))
+    start(bench, [replace(setup, profile=extra) for setup in setups])
+    assert number(bench, 0, 0x6080) == 3000
+    assert number(bench, 0, 0x6073) == 1500
+
+
+def test_a_drive_that_is_not_there(bench, setups):
+    missing = msgspec.structs.replace(setups[2].wiring, node=99)
+    with pytest.raises(DriveError, match=r"node 99 \(LElbowRoll\) does not answer \(SDO timeout"):
+        start(bench, [*setups[:2], replace(setups[2], wiring=missing), *setups[3:]])
+    assert number(bench, 0, 0x6007) == 0, "nothing is written before everybody has answered"
+
+
+@pytest.mark.parametrize(
+    ("where", "value", "says"),
+    [
+        ((0x1000, 0), 0x00020191, r"is not a CiA 402 drive \(device profile 401\)"),
+        ((0x6502, 0), 0x80, "no cyclic synchronous velocity"),
+        ((0x6075, 0), 1000, r"0x6075:00 says a rated current of 1 A, configured 1.2 A"),
+    ],
+)
+def test_another_drive_than_configured(bench, setups, where, value, says):
+    bench.simulated.drives[2].objects.values[key(*where)] = value
+    with pytest.raises(DriveError, match=r"node 3 \(LElbowRoll\).*" + says):
+        start(bench, setups)
+
+
+def test_another_serial_number(bench, setups):
+    wiring = msgspec.structs.replace(setups[2].wiring, serial=1234)
+    with pytest.raises(DriveError, match="serial number 3, configured 1234"):
+        start(bench, [*setups[:2], replace(setups[2], wiring=wiring)])
+
+
+def forgetful(drive, where, value):
+    """The drive accepts a write and keeps `value` all the same."""
+    written = drive.objects.written
+
+    def hook(key_written):
+        if key_written == key(*where):
+            drive.objects.values[key_written] = value
+        written(key_written)
+
+    drive.objects.written = hook
+
+
+@pytest.mark.parametrize(
+    ("where", "kept", "says"),
+    [
+        ((0x6007, 0), 0, "object 0x6007:00 was written 3, reads 0"),
+        ((0x1016, 1), 0, "object 0x1016:01 was written 8323172, reads 0"),
+        ((0x1A00, 3), 0, r"object 0x1A00:03 was written 1617690656, reads 0"),
+        ((0x1800, 2), 255, "object 0x1800:02 was written 1, reads 255"),
+        ((0x1400, 1), 0x80000203, "object 0x1400:01 was written 0x00000203, reads 0x80000203"),
+        ((0x1803, 1), 0x483, "object 0x1803:01 reads 0x00000483: the PDO stays enabled"),
+    ],
+)
+def test_a_drive_that_does_not_hold_what_it_was_told(bench, setups, where, kept, says):
+    forgetful(bench.simulated.drives[2], where, kept)
+    with pytest.raises(DriveError, match=r"node 3 \(LElbowRoll\): " + says):
+        start(bench, setups)
+
+
+def test_a_drive_in_another_mode(bench, setups):
+    drive = bench.simulated.drives[2]
+    written = drive.objects.written
+
+    def hook(key_written):
+        written(key_written)
+        drive.objects.values[key(0x6061)] = 8
+
+    drive.objects.written = hook
+    with pytest.raises(DriveError, match="the drive shows mode 8"):
+        start(bench, setups)
+
+
+def test_a_refusal_in_words(bench, setups):
+    profile = msgspec.structs.replace(setups[2].profile, fault_reaction=1)
+    with pytest.raises(
+        DriveError, match=r"0x605E:00: writing 1 was refused: Value range .* \(0x06090030\)"
+    ):
+        start(bench, [*setups[:2], replace(setups[2], profile=profile)])
+
+
+def test_a_value_outside_the_eds_never_gets_to_the_bus(bench, setups):
+    profile = msgspec.structs.replace(setups[2].profile, fault_reaction=-5)
+    with pytest.raises(ConfigurationError, match=r"object 0x605E:00: -5 is outside 0 \.\.\. 2"):
+        boot_up(bench.bus, [replace(setups[2], profile=profile)], **QUICK)
+    assert bench.other_end.recv(0) is None
+
+
+@pytest.mark.parametrize(
+    ("cob_id", "says"),
+    [(0x77F, r"another master \(node 127\) is on this bus"), (0x080, "somebody sends SYNC")],
+)
+def test_another_master(bench, setups, cob_id, says):
+    bench.other_end.send(can.Message(arbitration_id=cob_id, is_extended_id=False, data=b""))
+    with pytest.raises(BusError, match=says):
+        boot_up(bench.bus, setups, **QUICK)
+
+
+def test_a_drives_heartbeat_is_no_other_master(wire):
+    for cob_id in (0x701, 0x181, 0x77E):
+        wire[1].send(can.Message(arbitration_id=cob_id, is_extended_id=False))
+    wire[1].send(can.Message(arbitration_id=0x77F, is_extended_id=True))
+    refuse_other_master(wire[0], 127, 0.01)
+    assert not connection_lost(wire[0])
+
+
+def test_a_closed_bus(wire, setups):
+    wire[0].shutdown()
+    with pytest.raises(BusError, match="closed bus"):
+        boot_up(wire[0], setups, **QUICK)
+
+
+def test_forget_master_tells_every_drive_even_if_one_is_gone(bench, setups):
+    start(bench, setups)
+    gone = replace(setups[2], wiring=msgspec.structs.replace(setups[2].wiring, node=99))
+    with bench.lockstep.serving(), pytest.raises(DriveError, match="node 99"):
+        forget_master(bench.bus, [*setups[:2], gone, *setups[3:]], sdo_timeout_s=0.05)
+    watched = [number(bench, drive, 0x1016, 1) for drive in range(7)]
+    assert watched == [0, 0, 127 << 16 | 100, 0, 0, 0, 0]

@@ -75,15 +75,15 @@ def test_nobody_listens():
 
 
 def test_somebody_else_listens():
-    with peer([b"SSH-2.0-OpenSSH"]) as (port, _):
-        with pytest.raises(BusError, match="not as socketcand does"):
-            open_bus(socketcand(port))
+    refused = pytest.raises(BusError, match="not as socketcand does")
+    with peer([b"SSH-2.0-OpenSSH"]) as (port, _), refused:
+        open_bus(socketcand(port))
 
 
 def test_a_bus_that_is_not_served():
-    with peer([b"< hi >", b"< error could not open bus >"]) as (port, _):
-        with pytest.raises(BusError, match="could not open bus"):
-            open_bus(socketcand(port))
+    refused = pytest.raises(BusError, match="opens no 'can0': .*could not open bus")
+    with peer([b"< hi >", b"< error could not open bus >"]) as (port, _), refused:
+        open_bus(socketcand(port))
 
 
 def test_a_serial_adapter_that_is_not_there():

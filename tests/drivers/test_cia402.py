@@ -30,17 +30,16 @@ PATTERNS = {
 
 
 def fits(statusword: int, pattern: str) -> bool:
-    bits = [6, 5, 3, 2, 1, 0]
-    return all(
-        wanted in ("x", str(statusword >> bit & 1))
-        for bit, wanted in zip(bits, pattern.replace(" ", ""), strict=True)
-    )
+    digits = pattern.replace(" ", "")
+    bits = "".join("01"[statusword >> bit & 1] for bit in (6, 5, 3, 2, 1, 0))
+    return all(wanted in ("x", bit) for wanted, bit in zip(digits, bits, strict=True))
 
 
 def test_every_statusword_gives_the_state_of_the_standard():
-    for statusword in range(0x10000):
-        found = [state for state, pattern in PATTERNS.items() if fits(statusword, pattern)]
-        assert [drive_state(statusword)] == (found or [DriveState.UNKNOWN])
+    for low in range(0x80):
+        found = [state for state, pattern in PATTERNS.items() if fits(low, pattern)]
+        for high in range(0, 0x10000, 0x80):
+            assert [drive_state(high | low)] == (found or [DriveState.UNKNOWN])
 
 
 def test_the_rows_of_the_statusword_table_exclude_each_other():
