@@ -19,6 +19,8 @@ from daemon.client import Client
 from daemon.messages import Snapshot, State
 from errors import LogError, UnreachableError
 
+KINDS: dict[str, type[Snapshot] | type[State]] = {"/snapshot": Snapshot, "/state": State}
+MAGIC = b"\x89MCAP0\r\n"
 PROFILE = "contactd"
 CHUNK_BYTES = 512 * 1024  # about a second: what a power cut may cost
 RECORD_LIMIT_BYTES = 64 << 20  # a damaged length must not ask for all memory
@@ -117,8 +119,7 @@ class _LogWriter:
     def __init__(self, stream: IO[bytes], snapshot: Snapshot) -> None:
         self._writer = Writer(stream, chunk_size=CHUNK_BYTES)
         self._writer.start(profile=PROFILE, library=snapshot.program)
-        self._state_channel = self._channel("/state", State)
-        self._snapshot_channel = self._channel("/snapshot", Snapshot)
+        self._channels = {topic: self._channel(topic, kind) for topic, kind in KINDS.items()}
         self._pending: Snapshot | None = snapshot
         self._first: _Stamp | None = None
         self._last: _Stamp | None = None
@@ -148,10 +149,10 @@ class _LogWriter:
             return
         time_ns = round(stamp.timing.wall_s * 1e9)
         if self._pending is not None:
-            self._write(self._snapshot_channel, time_ns, msgspec.json.encode(self._pending))
+            self._write("/snapshot", time_ns, msgspec.json.encode(self._pending))
             self._pending = None
             self.snapshots += 1
-        self._write(self._state_channel, time_ns, packet)
+        self._write("/state", time_ns, packet)
         self.states += 1
         if self._last is not None:
             self.lost += stamp.tick - self._last.tick - 1
@@ -159,14 +160,15 @@ class _LogWriter:
         self._last = stamp
 
     def finish(self) -> None:
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _channel(self, topic: str, kind: type) -> int:
         data = msgspec.json.encode(viewer_schema(kind))
         schema = self._writer.register_schema(f"contactd.{kind.__name__}", "jsonschema", data)
         return self._writer.register_channel(topic, "json", schema)
 
-    def _write(self, channel: int, time_ns: int, data: bytes) -> None:
+    def _write(self, topic: str, time_ns: int, data: bytes) -> None:
+        channel = self._channels[topic]
         self._writer.add_message(channel, log_time=time_ns, data=data, publish_time=time_ns)
 
 
@@ -205,35 +207,33 @@ def read_log(path: Path) -> Iterator[Snapshot | State]:
         stream = path.open("rb")
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror}") from error
+    states = 0
+    last = "none"
+    topics: dict[int, str] = {}
     with stream:
-        decoders = {
-            "/state": msgspec.json.Decoder(State),
-            "/snapshot": msgspec.json.Decoder(Snapshot),
-        }
-        states = 0
-        last = "none"
-        topics: dict[int, str] = {}
-        for record_ in _records(path, stream, lambda: f"{states} states read, last tick {last}"):
-            if isinstance(record_, Channel):
-                topics[record_.id] = record_.topic
-            if not isinstance(record_, Message) or topics.get(record_.channel_id) not in decoders:
-                continue
-            topic = topics[record_.channel_id]
-            try:
-                message = decoders[topic].decode(record_.data)
-            except msgspec.DecodeError as error:
-                text = f"{path}: {topic} after tick {last} is of another version: {error}"
-                raise LogError(text) from error
-            if isinstance(message, State):
-                states += 1
-                last = str(message.tick)
-            yield message
+        try:
+            for found in _records(path, stream):
+                if isinstance(found, Channel):
+                    topics[found.id] = found.topic
+                elif isinstance(found, Message) and (kind := KINDS.get(topics[found.channel_id])):
+                    message: Snapshot | State = msgspec.json.decode(found.data, type=kind)
+                    if isinstance(message, State):
+                        states += 1
+                        last = str(message.tick)
+                    yield message
+        except _BrokenError as error:
+            raise LogError(f"{path} {error}: {states} states read, last tick {last}") from error
+        except msgspec.DecodeError as error:
+            raise LogError(f"{path} is of another version after tick {last}: {error}") from error
 
 
-def _records(path: Path, stream: IO[bytes], progress: Callable[[], str]) -> Iterator[Any]:
-    """The records of an MCAP file of ours; every failure of the library becomes a LogError."""
-    magic = stream.read(8)
-    if magic != b"\x89MCAP0\r\n":
+class _BrokenError(Exception):
+    """What is wrong with a file, to be completed by how far it was read."""
+
+
+def _records(path: Path, stream: IO[bytes]) -> Iterator[Any]:
+    """The records of an MCAP file of ours; every failure of the library becomes one of ours."""
+    if stream.read(len(MAGIC)) != MAGIC:
         raise LogError(f"{path} is not an MCAP file")
     size = path.stat().st_size
     stream.seek(0)
@@ -246,8 +246,8 @@ def _records(path: Path, stream: IO[bytes], progress: Callable[[], str]) -> Iter
             return
         except Exception as error:  # garbage makes the library raise nearly anything
             if stream.tell() >= size:
-                raise LogError(f"{path} ends in the middle: {progress()}") from error
-            raise LogError(f"{path} is damaged ({error}): {progress()}") from error
+                raise _BrokenError("ends in the middle") from error
+            raise _BrokenError(f"is damaged ({error})") from error
         if isinstance(found, Header) and found.profile != PROFILE:
             raise LogError(f"{path} is an MCAP file, but not a recording of contactd")
         yield found

@@ -81,43 +81,44 @@ class Dashboard:
         wide = options.max_width >= WIDE
         state = self.state
         yield _headline(state)
-        yield Text(f" {state.cause}", no_wrap=True, overflow="ellipsis")
+        yield Text(f" {state.cause}", no_wrap=True, overflow="crop")
         yield Text()
         yield self._joints(wide, options.ascii_only)
         yield Text()
         yield self._loop()
-        rows_left = (options.height or console.height) - len(state.setpoint) - 9
+        rows_left = (options.height or console.height) - len(state.setpoint) - 7
         if state.flags:
-            yield Text(f" estimator: {'; '.join(state.flags)}", "yellow", overflow="ellipsis")
+            flags = f" estimator: {'; '.join(state.flags)}"
+            yield Text(flags, "yellow", no_wrap=True, overflow="crop")
             rows_left -= 1
         for time_s, kind, text in list(self.summary.events)[-max(rows_left, 1) :]:
             style = {"fault": "bold red", "contact": "bright_cyan"}.get(kind, "")
-            line = Text(f" {time_s:9.2f} s  {kind:8}", "dim", no_wrap=True, overflow="ellipsis")
+            line = Text(f" {time_s:9.2f} s  {kind:8}", "dim", no_wrap=True, overflow="crop")
             yield line.append(text, style)
 
     def _joints(self, wide: bool, ascii_only: bool) -> Table:
         state = self.state
         beside = next(iter(state.beside), None)
-        table = Table(box=None, padding=(0, 1), header_style="bold")
-        table.add_column("joint", no_wrap=True, min_width=8, ratio=None)
-        table.add_column("rad", justify="right", no_wrap=True)
-        table.add_column("gap", no_wrap=True)
-        table.add_column("side", no_wrap=True)
-        table.add_column("residual", no_wrap=True)
-        table.add_column("Nm", justify="right", no_wrap=True)
-        table.add_column("of", justify="right", no_wrap=True)
+        table = Table(box=None, padding=(0, 1, 0, 0), header_style="bold")
+        table.add_column(" joint", no_wrap=True, overflow="crop")
+        table.add_column("rad", justify="right", no_wrap=True, overflow="crop")
+        table.add_column("gap", no_wrap=True, overflow="crop")
+        table.add_column("side", no_wrap=True, overflow="crop")
+        table.add_column("residual", no_wrap=True, overflow="crop")
+        table.add_column("Nm", justify="right", no_wrap=True, overflow="crop")
+        table.add_column("of", justify="right", no_wrap=True, overflow="crop")
         if beside:
             table.add_column(beside, justify="right", no_wrap=True, style="dim")
         if wide:
-            table.add_column("drive", no_wrap=True, overflow="ellipsis")
+            table.add_column("drive", no_wrap=True, overflow="crop")
         for i, joint in enumerate(self.snapshot.joints):
             residual, threshold = state.residual[i], state.threshold[i]
             row: list[RenderableType] = [
-                Text(joint, "" if state.fresh[i] else "dim"),
+                Text(f" {joint}", "" if state.fresh[i] else "dim"),
                 f"{state.link_position[i]:+.3f}",
-                gap_bar(state.gap[i], self.snapshot.half_gap[i], 5 if wide else 3),
+                gap_bar(state.gap[i], self.snapshot.half_gap[i], 4 if wide else 3),
                 Text(state.side[i], SIDE_STYLES.get(state.side[i], "")),
-                residual_bar(residual, threshold, 8 if wide else 5, ascii_only),
+                residual_bar(residual, threshold, 7 if wide else 5, ascii_only),
                 Text(f"{residual:+.2f}", _strain_style(residual, threshold)),
                 f"{threshold:.2f}",
             ]
@@ -132,7 +133,7 @@ class Dashboard:
         summary, timing = self.summary, self.state.timing
         period_us = 1e6 * self.snapshot.period_s
         late = "red" if summary.lateness_max_us > 0.2 * period_us else ""
-        line = Text(" loop  late p50 ", no_wrap=True, overflow="ellipsis")
+        line = Text(" loop  late p50 ", no_wrap=True, overflow="crop")
         line.append(f"{summary.lateness_p50_us / 1e3:.2f}, ")
         line.append(f"max {summary.lateness_max_us / 1e3:.2f} ms", late)
         busy = "red" if summary.work_max_us > period_us else ""
@@ -177,20 +178,20 @@ def residual_bar(residual: float, threshold: float, half_width: int, ascii_only:
 def status_view(status: Status) -> RenderableType:
     """The report of `contactctl status`."""
     table = Table.grid(padding=(0, 2))
-    table.add_column(style="bold", no_wrap=True)
+    table.add_column(style="bold", no_wrap=True, overflow="crop")
     table.add_column()
     permission = Text("armed", "bold bright_cyan") if status.armed else Text("not armed")
     mode = Text(f" {status.mode.upper()} ", MODE_STYLES.get(status.mode, ""))
     table.add_row("mode", Text.assemble(mode, "  ", permission))
-    table.add_row("cause", status.cause)
+    table.add_row("cause", Text(status.cause))  # Text: our words are no rich markup
     if not status.armed:
         reasons = status.not_armable or ["nothing: `contactctl arm` would be accepted"]
-        table.add_row("arming needs", "\n".join(reasons))
-    table.add_row("robot", f"{status.name} ({status.configuration})")
+        table.add_row("arming needs", Text("\n".join(reasons)))
+    table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
     work = f"work at most {status.work_max_us / 1e3:.2f} ms"
     table.add_row("loop", f"{status.cycles} cycles, {missed}, {work}")
-    table.add_row("real time", "\n".join(status.realtime) or "nothing was asked for")
+    table.add_row("real time", Text("\n".join(status.realtime) or "nothing was asked for"))
     uptime = _duration(status.uptime_s)
     table.add_row("process", f"pid {status.pid}, up {uptime}, {status.readers} readers")
     frame = Table.grid()
@@ -208,7 +209,7 @@ def _status_joints(status: Status) -> Table:
     for i, joint in enumerate(status.joints):
         residual, threshold = status.residual[i], status.threshold[i]
         table.add_row(
-            joint,
+            Text(joint),
             f"{status.position[i]:+.3f}",
             Text(f"{residual:+.2f}", _strain_style(residual, threshold)),
             f"{threshold:.2f}",
@@ -220,14 +221,14 @@ def _status_joints(status: Status) -> Table:
 
 
 def _headline(state: State) -> Text:
-    line = Text(no_wrap=True, overflow="ellipsis")
+    line = Text(no_wrap=True, overflow="crop")
     line.append(f" {state.mode.upper():^10} ", MODE_STYLES.get(state.mode, "reverse"))
     line.append("  ")
     line.append(*(("ARMED", "bold bright_cyan") if state.armed else ("not armed", "dim")))
     line.append(f"   {_duration(state.time_s)}   tick {state.tick}")
     if state.mode == "admittance":
-        then = "then the trajectory goes on" if state.moving else "then the arm holds"
-        line.append(f"   quiet for {state.quiet_s:.1f} s, {then}", "bright_cyan")
+        then = "then it goes on" if state.moving else "then it holds"
+        line.append(f"   quiet {state.quiet_s:.1f} s, {then}", "bright_cyan")
     elif state.moving:
         line.append("   trajectory runs")
     return line

@@ -1,0 +1,283 @@
+"""`contactctl` against a daemon that answers, refuses, is slow, or is not there."""
+
+import json
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from daemon.commands import contactctl
+from daemon.messages import COMMANDS, State
+from daemon.recorder import read_log
+
+ROOT = Path(contactctl.__file__).parents[2]
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def run(fake_daemon: Any, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Runs contactctl against the fake daemon; 0.3 s are long enough to wait."""
+    monkeypatch.setattr(contactctl, "WAIT_S", 0.3)
+
+    def call(*arguments: str) -> Result:
+        return CliRunner().invoke(
+            contactctl.main, ["--socket", str(fake_daemon.path), *arguments], catch_exceptions=False
+        )
+
+    return call
+
+
+@pytest.mark.parametrize("command", ["start", "arm", "disarm", "reset"])
+def test_done_is_one_line(run: Run, fake_daemon: Any, command: str) -> None:
+    result = run(command)
+    assert (result.exit_code, result.stdout, result.stderr) == (0, f"{command} done\n", "")
+    assert [name for name, _ in fake_daemon.seen] == [command]
+
+
+@pytest.mark.parametrize(
+    "command", ["enable", "start", "pause", "arm", "disarm", "stop", "disable", "reset"]
+)
+def test_refusal_lists_every_reason(run: Run, fake_daemon: Any, command: str) -> None:
+    fake_daemon.refusals[command] = ["first reason", "second reason"]
+    result = run(command)
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    assert result.stderr.splitlines() == [
+        f"contactctl: {command} is refused",
+        "  - first reason",
+        "  - second reason",
+    ]
+    assert [name for name, _ in fake_daemon.seen] == [command]
+
+
+@pytest.mark.parametrize(
+    ("command", "before", "modes", "exit_code", "said"),
+    [
+        ("enable", "off", ["off", "enabling", "holding"], 0, "holding: because of holding"),
+        ("enable", "off", ["off", "enabling", "off"], 1, "not holding but off: because of off"),
+        ("enable", "enabling", ["off"], 1, "not holding but off: because of off"),
+        ("enable", "off", ["enabling", "faulted"], 1, "not holding but faulted"),
+        ("enable", "off", ["enabling"], 1, "not holding after 0 s enabling"),
+        ("disable", "holding", ["off"], 0, "off: because of off"),
+        ("disable", "tracking", ["tracking", "stopping", "off"], 0, "off: because of off"),
+        ("disable", "tracking", ["stopping", "faulted"], 1, "not off but faulted"),
+        ("stop", "tracking", ["tracking", "stopping", "holding"], 0, "holding"),
+        ("stop", "faulted", ["faulted"], 0, "faulted: because of faulted"),
+        ("stop", "off", ["off"], 0, "off"),
+        ("pause", "tracking", ["stopping", "holding"], 0, "holding"),
+        ("pause", "admittance", ["admittance"], 1, "not holding after 0 s admittance"),
+    ],
+)
+def test_waits_until_it_is_done(
+    run: Run,
+    fake_daemon: Any,
+    command: str,
+    before: str,
+    modes: list[str],
+    exit_code: int,
+    said: str,
+) -> None:
+    fake_daemon.mode = before
+    fake_daemon.modes[command] = modes
+    result = run(command)
+    assert result.exit_code == exit_code
+    assert said in (result.stderr if exit_code else result.stdout)
+    assert fake_daemon.mode == modes[-1]
+
+
+@pytest.mark.parametrize("command", ["enable", "pause", "stop", "disable"])
+def test_no_wait(run: Run, fake_daemon: Any, command: str) -> None:
+    result = run(command, "--no-wait")
+    assert (result.exit_code, result.stdout) == (0, f"{command} done\n")
+    assert [name for name, _ in fake_daemon.seen] == [command]
+
+
+def test_json_of_a_command(run: Run, fake_daemon: Any) -> None:
+    fake_daemon.modes["enable"] = ["enabling", "holding"]
+    answer = json.loads(run("--json", "enable").stdout)
+    assert answer == {"ok": True, "message": "holding: because of holding", "mode": "holding"}
+    fake_daemon.refusals["arm"] = ["because"]
+    result = run("--json", "arm")
+    assert result.exit_code == 1
+    assert result.stdout.count("\n") == 1
+    assert json.loads(result.stdout)["reasons"] == ["because"]
+
+
+def test_status(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = run("status")
+    assert result.exit_code == 0
+    for word in ("OFF", "not armed", "LWristYaw: motor position unknown", "FIFO 80", "3 missed"):
+        assert word in result.stdout
+    assert "\x1b" not in result.stdout
+    assert json.loads(run("--json", "status").stdout)["pid"] == 4711
+
+
+def test_refused_status(run: Run, fake_daemon: Any) -> None:
+    fake_daemon.refusals["status"] = ["not yet"]
+    result = run("status")
+    assert (result.exit_code, result.stderr) == (1, "contactctl: status is refused; not yet\n")
+
+
+def test_no_daemon(tmp_path: Path) -> None:
+    for command in (["stop"], ["status"], ["record", str(tmp_path / "x.mcap"), "--seconds", "1"]):
+        arguments = ["--socket", str(tmp_path / "nothing"), *command]
+        result = CliRunner().invoke(contactctl.main, arguments)
+        assert result.exit_code == 69
+        assert result.stderr.startswith("contactctl: no contactd serves ")
+
+
+@pytest.mark.parametrize(
+    "arguments", [["fly"], ["arm", "now"], ["record"], ["record", "x", "--seconds", "0"], ["watch"]]
+)
+def test_usage(run: Run, arguments: list[str]) -> None:
+    assert run(*arguments).exit_code == 2
+
+
+def test_help_is_sentences() -> None:
+    assert set(contactctl.main.commands) == set(COMMANDS) - {"subscribe"} | {"watch", "record"}
+    for name, command in contactctl.main.commands.items():
+        result = CliRunner().invoke(contactctl.main, [name, "--help"])
+        assert result.exit_code == 0
+        assert command.help is not None
+        assert command.help[0].isupper()
+        assert command.help[-1] in ".!"
+
+
+@pytest.fixture
+def keep_signals() -> Any:
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("keep_signals")
+def test_record(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "made.mcap"
+    result = run("record", str(path), "--seconds", "0.5")
+    assert (result.exit_code, result.stdout) == (0, f"{path}: 0.5 s, 51 states, 0 lost\n")
+    assert len(list(read_log(path))) == 52
+    again = run("record", str(path), "--seconds", "0.5")
+    assert again.exit_code == 65
+    assert "never overwritten" in again.stderr
+
+
+@pytest.mark.usefixtures("keep_signals")
+def test_record_says_what_the_daemon_did(
+    run: Run, fake_daemon: Any, tmp_path: Path, make_state: Callable[..., State]
+) -> None:
+    end = fake_daemon.tick + 300
+    fake_daemon.states = lambda tick: make_state(tick) if tick < end else None
+    result = run("--json", "record", str(tmp_path / "made.mcap"))
+    assert result.exit_code == 69
+    assert result.stderr == "contactctl: the daemon fell silent\n"
+    assert json.loads(result.stdout)["states"] == len(list(read_log(tmp_path / "made.mcap"))) - 1
+
+
+def contactctl_process(fake_daemon: Any, *arguments: str, **options: Any) -> Any:
+    program = "from daemon.commands.contactctl import main; main()"
+    command = [sys.executable, "-c", program, "--socket", str(fake_daemon.path), *arguments]
+    return subprocess.Popen(command, cwd=ROOT, **options)
+
+
+def read_until(descriptor: int, word: bytes) -> bytes:
+    seen = b""
+    deadline = time.monotonic() + 10
+    while word not in seen:
+        assert time.monotonic() < deadline, seen
+        if select.select([descriptor], [], [], 0.1)[0]:
+            seen += os.read(descriptor, 1 << 16)
+    return seen
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_finishes_the_recording(fake_daemon: Any, tmp_path: Path, number: int) -> None:
+    path = tmp_path / "made.mcap"
+    process = contactctl_process(
+        fake_daemon, "record", str(path), stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    read_until(process.stderr.fileno(), b"Ctrl-C ends it")
+    while not fake_daemon.seen:
+        assert process.poll() is None
+        time.sleep(0.01)
+    enough = fake_daemon.tick + 200
+    while fake_daemon.tick < enough:
+        time.sleep(0.01)
+    process.send_signal(number)
+    said, _ = process.communicate(timeout=10)
+    assert process.returncode == 0
+    states = len(list(read_log(path))) - 1
+    assert states > 10
+    assert f"{states} states, 0 lost" in said.decode()
+
+
+@pytest.mark.parametrize("no_color", [False, True])
+def test_watch_on_a_terminal(fake_daemon: Any, no_color: bool) -> None:
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
+    environment.pop("NO_COLOR", None)
+    if no_color:
+        environment["NO_COLOR"] = "1"
+    process = contactctl_process(
+        fake_daemon, "watch", stdin=theirs, stdout=theirs, stderr=theirs, env=environment
+    )
+    seen = read_until(ours, b"LWristPitch")
+    seen += read_until(ours, b"missed")
+    process.send_signal(signal.SIGINT)
+    seen += read_until(ours, b"\x1b[?1049l")  # leaves the alternate screen
+    assert process.wait(10) == 0
+    assert b"Traceback" not in seen
+    assert (b"\x1b[1;31m" in seen or b"[32m" in seen) is not no_color
+    os.close(ours)
+    os.close(theirs)
+
+
+def test_watch_json_ends_with_its_pipe(fake_daemon: Any) -> None:
+    process = contactctl_process(
+        fake_daemon, "--json", "watch", stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    ticks = [json.loads(process.stdout.readline())["tick"] for _ in range(5)]
+    assert ticks == list(range(ticks[0], ticks[0] + 5))
+    process.stdout.close()
+    assert process.wait(10) == 0
+    assert process.stderr.read() == b""
+    process.stderr.close()
+
+
+def test_starts_quickly_and_light() -> None:
+    program = (
+        "import sys; from daemon.commands.contactctl import main\n"
+        "try: main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'pinocchio', 'can', 'canopen', 'rich', 'mcap', 'msgspec', 'yaml'}\n"
+        "sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)"
+    )
+    took = {}
+    for name, code in {"contactctl --help": program, "import click": "import click"}.items():
+        began = time.perf_counter()
+        subprocess.run(
+            [sys.executable, "-c", code], cwd=ROOT, check=True, stdout=subprocess.DEVNULL
+        )
+        took[name] = time.perf_counter() - began
+    print({name: f"{1e3 * seconds:.0f} ms" for name, seconds in took.items()})
+
+
+def test_commands_but_record_and_watch_are_light(fake_daemon: Any) -> None:
+    program = (
+        "import sys; from daemon.commands.contactctl import main\n"
+        "try: main(sys.argv[1:])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'pinocchio', 'can', 'canopen', 'mcap', 'yaml', 'rich'}\n"
+        "sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)"
+    )
+    command = [sys.executable, "-c", program, "--socket", str(fake_daemon.path), "stop"]
+    subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)

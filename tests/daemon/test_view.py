@@ -1,0 +1,160 @@
+"""The dashboard and the status report as text, at the sizes they promise to fit."""
+
+import io
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import pytest
+from rich.console import Console, RenderableType
+
+from daemon.messages import Event, Snapshot, State
+from daemon.view import Dashboard, History, Summary, gap_bar, residual_bar, status_view
+
+MakeState = Callable[..., State]
+
+
+def text_of(shown: RenderableType, width: int, height: int, encoding: str = "utf-8") -> list[str]:
+    """Lines as a terminal of that size would get them, without colours."""
+    file = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+    console = Console(file=file, width=width, height=height, color_system=None)
+    console.print(shown)
+    file.seek(0)
+    return file.read().splitlines()
+
+
+@pytest.fixture
+def dashboard(make_state: MakeState, make_snapshot: Callable[[int], Snapshot]) -> Any:
+    def make(ticks: range, **changes: object) -> Dashboard:
+        history = History()
+        for tick in ticks:
+            history.add(make_state(tick))
+        return Dashboard(make_snapshot(0), make_state(ticks[-1], **changes), history.summary())
+
+    return make
+
+
+@pytest.mark.parametrize(("width", "height"), [(100, 30), (80, 24)])
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_fits(dashboard: Any, width: int, height: int, encoding: str) -> None:
+    events = [Event(kind="note", text="x" * 200)] * 40
+    frame = dashboard(range(0, 131))
+    history = History()
+    history.add(msgspec.structs.replace(frame.state, events=events))
+    crowded = Dashboard(
+        frame.snapshot,
+        msgspec.structs.replace(frame.state, cause="why " * 60, flags=["odd " * 60]),
+        history.summary(),
+    )
+    lines = text_of(crowded, width, height, encoding)
+    assert len(lines) <= height - 1
+    assert max(map(len, lines)) <= width
+    joints = lines[3:11]
+    assert not any("…" in line or "..." in line for line in joints)
+    for joint, threshold in zip(frame.snapshot.joints, ["0.80", "0.50", "0.40"], strict=False):
+        assert any(joint in line and threshold in line for line in joints)
+    assert any("x" * 40 in line for line in lines)
+
+
+def test_shows_what_matters(dashboard: Any) -> None:
+    lines = text_of(dashboard(range(0, 131)), 100, 30)
+    assert "ADMITTANCE" in lines[0]
+    assert "ARMED" in lines[0]
+    assert "quiet 0.0 s, then it goes on" in lines[0]
+    assert "contact at LShoulderYaw" in lines[1]
+    (touched,) = [line for line in lines if line.startswith(" LShoulderYaw")]
+    for word in ("-1.30", "0.50", "-3.90", "operation enabled"):
+        assert word in touched
+    assert any("late p50 0.09, max 0.09 ms" in line for line in lines)
+    assert any("1.00 s  contact" in line for line in lines)
+
+
+def test_not_armed_and_still(dashboard: Any) -> None:
+    lines = text_of(dashboard(range(0, 3), mode="off", armed=False, moving=False), 100, 30)
+    assert "OFF" in lines[0]
+    assert "not armed" in lines[0]
+    assert "quiet" not in lines[0]
+
+
+def test_without_a_residual_beside(dashboard: Any) -> None:
+    lines = text_of(dashboard(range(0, 3), beside={}), 100, 30)
+    assert not any("classical" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("phi", "expected"),
+    [
+        (0.0, "[----o----]"),
+        (0.004, "[----|o---]"),
+        (-0.004, "[---o|----]"),
+        (0.0199, "[----|---o]"),
+        (0.02, "[----|----o"),
+        (-0.02, "o----|----]"),
+        (9.0, "[----|----o"),
+    ],
+)
+def test_gap_bar(phi: float, expected: str) -> None:
+    assert gap_bar(phi, 0.02, 4).plain == expected
+
+
+def test_joint_without_gap_has_a_bar_as_wide() -> None:
+    bar = gap_bar(0.001, 0.0, 4).plain
+    assert bar.strip() == "no gap"
+    assert len(bar) == len(gap_bar(0.001, 0.02, 4).plain)
+
+
+@pytest.mark.parametrize(
+    ("residual", "expected", "style"),
+    [
+        (0.0, " :  |  : ", "green"),
+        (0.5, " :  |# : ", "green"),
+        (0.6, " :  |# : ", "yellow"),
+        (-0.6, " : #|  : ", "yellow"),
+        (1.0, " :  |##: ", "yellow"),
+        (1.5, " :  |### ", "bold red"),
+        (-1.5, " ###|  : ", "bold red"),
+        (99.0, " :  |####", "bold red"),
+        (-99.0, "####|  : ", "bold red"),
+    ],
+)
+def test_residual_bar(residual: float, expected: str, style: str) -> None:
+    bar = residual_bar(residual, 1.0, 4, ascii_only=True)
+    assert len(bar.plain) == 9
+    assert bar.plain.replace(":", " ").replace("|", " ") == (
+        expected.replace(":", " ").replace("|", " ")
+    )
+    assert style in {span.style for span in bar.spans}
+
+
+def test_threshold_marks_are_half_way() -> None:
+    assert residual_bar(0.0, 1.0, 8, ascii_only=True).plain == "    :   |   :    "
+
+
+def test_history_is_bounded_and_right(make_state: MakeState) -> None:
+    history = History()
+    assert history.summary() == Summary()
+    for tick in range(5000):
+        state = make_state(tick, events=[Event(kind="note", text=str(tick))])
+        timing = msgspec.structs.replace(state.timing, lateness_us=float(tick), work_us=7.0)
+        history.add(msgspec.structs.replace(state, timing=timing))
+    summary = history.summary()
+    assert summary.lateness_max_us == 4999.0
+    assert summary.lateness_p50_us == 4500.0
+    assert summary.work_max_us == 7.0
+    assert [text for _, _, text in summary.events] == [str(t) for t in range(4988, 5000)]
+
+
+@pytest.mark.parametrize("armed", [True, False])
+def test_status_report(fake_daemon: Any, armed: bool) -> None:
+    status = msgspec.structs.replace(
+        fake_daemon.status(), armed=armed, cause="[bold]not markup[/bold]", mode="holding"
+    )
+    lines = text_of(status_view(status), 100, 40)
+    report = "\n".join(lines)
+    for word in ("HOLDING", "[bold]not markup[/bold]", "Romeo left arm", "1:02:05.0", "FIFO 80"):
+        assert word in report
+    assert ("LWristYaw: motor position unknown" in report) is not armed
+    assert ("not armed" in report) is not armed
+    (joint,) = [line for line in lines if line.startswith(" LWristPitch")]
+    assert "0.20" in joint
+    assert "operation enabled" in joint
