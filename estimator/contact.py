@@ -14,7 +14,6 @@ from estimator.types import Vector
 Level = Literal["contact", "collision"]
 LEVELS: tuple[Level, Level] = ("contact", "collision")
 
-STICTION_SHARE = 0.5
 STICTION_VELOCITY = 0.05  # [rad/s]
 
 
@@ -45,11 +44,11 @@ class Thresholds:
             )
 
 
-def stiction_raise(coulomb: ArrayLike, velocity: ArrayLike) -> Vector:
-    """0.5 f_s exp(-(w / 0.05)^2) [Nm]: what a joint at rest may hide is no contact."""
+def stiction_raise(hidden: ArrayLike, velocity: ArrayLike) -> Vector:
+    """hidden * exp(-(w / 0.05)^2) [Nm]: a torque that a joint at rest may hide is no contact."""
     w = np.asarray(velocity) / STICTION_VELOCITY
-    hidden: Vector = STICTION_SHARE * np.asarray(coulomb) * np.exp(-w * w)
-    return hidden
+    raised: Vector = np.asarray(hidden) * np.exp(-w * w)
+    return raised
 
 
 def dead_band(residual: Vector, threshold: Vector) -> Vector:
@@ -77,6 +76,8 @@ class ContactDetector:
 
     A contact begins when |r| has been past a level on one side for `debounce` ticks in a row; it
     ends when r comes back or changes its sign, and only then may the level fire again.
+
+    hidden: torque that stiction may hide at rest [Nm], shape (n,); gain: of the residual [1/s].
     """
 
     _MEMORY = ("raised", "streak")
@@ -86,7 +87,7 @@ class ContactDetector:
         joints: Sequence[str],
         thresholds: Thresholds,
         *,
-        coulomb: Vector,
+        hidden: Vector,
         gain: float,
         debounce: int = 1,
     ) -> None:
@@ -97,7 +98,7 @@ class ContactDetector:
             raise ModelError(f"debounce is {debounce} ticks; at least 1")
         self._joints = tuple(joints)
         self._levels = np.stack([thresholds.contact, thresholds.collision])
-        self._coulomb = coulomb
+        self._hidden = hidden
         self._gain = gain
         self._debounce = debounce
         self.raised = np.zeros(n)
@@ -107,10 +108,11 @@ class ContactDetector:
     def thresholds(self, velocity: Vector, dt: float) -> Vector:
         """Contact thresholds in force [Nm]: raised near rest by what stiction hides.
 
-        What stiction left in the residual fades with its gain after break-away, so the raise does.
+        After break-away friction still builds up while the residual forgets what stiction left in
+        it, so the raise fades with half the residual's gain.
         """
-        np.multiply(self.raised, np.exp(-self._gain * dt), out=self.raised)
-        np.maximum(self.raised, stiction_raise(self._coulomb, velocity), out=self.raised)
+        np.multiply(self.raised, np.exp(-0.5 * self._gain * dt), out=self.raised)
+        np.maximum(self.raised, stiction_raise(self._hidden, velocity), out=self.raised)
         in_force: Vector = self._levels[0] + self.raised
         return in_force
 

@@ -113,7 +113,7 @@ class Estimator:
         self.detector = ContactDetector(
             model.names,
             thresholds,
-            coulomb=transmission.engaged_coulomb,
+            hidden=settings.stiction_share * transmission.engaged_coulomb,
             gain=settings.gain,
             debounce=settings.debounce,
         )

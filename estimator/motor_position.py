@@ -41,8 +41,8 @@ class GapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     velocity_bias: Annotated[float, Meta(ge=0, le=0.1)] = 0.001  # [rad/s]
     standstill: Annotated[float, Meta(ge=0, le=0.1)] = 0.002  # motor velocity [rad/s]
     hold_ticks: Annotated[int, Meta(ge=1, le=100)] = 3
-    margin: Annotated[float, Meta(ge=0, lt=1)] = 0.12  # of alpha
-    friction_error: Annotated[float, Meta(ge=0, le=1)] = 0.3
+    margin: Annotated[float, Meta(ge=0.12, lt=1)] = 0.2  # of alpha
+    friction_error: Annotated[float, Meta(ge=0, le=1)] = 0.2
     rotor_error: Annotated[float, Meta(ge=0, le=1)] = 0.15
     current_error: Annotated[float, Meta(ge=0, le=1)] = 0.05
 
@@ -79,9 +79,7 @@ class MotorPosition:
         self.side[:] = Side.UNKNOWN
         self.streak[:] = 0
 
-    def uncertainty(
-        self, tau_M: Vector, rotor: Vector, theta_dot: Vector
-    ) -> tuple[Vector, Vector]:
+    def uncertainty(self, tau_M: Vector, rotor: Vector, theta_dot: Vector) -> tuple[Vector, Vector]:
         """How wrong the torque transmitted by the gear may be [Nm]: in motion, and as it is now.
 
         tau_M and rotor = B theta_ddot [Nm]. They differ near rest, where Coulomb friction may have

@@ -1,0 +1,110 @@
+"""Thresholds, dead-band, stiction, debounce and events."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from errors import ModelError
+from estimator.contact import ContactDetector, Thresholds, dead_band, stiction_raise
+
+FINITE = st.floats(-100, 100)
+SIDE = np.array([0, 1], dtype=np.int8)
+
+
+def detector(debounce: int = 1, hidden: float = 0.0) -> ContactDetector:
+    levels = Thresholds(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
+    return ContactDetector(
+        ("a", "b"), levels, hidden=np.full(2, hidden), gain=25.0, debounce=debounce
+    )
+
+
+@given(r=FINITE, threshold=st.floats(0.01, 10))
+def test_dead_band_is_the_formula(r: float, threshold: float) -> None:
+    expected = np.sign(r) * max(abs(r) - threshold, 0.0)
+    result = dead_band(np.array([r]), np.array([threshold]))[0]
+    assert result == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("contact", "collision", "message"),
+    [
+        ([1.0, 2.0], [3.0, 2.0], "joint 2"),
+        ([1.0, 0.0], [3.0, 2.0], "joint 2"),
+        ([-1.0, 1.0], [3.0, 2.0], "joint 1"),
+        ([np.nan, 1.0], [3.0, 2.0], "joint 1"),
+        ([1.0, 1.0], [3.0, np.inf], "joint 2"),
+        ([1.0, 1.0], [3.0], "contact"),
+    ],
+)
+def test_thresholds_out_of_order(contact: list, collision: list, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        Thresholds(np.array(contact), np.array(collision))
+
+
+def test_stiction_raise() -> None:
+    np.testing.assert_allclose(
+        stiction_raise(0.4, [0.0, 0.05, -0.05, 0.5]),
+        [0.4, 0.4 / np.e, 0.4 / np.e, 0.0],
+        atol=1e-12,
+    )
+
+
+def test_the_raise_comes_at_once_and_fades_with_half_the_gain() -> None:
+    d = detector(hidden=0.4)
+    at_rest, fast = np.zeros(2), np.ones(2)
+    np.testing.assert_allclose(d.thresholds(fast, 0.01), [1.0, 2.0])
+    np.testing.assert_allclose(d.thresholds(at_rest, 0.01), [1.4, 2.4])
+    for k in range(1, 10):
+        expected = 0.4 * np.exp(-12.5 * 0.01 * k)
+        np.testing.assert_allclose(d.thresholds(fast, 0.01), [1 + expected, 2 + expected])
+
+
+@pytest.mark.parametrize(
+    ("debounce", "residuals", "at"),
+    [
+        (1, [0.9, 1.1, 1.2, 0.9, 1.1], [1, 4]),
+        (2, [1.1, 0.9, 1.1, 1.1, 1.1], [3]),
+        (3, [1.1, 1.1, -1.1, -1.1, -1.1, -1.1], [4]),
+        (2, [-1.1, -1.1, 1.1, 1.1], [1, 3]),
+        (1, [1.0, -1.0], []),
+    ],
+)
+def test_debounce(debounce: int, residuals: list[float], at: list[int]) -> None:
+    d = detector(debounce)
+    fired = []
+    for k, r in enumerate(residuals):
+        for contact in d.step(np.array([r, 0.0]), SIDE, 0.1 * k):
+            assert contact.joint == "a"
+            assert contact.torque == r
+            assert contact.time_s == 0.1 * k
+            fired.append(k)
+    assert fired == at
+
+
+def test_contact_grows_to_collision() -> None:
+    d = detector()
+    assert d.step(np.array([0.0, 1.9]), SIDE, 0.0) == ()
+    (first,) = d.step(np.array([0.0, -2.5]), SIDE, 1.0)
+    assert (first.joint, first.level, first.threshold, first.side) == ("b", "contact", 2.0, 1)
+    (second,) = d.step(np.array([0.0, -4.5]), SIDE, 2.0)
+    assert (second.level, second.threshold, second.torque) == ("collision", 4.0, -4.5)
+    assert d.step(np.array([0.0, -4.6]), SIDE, 3.0) == ()
+    both = d.step(np.array([9.0, -4.6]), SIDE, 4.0)
+    assert [c.level for c in both] == ["contact", "collision"]
+
+
+def test_reset_forgets_the_streak() -> None:
+    d = detector(2)
+    d.step(np.array([1.5, 0.0]), SIDE, 0.0)
+    d.reset()
+    assert d.step(np.array([1.5, 0.0]), SIDE, 0.1) == ()
+    assert len(d.step(np.array([1.5, 0.0]), SIDE, 0.2)) == 1
+
+
+def test_refusals() -> None:
+    levels = Thresholds(np.array([1.0]), np.array([3.0]))
+    with pytest.raises(ModelError, match="thresholds for 1 joints, the arm has 2"):
+        ContactDetector(("a", "b"), levels, hidden=np.zeros(2), gain=25.0)
+    with pytest.raises(ModelError, match="debounce"):
+        ContactDetector(("a",), levels, hidden=np.zeros(1), gain=25.0, debounce=0)

@@ -1,0 +1,66 @@
+"""Link velocity and alignment: exact on parabolas, its delay is what it says, noise as stated."""
+
+import numpy as np
+import pytest
+
+from estimator.link_velocity import DELAY_PERIODS, Alignment, parabola
+
+T = 0.01
+METHODS = tuple(DELAY_PERIODS)
+
+
+def alignment(method: str, **delays: float) -> Alignment:
+    values = {"current_delay": 0.0, "link_delay": 0.0, "motor_delay": 0.0, **delays}
+    return Alignment(2, method, T, **values)
+
+
+@pytest.mark.parametrize("intervals", [(T, T), (2 * T, T), (0.7 * T, 1.2 * T)])
+@pytest.mark.parametrize("delay", [0.0, 0.3 * T, 0.5 * T, T])
+def test_exact_on_parabolas(intervals: tuple[float, float], delay: float) -> None:
+    def position(t: float) -> np.ndarray:
+        return np.array([1 + 2 * t - 3 * t * t, -0.5 + t + 40 * t * t])
+
+    times = np.cumsum([0.0, -intervals[0], -intervals[1]])
+    samples = np.array([position(t) for t in times])
+    q, qd = parabola(samples, *intervals, delay)
+    np.testing.assert_allclose(q, position(-delay), rtol=1e-12)
+    np.testing.assert_allclose(qd, [2 + 6 * delay, 1 - 80 * delay], rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_everything_belongs_to_one_instant(method: str) -> None:
+    # Signals linear in time, each sampled late by its own delay: all come out at the same time.
+    a = alignment(method, current_delay=0.003, link_delay=0.001, motor_delay=0.0005)
+    times = np.cumsum([0.01, 0.01, 0.02, 0.009])
+    for t, dt in zip(times, np.diff(times, prepend=0.0), strict=True):
+        late = np.array([t - 0.003, t - 0.001, t - 0.0005, t - 0.0005])
+        a.push(np.repeat(late[:, None], 2, axis=1), dt)
+    instant = times[-1] - a.delay
+    q, qd = a.link()
+    np.testing.assert_allclose(q, instant)
+    np.testing.assert_allclose(qd, 1.0)
+    np.testing.assert_allclose(a.motor(), instant)
+    assert a.delay == pytest.approx(DELAY_PERIODS[method] * T + 0.001)
+
+
+@pytest.mark.parametrize(("method", "factor"), [("backward", 2.55), ("midpoint", 1.41),
+                                                ("central", 0.71)])  # fmt: skip
+def test_noise_is_as_stated(method: str, factor: float) -> None:
+    rng = np.random.default_rng(0)
+    a = alignment(method)
+    velocities = []
+    for _ in range(4000):
+        a.push(rng.normal(size=(4, 2)), T)
+        velocities.append(a.link()[1])
+    assert np.std(velocities[3:]) * T == pytest.approx(factor, rel=0.05)
+
+
+def test_ready_after_three_samples() -> None:
+    a = alignment("midpoint")
+    ready = []
+    for _ in range(4):
+        ready.append(a.ready)
+        a.push(np.zeros((4, 2)), T)
+    assert ready == [False, False, False, True]
+    a.restart()
+    assert not a.ready

@@ -1,0 +1,112 @@
+"""Rigid-body dynamics against finite differences, energy, and the caller's order of joints."""
+
+import numpy as np
+import pytest
+
+from errors import ModelError
+from estimator.model import Model
+
+STEP = 1e-5
+
+
+def motion(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q, q_dot, q_ddot of a smooth motion of seven joints."""
+    rng = np.random.default_rng(3)
+    amplitude, omega, start = rng.uniform(0.2, 0.8, 7), rng.uniform(1, 4, 7), rng.uniform(0, 6, 7)
+    phase = omega * t + start
+    return (
+        amplitude * np.sin(phase),
+        amplitude * omega * np.cos(phase),
+        -amplitude * omega**2 * np.sin(phase),
+    )
+
+
+@pytest.mark.parametrize("t", [0.0, 0.7, 1.9])
+def test_beta_is_the_rate_of_momentum_less_inertial_torque(romeo: Model, t: float) -> None:
+    # d/dt (M q_dot) = M q_ddot + M_dot q_dot, and the arm's equation is M q_ddot + c = tau.
+    # Hence M_dot q_dot - c = C^T q_dot - g; c by Newton-Euler on the energy below.
+    after, _ = romeo.dynamics(*motion(t + STEP)[:2])
+    before, _ = romeo.dynamics(*motion(t - STEP)[:2])
+    q, qd, qdd = motion(t)
+    _, beta = romeo.dynamics(q, qd)
+    M_dot_qd = (after - before) / (2 * STEP) - romeo.mass_matrix(q) @ qdd
+    M_dot = (romeo.mass_matrix(motion(t + STEP)[0]) - romeo.mass_matrix(motion(t - STEP)[0])) / (
+        2 * STEP
+    )
+    np.testing.assert_allclose(M_dot_qd, M_dot @ qd, atol=1e-7)
+
+    # C^T q_dot is the gradient of the kinetic energy at fixed q_dot: no second model needed.
+    def kinetic(q: np.ndarray) -> float:
+        return 0.5 * float(qd @ romeo.mass_matrix(q) @ qd)
+
+    gradient = [
+        (kinetic(q + STEP * unit) - kinetic(q - STEP * unit)) / (2 * STEP) for unit in np.eye(7)
+    ]
+    np.testing.assert_allclose(beta + romeo.gravity(q), gradient, atol=1e-7)
+
+
+def test_momentum_is_mass_times_velocity(romeo: Model) -> None:
+    q, qd, _ = motion(0.4)
+    momentum, _ = romeo.dynamics(q, qd)
+    np.testing.assert_allclose(momentum, romeo.mass_matrix(q) @ qd, atol=1e-12)
+    np.testing.assert_allclose(romeo.mass_matrix(q), romeo.mass_matrix(q).T)
+    assert np.linalg.eigvalsh(romeo.mass_matrix(q)).min() > 0
+
+
+def test_results_are_copies(romeo: Model) -> None:
+    q, qd, _ = motion(0.4)
+    momentum, beta = romeo.dynamics(q, qd)
+    mass, gravity = romeo.mass_matrix(q), romeo.gravity(q)
+    kept = [x.copy() for x in (momentum, beta, mass, gravity)]
+    romeo.dynamics(-q, 2 * qd)
+    romeo.mass_matrix(-q)
+    for now, then in zip((momentum, beta, mass, gravity), kept, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
+def test_joints_in_any_order(romeo: Model, romeo_urdf) -> None:
+    order = [3, 0, 6, 1, 5, 2, 4]
+    other = Model(romeo_urdf, [romeo.names[i] for i in order])
+    q, qd, _ = motion(1.1)
+    momentum, beta = romeo.dynamics(q, qd)
+    for ours, theirs in zip(other.dynamics(q[order], qd[order]), (momentum, beta), strict=True):
+        np.testing.assert_allclose(ours, theirs[order], atol=1e-14)
+    np.testing.assert_array_equal(other.gravity(q[order]), romeo.gravity(q)[order])
+    expected = romeo.mass_matrix(q)[np.ix_(order, order)]
+    np.testing.assert_array_equal(other.mass_matrix(q[order]), expected)
+    for name in ("lower", "upper", "velocity_limit", "effort_limit"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(romeo, name)[order])
+
+
+def test_limits_are_the_urdfs(romeo: Model) -> None:
+    assert romeo.n == 7
+    assert romeo.lower[0] == -1.44478
+    assert romeo.upper[3] == 0.0
+    assert romeo.velocity_limit[4] == 1.1
+    assert romeo.effort_limit[6] == 0.6
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda names: (*names[:-1], "Elbow"), "no movable joint 'Elbow'"),
+        (lambda names: names[:-1], "'LWristPitch' moves but is not measured"),
+        (lambda names: (*names[:-1], names[0]), "'LShoulderPitch' is named twice"),
+    ],
+)
+def test_joints_that_do_not_fit(romeo: Model, romeo_urdf, change, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        Model(romeo_urdf, change(romeo.names))
+
+
+def test_files_that_do_not_fit(tmp_path, romeo: Model, romeo_urdf) -> None:
+    with pytest.raises(ModelError, match=r"none\.urdf"):
+        Model(tmp_path / "none.urdf", ["a"])
+    broken = tmp_path / "broken.urdf"
+    broken.write_text("<robot")
+    with pytest.raises(ModelError, match=r"broken\.urdf"):
+        Model(broken, ["a"])
+    endless = tmp_path / "endless.urdf"
+    endless.write_text(romeo_urdf.read_text().replace('"revolute"', '"continuous"', 1))
+    with pytest.raises(ModelError, match="'LShoulderPitch' must be revolute"):
+        Model(endless, romeo.names)

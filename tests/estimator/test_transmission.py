@@ -1,0 +1,89 @@
+"""Transmission: validation and the corrected equations (5), (6) and the penetration of (5)."""
+
+import numpy as np
+import pytest
+
+from errors import ModelError
+from estimator.transmission import friction_torque, link_torque, penetration, smooth_sign
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("torque_constant", 0.0),
+        ("torque_constant", np.inf),
+        ("rotor_inertia", -0.1),
+        ("half_gap", np.nan),
+        ("motor_coulomb", -1.0),
+        ("motor_viscous", -1.0),
+        ("link_coulomb", -1.0),
+        ("link_viscous", np.inf),
+        ("gap_coulomb", -1.0),
+        ("gap_viscous", -1.0),
+        ("contact_stiffness", np.nan),
+        ("gear_stiffness", 0.0),
+        ("gear_stiffness", np.nan),
+    ],
+)
+def test_a_bad_number_names_field_and_joint(make_transmission, field: str, value: float) -> None:
+    values = np.ones(7)
+    values[3] = value
+    with pytest.raises(ModelError, match=f"{field} of LElbowYaw is"):
+        make_transmission(**{field: values})
+
+
+def test_shapes(make_transmission) -> None:
+    with pytest.raises(ModelError, match=r"half_gap has shape \(6,\)"):
+        make_transmission(half_gap=np.ones(6))
+    with pytest.raises(ModelError, match="half_gap: not numbers"):
+        make_transmission(half_gap="wide")
+    np.testing.assert_array_equal(make_transmission(half_gap=0.01).half_gap, np.full(7, 0.01))
+    with pytest.raises(ValueError, match="read-only"):
+        make_transmission().half_gap[0] = 1.0
+
+
+@pytest.mark.parametrize("width", [0.0, -1.0, np.nan])
+def test_sign_width(make_transmission, width: float) -> None:
+    with pytest.raises(ModelError, match="sign_width"):
+        make_transmission(sign_width=width)
+
+
+@pytest.mark.parametrize("field", ["contact_stiffness", "contact_damping"])
+def test_no_contact_correction_without_gap(make_transmission, field: str) -> None:
+    values = np.array([1.0, -1.0, 1.0, 1.0, 0.0, 0.0, 1.0])
+    make_transmission(**{field: values})
+    values[4] = 0.1
+    with pytest.raises(ModelError, match=f"{field} of LWristRoll"):
+        make_transmission(**{field: values})
+
+
+def test_penetration_starts_from_zero_at_the_border() -> None:
+    phi = np.array([-0.03, -0.02, -0.01, 0.0, 0.02, 0.05])
+    delta = penetration(phi, np.full(6, 0.02))
+    np.testing.assert_allclose(delta, [-0.01, 0, 0, 0, 0, 0.03], atol=1e-15)
+
+
+def test_smooth_sign() -> None:
+    v = np.array([-1.0, 0.0, 0.02, 1.0])
+    np.testing.assert_allclose(smooth_sign(v, 0.02), [-1, 0, np.tanh(1), 1], atol=1e-15)
+
+
+def test_friction_of_both_states(make_transmission) -> None:
+    t = make_transmission(gap_coulomb=0.3, gap_viscous=0.2)
+    engaged = np.array([True, False] * 3 + [True])
+    qd, theta_dot = np.full(7, -2.0), np.full(7, 3.0)
+    together = (t.motor_coulomb + t.link_coulomb) + 3 * (t.motor_viscous + t.link_viscous)
+    apart = -t.link_coulomb - 2 * t.link_viscous - 0.3 - 5 * 0.2
+    expected = np.where(engaged, together, apart)
+    np.testing.assert_allclose(friction_torque(t, engaged, qd, theta_dot), expected)
+
+
+def test_link_torque_of_both_states(make_transmission) -> None:
+    stiffness = np.array([10.0, 10, 10, 10, 0, 0, 10])
+    t = make_transmission(contact_stiffness=stiffness, contact_damping=0.1 * stiffness)
+    engaged = np.array([True, False] * 3 + [True])
+    phi = t.half_gap + 0.001
+    torque = link_torque(t, engaged, np.full(7, 2.0), np.full(7, 5.0), phi, np.full(7, 0.1))
+    correction = np.where(stiffness > 0, 10 * 0.001 + 0.1, 0)
+    expected = np.where(engaged, 2 - 5 * t.rotor_inertia + correction, 0)
+    np.testing.assert_allclose(torque, expected)
