@@ -78,6 +78,11 @@ class Controller:
         self._reset_until_s = -1.0
         self._observed: Observed | None = None
 
+    @property
+    def faulted(self) -> bool:
+        """Whether a fault is latched."""
+        return self.machine.mode is Mode.FAULTED
+
     # --- what a person asks for, between two ticks ------------------------------------------
 
     def request(self, event: Event, who: str, time_s: float) -> list[str]:

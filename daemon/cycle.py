@@ -74,6 +74,11 @@ class Cycle:
         """The last one that was made."""
         return self._estimate
 
+    @property
+    def decision(self) -> Decision | None:
+        """The last one."""
+        return self._decision
+
     def begin(self, time_s: float) -> None:
         """Send SYNC: the drives sample now."""
         self._time_s = time_s
@@ -158,12 +163,13 @@ class Cycle:
     # --- what others see of it --------------------------------------------------------------
 
     def _tell(self, findings: tuple[Finding, ...]) -> None:
-        """Put this tick's news into `events`; a finding that goes on is told once."""
+        """Put this tick's news into `events`; a finding is told once until the latch is reset."""
         if findings or self._told:
             for finding in findings:
                 if finding.reaction > Reaction.CONTINUE and finding not in self._told:
                     self.events.append(Event(kind="fault", text=str(finding)))
-            self._told = frozenset(findings)
+            latched = self._told if self.controller.faulted else frozenset()
+            self._told = latched.union(findings)
         changes = self.controller.machine.changes
         for change in changes:
             self.events.append(Event(kind="mode", text=f"{change.text}: {change.cause}"))

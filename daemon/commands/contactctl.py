@@ -4,6 +4,7 @@ Everything heavy is imported by the command that needs it, so that the others st
 """
 # ruff: noqa: PLC0415
 
+import os
 import signal
 import sys
 import time
@@ -47,7 +48,10 @@ class Options:
 
 
 class _Group(click.Group):
-    """Turns our errors into one line on stderr and their exit code."""
+    """Lists the commands in the order of a session; one line on stderr for each of our errors."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -92,7 +96,7 @@ def enable(options: Options, no_wait: bool) -> None:
 @main.command()
 @click.pass_obj
 def start(options: Options) -> None:
-    """Start the trajectory. The arm moves!"""
+    """Start the trajectory: the arm moves."""
     _command(options, "start")
 
 
@@ -100,21 +104,21 @@ def start(options: Options) -> None:
 @_no_wait
 @click.pass_obj
 def pause(options: Options, no_wait: bool) -> None:
-    """Slow down the trajectory to a halt; the arm holds and stays armed."""
+    """Halt the trajectory; the arm stays armed."""
     _command(options, "pause", wait=not no_wait)
 
 
 @main.command()
 @click.pass_obj
 def arm(options: Options) -> None:
-    """Let the arm yield to contact. Refused with every reason while it cannot be trusted."""
+    """Let the arm yield to contact. Refused, with every reason, while it cannot be trusted."""
     _command(options, "arm")
 
 
 @main.command()
 @click.pass_obj
 def disarm(options: Options) -> None:
-    """Do not let the arm yield any more. Contacts are still reported, and collisions stop it."""
+    """Stop yielding to contact. Contacts are still reported, and collisions stop the arm."""
     _command(options, "disarm")
 
 
@@ -122,7 +126,7 @@ def disarm(options: Options) -> None:
 @_no_wait
 @click.pass_obj
 def stop(options: Options, no_wait: bool) -> None:
-    """Stop the arm as fast as it is configured to, and disarm it. Always works."""
+    """Stop the arm at once, and disarm it. Works in every mode."""
     _command(options, "stop", wait=not no_wait)
 
 
@@ -130,21 +134,21 @@ def stop(options: Options, no_wait: bool) -> None:
 @_no_wait
 @click.pass_obj
 def disable(options: Options, no_wait: bool) -> None:
-    """Take the power off the drives; what each joint then does is configured."""
+    """Take the power off the drives. What each joint does then is configured."""
     _command(options, "disable", wait=not no_wait)
 
 
 @main.command()
 @click.pass_obj
 def reset(options: Options) -> None:
-    """Acknowledge a fault, after its cause is gone. Energises and moves nothing."""
+    """Acknowledge a fault. Energises and moves nothing."""
     _command(options, "reset")
 
 
 @main.command()
 @click.pass_obj
 def status(options: Options) -> None:
-    """Show what the daemon does, what each joint feels, and why the arm cannot be armed."""
+    """Show mode, joints, and what arming needs."""
     with options.connect() as client:
         found = _status(client)
     if options.json:
@@ -161,7 +165,7 @@ def status(options: Options) -> None:
 @main.command()
 @click.pass_obj
 def watch(options: Options) -> None:
-    """Show the joints live, until Ctrl-C. With --json: every state, one line each."""
+    """Show the joints live, until Ctrl-C. After --json: every state, one line each."""
     if not options.json and not sys.stdout.isatty():
         raise click.UsageError("watch needs a terminal; use `contactctl --json watch` or `record`")
     with options.connect() as client:
@@ -180,7 +184,7 @@ def watch(options: Options) -> None:
 )
 @click.pass_obj
 def record(options: Options, file: Path, seconds: float | None) -> None:
-    """Record every state into a new FILE.mcap, for replay, Foxglove or PlotJuggler."""
+    """Record every state into a new file. Foxglove and PlotJuggler open it; `contactd` replays it."""
     from daemon import recorder
 
     signals: list[int] = []
@@ -271,7 +275,8 @@ def _stream_json(client: "Client") -> None:
             sys.stdout.buffer.write(client.packet() + b"\n")
             sys.stdout.buffer.flush()
     except BrokenPipeError:
-        sys.stderr.close()  # or the interpreter complains about stdout when it ends
+        # What is still buffered goes nowhere, instead of failing again when the program ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _print_json(message: Any) -> None:

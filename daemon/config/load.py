@@ -10,7 +10,7 @@ import msgspec
 
 from daemon.config.checks import cross_checks
 from daemon.config.schema import Configuration
-from daemon.config.yaml_source import Source, read_yaml
+from daemon.config.yaml_source import Source, parse_yaml, read_yaml
 from errors import ConfigurationError
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -56,6 +56,11 @@ def load_robot(path: Path) -> Robot:
             )
         )
     return Robot(path, configuration, source.text, urdf)
+
+
+def parse_configuration(text: str, name: str) -> Configuration:
+    """Of the text of a `config.yaml` alone, without what it refers to; `name` is for messages."""
+    return convert(parse_yaml(text, Path(name)), Configuration)
 
 
 def convert(source: Source, kind: type[T]) -> T:

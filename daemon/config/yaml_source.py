@@ -100,6 +100,11 @@ def read_yaml(path: Path) -> Source:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: is not UTF-8 text: {error}") from error
+    return parse_yaml(text, path)
+
+
+def parse_yaml(text: str, path: Path) -> Source:
+    """The same of a text; `path` is only for messages."""
     try:
         loader = _StrictLoader(text)
         root = loader.get_single_node()

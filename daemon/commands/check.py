@@ -1,0 +1,96 @@
+"""`contactd check`: what follows from a configuration, before anything is on the bus."""
+
+import sys
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from daemon.config.load import load_robot
+from daemon.config.schema import Configuration
+from drivers.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
+from drivers.settings import DriveProfile, Quantity
+
+QUANTITY_UNITS = {
+    "current": "rated current",
+    "link_position": "rad at the link",
+    "motor_velocity": "rad/s of the motor",
+    "motor_position": "rad of the motor",
+    "target_velocity": "rad/s of the motor",
+    "quick_stop_deceleration": "rad/s2 of the motor",
+}
+
+
+def print_check(config: Path) -> None:
+    """Check and describe. Raises ConfigurationError with everything that is wrong."""
+    robot = load_robot(config)
+    c = robot.configuration
+    # Nothing is folded away for a file or a pipe.
+    console = Console() if sys.stdout.isatty() else Console(width=120)
+    console.print(f"[bold]{c.name}[/bold]: {len(c.joints)} joints, every {c.period_ms} ms")
+    for name, profile in c.drives.items():
+        console.print(_quantities(name, profile))
+    console.print(_joints(c))
+    joints = [(joint.name, joint.wiring) for joint in c.joints]
+    console.print(_frames(frame_table(joints, c.drives, c.period_s)))
+    load = bus_load(joints, c.drives, c.period_s, c.bus.bitrate)
+    console.print(
+        f"bus load at worst {load:.1%} of {c.bus.bitrate} bit/s (allowed {HIGHEST_LOAD:.0%})"
+    )
+    click.echo(f"{robot.path}: good")
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for column in columns:
+        table.add_column(column, no_wrap=True)
+    return table
+
+
+def _quantities(name: str, profile: DriveProfile) -> Table:
+    table = _table(f"\ndrive profile {name}", "quantity", "object", "type", "scale", "unit")
+    for field, unit in QUANTITY_UNITS.items():
+        where: Quantity | None = getattr(profile, field)
+        if where is None:
+            table.add_row(field, "-", "", "", "not sent: integrated from the velocity")
+            continue
+        table.add_row(
+            field,
+            f"0x{where.object:04X}:{where.subindex:02X}",
+            where.type,
+            f"{where.sign * where.scale:.6g}",
+            f"{unit} per count",
+        )
+    return table
+
+
+def _joints(c: Configuration) -> Table:
+    table = _table(
+        "\njoints", "joint", "node", "gear", "K_c Nm/A", "gap mrad", "contact Nm", "limits rad", "end"
+    )
+    for joint in c.joints:
+        table.add_row(
+            joint.name,
+            str(joint.wiring.node),
+            f"{joint.wiring.gear:g}",
+            f"{joint.torque_constant:g}",
+            f"{joint.half_gap * 1000:g}",
+            f"{joint.thresholds.contact:g}",
+            f"{joint.limits.lower:+.2f} {joint.limits.upper:+.2f}",
+            joint.end,
+        )
+    return table
+
+
+def _frames(frames: tuple[FrameLoad, ...]) -> Table:
+    table = _table("\nframes", "COB-ID", "bytes", "rate/s", "bits", "what")
+    for frame in sorted(frames, key=lambda f: f.cob_id):
+        table.add_row(
+            f"0x{frame.cob_id:03X}",
+            str(frame.size),
+            f"{frame.rate_hz:g}",
+            str(frame.bits),
+            frame.name,
+        )
+    return table

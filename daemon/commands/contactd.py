@@ -1,0 +1,117 @@
+"""`contactd`: the daemon itself, and what belongs to its configuration and its recordings."""
+# ruff: noqa: PLC0415 - each command imports what it needs, so that `--help` starts at once
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from errors import ContactdError
+
+CONFIG = click.argument("config", type=click.Path(path_type=Path))
+SOCKET = click.option(
+    "--socket",
+    type=click.Path(path_type=Path),
+    metavar="PATH",
+    help="Control socket, where it is not the usual one.",
+)
+
+
+class _Group(click.Group):
+    """Turns our errors into a message on stderr and their exit code."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except ContactdError as error:
+            for line in str(error).splitlines():
+                click.echo(f"contactd: {line}", err=True)
+            ctx.exit(error.exit_code)
+
+
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="contactd", prog_name="contactd")
+def main() -> None:
+    """Sensorless contact daemon for low-cost robot arms with joint backlash.
+
+    CONFIG is a robot's config.yaml, or the folder that holds it.
+
+    The program is no certified safety function: an arm needs a hardware emergency stop within
+    reach. Exit status: 0 done, 1 failed, 2 usage, 65 damaged recording, 69 bus or daemon not
+    there, 78 wrong configuration.
+    """
+
+
+@main.command()
+@CONFIG
+@SOCKET
+def run(config: Path, socket: Path | None) -> None:
+    """Run the daemon: set the drives up, then feel. Energises and moves nothing by itself."""
+    from daemon.run import run_daemon
+
+    run_daemon(config, socket)
+
+
+@main.command()
+@CONFIG
+def check(config: Path) -> None:
+    """Check a configuration and print what follows from it: quantities, PDOs, bus load."""
+    from daemon.commands.check import print_check
+
+    print_check(config)
+
+
+@main.command()
+@CONFIG
+@click.option("--seed", type=click.IntRange(min=0), help="Of noise and mismatch.")
+@click.option(
+    "--friction",
+    type=click.Choice(["smooth", "dahl"]),
+    help="Smooth Coulomb friction, or true stiction.",
+)
+@click.option(
+    "--hand",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Script of a person's hand (YAML), played from the arm's first motion on.",
+)
+def simulate(config: Path, seed: int | None, friction: str | None, hand: Path | None) -> None:
+    """Simulate the arm of CONFIG in real time, at the other end of its bus.
+
+    Where the configuration says socketcand, this serves it over TCP; where it says socketcan, the
+    simulated drives join that bus. What happens to the arm is printed as lines of JSON.
+    """
+    from daemon.commands.simulate import run_simulation
+
+    run_simulation(config, seed, friction, hand)
+
+
+@main.command()
+@click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON at the end.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=25, max=600),
+    default=32.0,
+    show_default=True,
+    help="Length of the demonstration.",
+)
+def demo(as_json: bool, seconds: float) -> None:
+    """The paper's third experiment: a hand pushes, guides and lets go of a simulated Romeo arm.
+
+    Simulator and daemon are two processes that speak CANopen in real time. Exit status 0 only if
+    the story happened.
+    """
+    from daemon.commands.demo import run_demo
+
+    sys.exit(0 if run_demo(as_json=as_json, seconds=seconds) else 1)
+
+
+@main.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON.")
+def replay(file: Path, as_json: bool) -> None:
+    """Run the estimator over a recording again and say whether its output is bit-identical."""
+    from daemon.commands.replay import print_replay
+
+    sys.exit(0 if print_replay(file, as_json=as_json) else 1)

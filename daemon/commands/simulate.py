@@ -1,0 +1,49 @@
+"""`contactd simulate`: the other end of the bus, in a process of its own."""
+
+import sys
+from pathlib import Path
+
+import msgspec
+
+from daemon.commands.simulated_robot import describe, read_simulation
+from daemon.config.load import load_robot
+from errors import ConfigurationError
+from simulator.hand import read_script
+from simulator.server import serve, serve_on_bus
+
+
+def run_simulation(config: Path, seed: int | None, friction: str | None, hand: Path | None) -> None:
+    """Serve until SIGTERM or SIGINT. Raises ContactdError."""
+    robot = load_robot(config)
+    simulation = read_simulation(robot)
+    chosen = {"seed": seed, "friction": friction}
+    changes = {name: value for name, value in chosen.items() if value is not None}
+    settings = msgspec.structs.replace(simulation.settings, **changes)
+    description = describe(robot, simulation)
+    script = read_script(hand) if hand else ()
+    bus = robot.configuration.bus
+    events = sys.stdout.buffer
+    match bus.interface:
+        case "socketcand":
+            serve(
+                description,
+                settings,
+                host=bus.host,
+                port=bus.port,
+                hand_script=script,
+                events=events,
+            )
+        case "socketcan":
+            serve_on_bus(
+                description,
+                settings,
+                interface=bus.interface,
+                channel=bus.channel,
+                hand_script=script,
+                events=events,
+            )
+        case other:
+            raise ConfigurationError(
+                f"{robot.path}: bus.interface: {other} cannot be simulated by another process; "
+                "use socketcand (over TCP) or socketcan (a real or virtual CAN interface)"
+            )

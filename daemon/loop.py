@@ -1,0 +1,65 @@
+"""The fixed loop: absolute deadlines, one tick each, then the doors, then sleep.
+
+A deadline that is missed by more than a period is counted and left out, never made up for: two
+ticks in a burst would tell the drives that time ran twice as fast.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from daemon.cycle import Cycle, Wakeup
+
+# Share of the period in which the drives must have answered SYNC.
+ANSWER_SHARE = 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Where the loop's time comes from, and how it waits."""
+
+    now: Callable[[], float]  # monotonic [s]
+    sleep_until: Callable[[float], None]
+
+
+class Loop:
+    """Runs `cycle` every `period_s` until it is told to stop."""
+
+    def __init__(self, cycle: Cycle, clock: Clock, period_s: float) -> None:
+        self.cycle = cycle
+        self.missed = 0
+        self.lateness_max_s = 0.0
+        self.work_max_s = 0.0
+        self.wakeup = Wakeup()
+        self._clock, self._period_s = clock, period_s
+        self._start_s = self._deadline_s = clock.now()
+        self._work_s = 0.0
+
+    @property
+    def time_s(self) -> float:
+        """Since the loop was made."""
+        return self._clock.now() - self._start_s
+
+    def run(self, doors: Callable[[], None], running: Callable[[], bool]) -> None:
+        """Tick until `running()` is false; `doors()` follows each tick, in its slack."""
+        while running():
+            self.tick()
+            doors()
+
+    def tick(self) -> None:
+        """Wait for the next deadline and do one tick."""
+        clock, period = self._clock, self._period_s
+        self._deadline_s += period
+        clock.sleep_until(self._deadline_s)
+        woken = clock.now()
+        lateness = woken - self._deadline_s
+        late = lateness > period
+        if late:
+            left_out = int(lateness / period)
+            self.missed += left_out
+            self._deadline_s += left_out * period
+        self.wakeup = Wakeup(woken, lateness, self._work_s, self.missed, late)
+        self.cycle.begin(woken - self._start_s)
+        self.cycle.finish(woken + ANSWER_SHARE * period, self.wakeup)
+        self._work_s = clock.now() - woken
+        self.lateness_max_s = max(self.lateness_max_s, lateness)
+        self.work_max_s = max(self.work_max_s, self._work_s)

@@ -1,0 +1,126 @@
+"""Run the estimator over a recording again, and say whether it thinks the same, bit by bit."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from daemon.assembly import build_estimator
+from daemon.config.load import parse_configuration
+from daemon.cycle import FLAG_NAMES, SIDE_NAMES
+from daemon.messages import Snapshot, State
+from daemon.modes import Mode
+from daemon.recorder import read_log
+from errors import LogError
+from estimator.estimator import Estimate, Estimator
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """The first thing that came out otherwise."""
+
+    tick: int
+    field: str
+    recorded: object
+    replayed: object
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """How it went: states compared, stretches without a gap, and the first difference."""
+
+    states: int
+    skipped: int  # after a gap, before the next snapshot
+    stretches: int
+    difference: Difference | None
+    broken: str  # why the recording ends early; empty if it does not
+
+    @property
+    def identical(self) -> bool:
+        """Every state was compared and came out the same."""
+        return self.difference is None and self.states > 0
+
+
+def replay(path: Path) -> Replay:
+    """Compare every State of `path` with what the estimator makes of its samples today.
+
+    Raises LogError if there is nothing to read; a recording that breaks off is compared up to
+    there.
+    """
+    run = _Run()
+    broken = ""
+    try:
+        for message in read_log(path):
+            if isinstance(message, Snapshot):
+                run.restart(message)
+            else:
+                run.compare(message)
+    except LogError as error:
+        if not run.states:
+            raise
+        broken = str(error)
+    return Replay(run.states, run.skipped, run.stretches, run.difference, broken)
+
+
+class _Run:
+    def __init__(self) -> None:
+        self.states = self.skipped = self.stretches = 0
+        self.difference: Difference | None = None
+        self._estimator: Estimator | None = None
+        self._estimate: Estimate | None = None
+        self._tick = -1
+        self._mode = ""
+
+    def restart(self, snapshot: Snapshot) -> None:
+        configuration = parse_configuration(snapshot.configuration, "the recorded configuration")
+        self._estimator = build_estimator(configuration, snapshot.urdf)
+        self._estimator.restore(snapshot.memory)
+        self._tick, self._mode = snapshot.tick, ""
+        self.stretches += 1
+
+    def compare(self, state: State) -> None:
+        if self._estimator is None or state.tick != self._tick + 1:
+            # What the estimator remembered in between is lost until the next snapshot.
+            self._estimator = None
+            self.skipped += 1
+            return
+        self._tick = state.tick
+        if state.updated:
+            motor = state.motor_position
+            self._estimate = self._estimator.step(
+                np.array(state.current),
+                np.array(state.link_position),
+                np.array(state.motor_velocity),
+                None if motor is None else np.array(motor),
+                state.interval_s,
+                time_s=state.time_s,
+            )
+        # As the tick does when the arm begins to hold.
+        if self._mode == Mode.ENABLING and state.mode == Mode.HOLDING:
+            self._estimator.reset()
+        self._mode = state.mode
+        if self._estimate is not None:
+            self.states += 1
+            self.difference = self.difference or _difference(state, self._estimate)
+
+
+def _difference(state: State, estimate: Estimate) -> Difference | None:
+    replayed = {
+        "velocity": estimate.qd.tolist(),
+        "motor": estimate.theta.tolist(),
+        "gap": estimate.phi.tolist(),
+        "gap_sigma": estimate.sigma_phi.tolist(),
+        "side": [SIDE_NAMES[side] for side in estimate.side.tolist()],
+        "torque": estimate.tau_M.tolist(),
+        "residual": estimate.residual.tolist(),
+        "threshold": estimate.threshold.tolist(),
+        "thresholded": estimate.thresholded.tolist(),
+        "beside": {name: values.tolist() for name, values in estimate.beside.items()},
+        "flags": [FLAG_NAMES[flag] for flag in estimate.flags],
+    }
+    recorded = msgspec.structs.asdict(state)
+    for field, value in replayed.items():
+        if recorded[field] != value:
+            return Difference(state.tick, field, recorded[field], value)
+    return None

@@ -1,0 +1,86 @@
+"""`contactd run`: from a configuration to a ticking loop, and back to a safe end."""
+
+import logging
+import os
+import signal
+import time
+from pathlib import Path
+
+import can
+
+from daemon.assembly import build_cycle, build_setups
+from daemon.config.load import Robot, load_robot
+from daemon.control import ControlSocket, default_socket_path
+from daemon.journal import log_to_stderr
+from daemon.loop import Clock, Loop
+from daemon.realtime import go_realtime
+from daemon.service import Service
+from drivers.boot_up import boot_up, forget_master
+from drivers.bus import open_bus
+from errors import DriveError
+
+_log = logging.getLogger("contactd")
+
+
+def run_daemon(config: Path, socket: Path | None) -> None:
+    """Run until SIGTERM or SIGINT. Raises ContactdError if it cannot start or a drive does not
+    end as it should."""
+    with log_to_stderr():
+        robot = load_robot(config)
+        signals = _Signals()
+        # The socket comes first: of two daemons for one arm only one gets as far as the bus.
+        with ControlSocket(socket or default_socket_path()) as control:
+            bus = open_bus(robot.configuration.bus)
+            try:
+                _serve(robot, bus, control, signals)
+            finally:
+                bus.shutdown()
+
+
+def _serve(robot: Robot, bus: can.BusABC, control: ControlSocket, signals: "_Signals") -> None:
+    c = robot.configuration
+    setups = build_setups(robot)
+    realtime = go_realtime()
+    _log.info("real time: %s", ", ".join(realtime))
+    boot_up(bus, setups, period_ms=c.period_ms, master_node=c.bus.master_node, progress=_log.info)
+    if signals.received:
+        return
+    cycle = build_cycle(robot, bus, time.monotonic)
+    clock = Clock(time.monotonic, _sleep_until)
+    cycle.arm.start(0.0)
+    service = Service(robot, Loop(cycle, clock, c.period_s), control, realtime, os.getpid())
+    _log.info("%s: ready, off, at %s", c.name, control.path)
+    service.loop.run(service.doors, lambda: not signals.received)
+    stragglers = service.wind_down(signals.received)
+    if not stragglers and not cycle.controller.faulted:
+        # At rest for good, the drives need not miss us.
+        forget_master(bus, setups)
+    cycle.arm.end()
+    if stragglers:
+        raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")
+    _log.info("ended: %s", _ending(robot))
+
+
+def _ending(robot: Robot) -> str:
+    ends: dict[str, list[str]] = {}
+    for joint in robot.configuration.joints:
+        ends.setdefault(joint.end, []).append(joint.name)
+    return "; ".join(f"{end}: {', '.join(names)}" for end, names in ends.items())
+
+
+def _sleep_until(deadline: float) -> None:
+    if (left := deadline - time.monotonic()) > 0.0:
+        time.sleep(left)
+
+
+class _Signals:
+    """The name of the first SIGTERM or SIGINT; a second SIGINT during the end changes nothing, for
+    the arm must be brought to rest."""
+
+    def __init__(self) -> None:
+        self.received = ""
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._receive)
+
+    def _receive(self, number: int, _: object) -> None:
+        self.received = self.received or signal.Signals(number).name

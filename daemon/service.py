@@ -1,0 +1,162 @@
+"""The running service: answers requests, tells readers and the log, and ends in good order."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import numpy as np
+
+from daemon.config.load import Robot
+from daemon.control import ControlSocket, Peer
+from daemon.cycle import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
+from daemon.loop import Loop
+from daemon.messages import Reply, Request, Snapshot, Status
+from daemon.modes import Event, Mode
+from drivers.cia402 import reached
+from errors import ControlError
+
+EVENT_OF_COMMAND = {
+    "enable": Event.ENABLE,
+    "start": Event.START,
+    "pause": Event.PAUSE,
+    "disarm": Event.DISARM,
+    "stop": Event.STOP,
+    "disable": Event.DISABLE,
+    "reset": Event.RESET,
+}
+# How long the drives may take to reach the state they end in [s].
+END_PATIENCE_S = 1.0
+
+_LEVELS = {"fault": logging.ERROR, "contact": logging.INFO, "mode": logging.INFO}
+_log = logging.getLogger("contactd")
+
+
+@dataclass(slots=True)
+class Service:
+    """What stands around the loop, in the slack after each tick."""
+
+    robot: Robot
+    loop: Loop
+    control: ControlSocket
+    realtime: list[str]
+    pid: int
+
+    # --- after every tick -------------------------------------------------------------------
+
+    def doors(self) -> None:
+        """Publish the tick, log its events, serve the control socket: bounded work."""
+        cycle = self.loop.cycle
+        if self.control.readers and cycle.decision is not None:
+            self.control.publish(cycle.state(self.loop.wakeup))
+        for event in cycle.events:
+            _log.log(_LEVELS[event.kind], "%s", event.text)
+        self.control.poll(self.handle)
+
+    def handle(self, request: Request, peer: Peer) -> Reply:
+        """Carry out one request; a refusal gives every reason."""
+        controller = self.loop.cycle.controller
+        who = f"uid {peer.uid} (pid {peer.pid})"
+        status: Status | None = None
+        snapshot: Snapshot | None = None
+        reasons: list[str] = []
+        match request.command:
+            case "status":
+                status = self.status()
+            case "subscribe":
+                snapshot = self.snapshot()
+            case "arm":
+                reasons = controller.arm(who)
+            case command:
+                event = EVENT_OF_COMMAND[command]
+                reasons = controller.request(event, who, self.loop.time_s)
+        machine = controller.machine
+        return Reply(
+            ok=not reasons,
+            message=f"{request.command}: " + ("refused" if reasons else machine.cause),
+            reasons=reasons,
+            mode=machine.mode.value,
+            armed=machine.armed,
+            status=status,
+            snapshot=snapshot,
+        )
+
+    def status(self) -> Status:
+        """For `contactctl status`."""
+        loop, c = self.loop, self.robot.configuration
+        cycle = loop.cycle
+        samples, estimate = cycle.samples, cycle.estimate
+        zeros = [0.0] * len(c.joints)
+        machine = cycle.controller.machine
+        return Status(
+            name=c.name,
+            configuration=str(self.robot.path),
+            pid=self.pid,
+            uptime_s=loop.time_s,
+            mode=machine.mode.value,
+            armed=machine.armed,
+            cause=machine.cause,
+            not_armable=cycle.controller.not_armable(),
+            cycles=cycle.tick + 1,
+            missed=loop.missed,
+            lateness_max_us=loop.lateness_max_s * 1e6,
+            work_max_us=loop.work_max_s * 1e6,
+            realtime=self.realtime,
+            readers=len(self.control.readers),
+            joints=c.joint_names,
+            drives=[DRIVE_STATE_NAMES[s] for s in samples.states] if samples else [],
+            position=finite_list(samples.link_position) if samples else zeros,
+            residual=estimate.residual.tolist() if estimate else zeros,
+            threshold=estimate.threshold.tolist() if estimate else zeros,
+            side=[SIDE_NAMES[s] for s in estimate.side.tolist()] if estimate else [],
+            age_ticks=samples.age_ticks.tolist() if samples else [],
+        )
+
+    def snapshot(self) -> Snapshot:
+        """What a reader needs beside the States. Raises ControlError before the first sample."""
+        c, cycle = self.robot.configuration, self.loop.cycle
+        if cycle.decision is None:
+            raise ControlError("the drives have not sent all their samples yet; try again")
+        return Snapshot(
+            joints=c.joint_names,
+            half_gap=[joint.half_gap for joint in c.joints],
+            thresholds=[joint.thresholds.contact for joint in c.joints],
+            period_s=c.period_s,
+            tick=cycle.tick,
+            memory=cycle.estimator.memory(),
+            configuration=self.robot.text,
+            urdf=self.robot.urdf,
+            program=f"contactd {version('contactd')}",
+        )
+
+    # --- the end ----------------------------------------------------------------------------
+
+    def wind_down(self, why: str) -> list[str]:
+        """Decelerate, stop, let every joint end as configured, and see that it did.
+
+        Returns the names of drives that did not follow. The loop goes on ticking meanwhile, and
+        so does our heartbeat; it ends with the last tick.
+        """
+        cycle = self.loop.cycle
+        controller, c = cycle.controller, self.robot.configuration
+        controller.request(Event.DISABLE, why, self.loop.time_s)
+        self._tick_until(
+            lambda: controller.machine.mode in (Mode.OFF, Mode.FAULTED),
+            # A joint that does not stop in time becomes a fault, and then a quick stop.
+            c.supervisor.stop_timeout_s + END_PATIENCE_S,
+        )
+        self._tick_until(lambda: not self._stragglers(), END_PATIENCE_S)
+        return self._stragglers()
+
+    def _tick_until(self, done: Callable[[], bool], patience_s: float) -> None:
+        end = self.loop.time_s + patience_s
+        self.loop.run(self.doors, lambda: not done() and self.loop.time_s < end)
+
+    def _stragglers(self) -> list[str]:
+        """Drives that have not reached what was last asked of them."""
+        cycle = self.loop.cycle
+        if cycle.samples is None or cycle.decision is None:
+            return []
+        pairs = zip(cycle.samples.states, cycle.decision.power, strict=True)
+        wrong = np.flatnonzero([not reached(state, target) for state, target in pairs])
+        return [self.robot.configuration.joints[i].name for i in wrong]
