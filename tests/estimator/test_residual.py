@@ -91,8 +91,12 @@ def test_what_each_variant_believes(variant: Variant, acting: str) -> None:
 
 
 def test_names() -> None:
-    names = [Variant(kind=k, friction=f, rotor_inertia=r).name
-             for k in ("classical", "backlash") for f in (False, True) for r in (False, True)]  # fmt: skip
+    switches = [(False, False), (False, True), (True, False), (True, True)]
+    names = [
+        Variant(kind=kind, friction=friction, rotor_inertia=rotor).name
+        for kind in ("classical", "backlash")
+        for friction, rotor in switches
+    ]
     assert names == [
         *("classical", "classical+rotor", "classical+friction", "classical+friction+rotor"),
         *("backlash-friction-rotor", "backlash-friction", "backlash-rotor", "backlash"),

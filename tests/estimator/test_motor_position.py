@@ -1,0 +1,211 @@
+"""Motor position in the gap: how it starts, drifts, is corrected, and when it says gap."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from estimator.motor_position import GapSettings, MotorPosition, Side
+from estimator.transmission import Transmission
+
+T = 0.01
+ALPHA = 0.02
+COULOMB = 1.0
+
+
+@dataclass
+class Joint:
+    """One joint with a gap of 0.02 rad beside a rigid one; moves as told, sees what is given."""
+
+    settings: GapSettings = field(default_factory=GapSettings)
+    stiffness: float = np.inf
+    position: MotorPosition = field(init=False)
+
+    def __post_init__(self) -> None:
+        transmission = Transmission(
+            joints=("loose", "rigid"),
+            torque_constant=np.ones(2),
+            rotor_inertia=np.zeros(2),
+            half_gap=np.array([ALPHA, 0.0]),
+            motor_coulomb=np.full(2, COULOMB),
+            motor_viscous=np.zeros(2),
+            link_coulomb=np.zeros(2),
+            link_viscous=np.zeros(2),
+            gear_stiffness=np.full(2, self.stiffness),
+        )
+        self.position = MotorPosition(transmission, self.settings)
+        self.position.start(np.zeros(2))
+
+    def step(
+        self, *, q: float = 0.0, qd: float = 0.0, w: float = 0.0, torque: float = 0.0,
+        measured: bool = False,
+    ) -> None:  # fmt: skip
+        tau = np.full(2, torque)
+        speed = np.full(2, w)
+        uncertainty = self.position.uncertainty(tau, np.zeros(2), speed)
+        self.position.step(
+            np.full(2, q), np.full(2, qd), speed, speed * T, tau, uncertainty, T, measured=measured
+        )
+
+    @property
+    def phi(self) -> float:
+        return -float(self.position.theta[0])
+
+    @property
+    def side(self) -> Side:
+        return Side(int(self.position.side[0]))
+
+    @property
+    def sigma(self) -> float:
+        return float(self.position.sigma[0])
+
+    def settle(self, torque: float) -> None:
+        for _ in range(40):
+            self.step(torque=torque)
+
+
+@pytest.mark.parametrize("torque", [0.0, 0.9, -0.9])
+def test_a_torque_that_may_be_friction_tells_nothing(torque: float) -> None:
+    joint = Joint()
+    for _ in range(100):
+        joint.step(torque=torque)
+    assert joint.side == Side.UNKNOWN
+    assert joint.sigma == ALPHA
+
+
+@pytest.mark.parametrize(
+    ("torque", "side", "phi"), [(2.0, Side.LEFT, -ALPHA), (-2.0, Side.RIGHT, ALPHA)]
+)
+def test_a_clear_torque_tells_the_side_after_some_ticks(
+    torque: float, side: Side, phi: float
+) -> None:
+    joint = Joint()
+    sides = []
+    for _ in range(4):
+        joint.step(torque=torque)
+        sides.append(joint.side)
+    assert sides == [Side.UNKNOWN, Side.UNKNOWN, side, side]
+    assert joint.phi == pytest.approx(phi)
+    assert joint.sigma < 0.1 * ALPHA
+
+
+def test_a_torque_that_changes_its_sign_is_not_held() -> None:
+    joint = Joint()
+    for k in range(50):
+        joint.step(torque=2.0 if k % 4 < 2 else -2.0)
+    assert joint.side == Side.UNKNOWN
+
+
+def test_gap_only_when_clear_of_the_border_and_without_torque() -> None:
+    joint = Joint()
+    joint.settle(2.0)  # LEFT, theta = +alpha; the rotor then runs back through the gap
+    seen = []
+    for _ in range(40):
+        joint.step(w=-0.1)
+        seen.append((abs(joint.phi) / ALPHA, joint.side))
+    assert joint.phi == pytest.approx(ALPHA)
+    for phi, side in seen:
+        assert (side == Side.GAP) == (phi < 1 - joint.settings.margin), phi
+    assert {side for _, side in seen} == {Side.LEFT, Side.GAP, Side.RIGHT}
+
+
+@pytest.mark.parametrize(("torque", "gap"), [(0.1, True), (-0.1, True), (0.4, False)])
+def test_a_load_in_the_middle_of_the_gap_is_never_dropped(torque: float, gap: bool) -> None:
+    joint = Joint()
+    joint.settle(2.0)
+    for _ in range(20):
+        joint.step(w=-0.1)
+    assert abs(joint.phi) < 0.1 * ALPHA
+    joint.step(w=-0.001, torque=torque)
+    assert (joint.side == Side.GAP) == gap
+
+
+def test_no_gap_once_theta_is_as_uncertain_as_the_gap_is_wide() -> None:
+    joint = Joint(GapSettings(velocity_bias=0.01))
+    joint.settle(2.0)
+    for _ in range(20):
+        joint.step(w=-0.1)
+    assert joint.side == Side.GAP
+    growth = []
+    for k in range(300):
+        joint.step(w=0.003 if k % 2 else -0.003)
+        growth.append(joint.sigma)
+    assert joint.side == Side.UNKNOWN
+    assert joint.sigma == ALPHA
+    assert np.all(np.diff(growth) >= 0)
+
+
+def test_theta_is_held_at_standstill() -> None:
+    joint = Joint()
+    joint.settle(2.0)
+    theta = joint.position.theta.copy()
+    for _ in range(10_000):
+        joint.step(w=-0.0015)
+    np.testing.assert_array_equal(joint.position.theta, theta)
+
+
+@pytest.mark.parametrize("bias", [0.02, -0.02])
+def test_phi_never_leaves_the_gap_by_drift(bias: float) -> None:
+    joint = Joint()
+    for k in range(3000):
+        joint.step(w=bias, torque=0.05)
+        assert abs(joint.phi) <= ALPHA + 1e-12, k
+
+
+def test_drift_at_an_engaged_border_is_pulled_out_a_little_at_a_time() -> None:
+    joint = Joint()
+    joint.settle(2.0)
+    joint.position.theta[0] -= 0.5 * ALPHA
+    errors = []
+    for _ in range(30):
+        joint.step(torque=2.0)
+        errors.append(abs(joint.phi + ALPHA))
+    steps = -np.diff([0.5 * ALPHA, *errors])
+    assert np.all(steps >= 0)
+    assert steps.max() <= 0.11 * ALPHA
+    assert errors[-1] < 0.001 * ALPHA
+
+
+def test_a_load_may_bend_the_gear() -> None:
+    joint = Joint(stiffness=1000.0)
+    joint.settle(3.0)
+    joint.position.theta[0] = ALPHA + 0.002  # phi beyond the border by less than 3 Nm / stiffness
+    for _ in range(20):
+        joint.step(torque=3.0)
+    assert joint.phi == pytest.approx(-ALPHA - 0.002)
+    joint.position.theta[0] = ALPHA + 0.01
+    for _ in range(60):
+        joint.step(torque=3.0)
+    assert joint.phi == pytest.approx(-ALPHA - 0.003, abs=1e-6)
+
+
+def test_a_hand_that_moves_the_link_across_is_seen_not_explained_away() -> None:
+    # The rotor stands; the link is moved from one border to the other, then loads it.
+    joint = Joint()
+    joint.settle(2.0)
+    theta = float(joint.position.theta[0])
+    for k in range(20):
+        joint.step(q=0.002 * (k + 1), qd=0.2)
+        assert joint.position.theta[0] == pytest.approx(theta, abs=1e-12)
+    assert 0.04 - theta == pytest.approx(ALPHA)
+    for _ in range(3):
+        joint.step(q=0.04, torque=-2.0)
+    assert joint.side == Side.RIGHT
+
+
+def test_a_measured_position_does_not_become_less_certain() -> None:
+    joint = Joint()
+    joint.settle(2.0)
+    before = joint.sigma
+    for k in range(1000):
+        joint.step(w=0.1 if k % 20 < 10 else -0.1, measured=True)
+    assert joint.sigma == before
+
+
+def test_a_joint_without_gap_is_always_engaged() -> None:
+    joint = Joint()
+    for torque, side in [(0.01, Side.LEFT), (-0.01, Side.RIGHT), (3.0, Side.LEFT)]:
+        joint.step(q=0.7, w=0.3, torque=torque)
+        assert joint.position.theta[1] == 0.7
+        assert joint.position.sigma[1] == 0.0
+        assert joint.position.side[1] == side
