@@ -61,7 +61,7 @@ class Client:
             pass  # it may have said why before it hung up: read on
         except TimeoutError:
             raise UnreachableError("the daemon fell silent: it takes no requests") from None
-        return self._decode(self._replies, self.packet())
+        return self._decode(self._replies, self.packet("does not answer; is it still starting?"))
 
     def subscribe(self) -> tuple[Snapshot, Iterator[State]]:
         """The snapshot, and after it every State as long as the daemon lives.
@@ -74,8 +74,8 @@ class Client:
             raise ControlError("; ".join([reply.message or "refused", *reply.reasons]))
         return reply.snapshot, self._iterate()
 
-    def packet(self) -> bytes:
-        """The next message as it was sent."""
+    def packet(self, silence: str = "fell silent") -> bytes:
+        """The next message as it was sent; `silence` is said of the daemon if none comes."""
         try:
             try:
                 size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
@@ -83,7 +83,7 @@ class Client:
                 # Reported once, ahead of what the daemon had still said before it hung up.
                 size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
         except TimeoutError:
-            raise UnreachableError("the daemon fell silent") from None
+            raise UnreachableError(f"the daemon {silence}") from None
         except OSError as error:
             raise UnreachableError(f"the daemon closed the connection ({error.strerror})") from None
         if size == 0:

@@ -35,7 +35,7 @@ SEND_BUFFER_BYTES = 1 << 20  # the kernel grants what net.core.wmem_max allows
 LISTEN_BACKLOG = 16
 
 _UCRED = struct.Struct("3i")  # pid, uid, gid
-_log = logging.getLogger(__name__)
+_log = logging.getLogger("contactd")
 
 
 @dataclass(frozen=True, slots=True)

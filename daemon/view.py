@@ -201,22 +201,34 @@ def status_view(status: Status) -> RenderableType:
     return frame
 
 
-def _status_joints(status: Status) -> Table:
+def _status_joints(status: Status) -> RenderableType:
     table = Table(box=None, padding=(0, 1), header_style="bold")
     for name in ("joint", "rad", "Nm", "of", "side", "age", "drive"):
         justify = "right" if name in {"rad", "Nm", "of", "age"} else "left"
         table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    for i, joint in enumerate(status.joints):
-        residual, threshold = status.residual[i], status.threshold[i]
+    # Before the first samples there are joints, but nothing known about them.
+    rows = zip(
+        status.joints,
+        status.position,
+        status.residual,
+        status.threshold,
+        status.side,
+        status.age_ticks,
+        status.drives,
+        strict=False,
+    )
+    for joint, position, residual, threshold, side, age, drive in rows:
         table.add_row(
             Text(joint),
-            f"{status.position[i]:+.3f}",
+            f"{position:+.3f}",
             Text(f"{residual:+.2f}", _strain_style(residual, threshold)),
             f"{threshold:.2f}",
-            Text(status.side[i], SIDE_STYLES.get(status.side[i], "")),
-            Text(str(status.age_ticks[i]), "yellow" if status.age_ticks[i] else "dim"),
-            _drive(status.drives[i]),
+            Text(side, SIDE_STYLES.get(side, "")),
+            Text(str(age), "yellow" if age else "dim"),
+            _drive(drive),
         )
+    if not table.row_count:
+        return Text(f"{len(status.joints)} joints, no samples from the drives yet", "yellow")
     return table
 
 

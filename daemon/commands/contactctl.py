@@ -184,7 +184,7 @@ def watch(options: Options) -> None:
 )
 @click.pass_obj
 def record(options: Options, file: Path, seconds: float | None) -> None:
-    """Record every state into a new file. Foxglove and PlotJuggler open it; `contactd` replays it."""
+    """Record every state into a new file. Foxglove, PlotJuggler and replay read it."""
     from daemon import recorder
 
     signals: list[int] = []

@@ -158,3 +158,10 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
     (joint,) = [line for line in lines if line.startswith(" LWristPitch")]
     assert "0.20" in joint
     assert "operation enabled" in joint
+
+
+def test_status_report_before_the_first_samples(fake_daemon: Any) -> None:
+    status = msgspec.structs.replace(fake_daemon.status(), drives=[], side=[], age_ticks=[])
+    assert "7 joints, no samples from the drives yet" in "\n".join(
+        text_of(status_view(status), 100, 40)
+    )
