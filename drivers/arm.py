@@ -7,13 +7,13 @@ arrives, and no failure of the bus, is an exception.
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import can
 import numpy as np
 
-from drivers.bus import BUS_FAILURES, connection_lost
+from drivers.bus import BUS_FAILURES
 from drivers.cia402 import DriveState, PowerTarget, controlword, drive_state
 from drivers.codec import Joint, SampleDecoder, SetpointEncoder, Vector, receive_pdos
 from drivers.events import (
@@ -27,11 +27,14 @@ from drivers.events import (
 from drivers.heartbeat import OPERATIONAL, PATIENCE, HeartbeatWatch
 from drivers.samples import Samples
 from drivers.settings import DriveProfile
+from drivers.wire import ERROR, Frame, Wire, open_wire
 
 NMT: Final = 0x000
 SYNC: Final = 0x080
 EMERGENCY: Final = 0x080
 HEARTBEAT: Final = 0x700
+
+SYNC_FRAME: Final[Frame] = (SYNC, b"")
 
 START_NODE: Final = 1
 ENTER_PRE_OPERATIONAL: Final = 128
@@ -56,9 +59,10 @@ class Counters:
 
 @dataclass(frozen=True, slots=True)
 class _Setpoint:
-    """One RPDO: its frame, used over and over, and which of (controlword, counts) it carries."""
+    """One RPDO: its data, written over and over, and which of (controlword, counts) it carries."""
 
-    frame: can.Message
+    cob_id: int
+    data: bytearray
     layout: struct.Struct
     picks: tuple[int, ...]
 
@@ -68,11 +72,6 @@ class _Drive:
     watch: HeartbeatWatch
     setpoints: tuple[_Setpoint, ...]
     controlword: int = 0
-    nmt: can.Message = field(default_factory=can.Message)
-
-
-def _frame(cob_id: int, data: bytes = b"") -> can.Message:
-    return can.Message(arbitration_id=cob_id, is_extended_id=False, data=data, is_rx=False)
 
 
 class Arm:
@@ -95,7 +94,7 @@ class Arm:
         self.names = tuple(name for name, _ in joints)
         self.nodes = tuple(wiring.node for _, wiring in joints)
         self.counters = Counters()
-        self._bus = bus
+        self._wire: Wire = open_wire(bus)
         self._clock = clock
         self._decoder = SampleDecoder(joints, profiles)
         self._encoder = SetpointEncoder(joints, profiles)
@@ -111,11 +110,15 @@ class Arm:
             self._joint_bits[joint] |= 1 << bit
         self._all = (1 << len(self._tpdos)) - 1
         self._missing = 0
-        self._sync = _frame(SYNC)
-        self._heartbeat = _frame(HEARTBEAT + master_node, bytes([OPERATIONAL]))
-        self._masters_own = {NMT, SYNC, HEARTBEAT + master_node} | {
-            setpoint.frame.arbitration_id for drive in self._drives for setpoint in drive.setpoints
-        }
+        self._heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
+        # All setpoints of a tick; their data is written anew by every command.
+        self._setpoints = [
+            (setpoint.cob_id, setpoint.data)
+            for drive in self._drives
+            for setpoint in drive.setpoints
+        ]
+        setpoint_ids = {cob_id for cob_id, _ in self._setpoints}
+        self._masters_own = {NMT, SYNC, HEARTBEAT + master_node} | setpoint_ids
         timeout_ms = min(profiles[wiring.profile].master_timeout_ms for _, wiring in joints)
         # Sent when the tick after this one would be too late for a third of the drives' patience.
         self._heartbeat_every_s = max(timeout_ms / 3000.0 - period_s, 0.0)
@@ -138,11 +141,10 @@ class Arm:
         """NMT operational for every drive: PDOs flow, heartbeats are watched from `now` on."""
         self._now = now
         self._receive_queued()
-        self._beat(now)
-        for drive in self._drives:
-            drive.watch.begin(now)
-            drive.nmt.data[0] = START_NODE
-            self._send(drive.nmt)
+        self._heartbeat_at = now
+        for watch in self._watches.values():
+            watch.begin(now)
+        self._send([self._heartbeat, *self._nmt(START_NODE)])
 
     def sync(self, now: float) -> None:
         """Begin a tick: read what came since the last, beat if it is time, then send SYNC."""
@@ -152,10 +154,12 @@ class Arm:
         self._receive_queued()
         for watch in self._watches.values():
             self._tell(watch.check(now))
-        if now - self._heartbeat_at >= self._heartbeat_every_s:
-            self._beat(now)
         self._missing = self._all
-        self._send(self._sync)
+        if now - self._heartbeat_at >= self._heartbeat_every_s:
+            self._heartbeat_at = now
+            self._send([self._heartbeat, SYNC_FRAME])
+        else:
+            self._send([SYNC_FRAME])
 
     def collect(self, deadline: float) -> Samples:
         """Read until every TPDO of this SYNC is in, or `deadline` on the arm's clock has passed.
@@ -165,17 +169,14 @@ class Arm:
         frames_left = FRAMES_PER_PASS
         try:
             while self._missing and frames_left:
-                frame = self._bus.recv(max(deadline - self._clock(), 0.0))
+                frame = self._wire.receive(max(deadline - self._clock(), 0.0))
                 if frame is None:
                     break
-                self._take(frame)
+                self._take(*frame)
                 frames_left -= 1
         except BUS_FAILURES as error:
-            self._tell_trouble(f"receiving failed: {error}")
-        if self._missing:
-            self.counters.missing_frames += self._missing.bit_count()
-            if connection_lost(self._bus):
-                self._tell_trouble("the connection to the bus is gone")
+            self._tell(BusTrouble(f"receiving failed: {error}"))
+        self.counters.missing_frames += self._missing.bit_count()
         return self._publish()
 
     def command(
@@ -204,8 +205,8 @@ class Arm:
             values = (drive.controlword, counts[i] if moves else standstill[i])
             for setpoint in drive.setpoints:
                 chosen = [values[pick] for pick in setpoint.picks]
-                setpoint.layout.pack_into(setpoint.frame.data, 0, *chosen)
-                self._send(setpoint.frame)
+                setpoint.layout.pack_into(setpoint.data, 0, *chosen)
+        self._send(self._setpoints)
 
     def end(self) -> None:
         """Take leave: drives pre-operational, so that no late setpoint acts; heartbeat last.
@@ -213,69 +214,59 @@ class Arm:
         The drives notice the silence after that and stop by themselves (0x6007), which asks
         nothing more of one that is off or holds in quick stop.
         """
-        for drive in self._drives:
-            drive.nmt.data[0] = ENTER_PRE_OPERATIONAL
-            self._send(drive.nmt)
-        self._send(self._heartbeat)
+        self._send([*self._nmt(ENTER_PRE_OPERATIONAL), self._heartbeat])
 
-    def _beat(self, now: float) -> None:
-        self._heartbeat_at = now
-        self._send(self._heartbeat)
+    def _nmt(self, command: int) -> list[Frame]:
+        return [(NMT, bytes([command, node])) for node in self.nodes]
 
-    def _send(self, frame: can.Message) -> None:
+    def _send(self, frames: Sequence[Frame]) -> None:
         try:
-            self._bus.send(frame)
+            self._wire.send(frames)
         except BUS_FAILURES as error:
             self.counters.send_errors += 1
-            self._tell_trouble(f"sending failed: {error}")
+            self._tell(BusTrouble(f"sending failed: {error}"))
 
     def _receive_queued(self) -> None:
         try:
             for _ in range(FRAMES_PER_PASS):
-                frame = self._bus.recv(0)
+                frame = self._wire.receive(0.0)
                 if frame is None:
                     return
-                self._take(frame)
+                self._take(*frame)
         except BUS_FAILURES as error:
-            self._tell_trouble(f"receiving failed: {error}")
+            self._tell(BusTrouble(f"receiving failed: {error}"))
 
-    def _take(self, frame: can.Message) -> None:
-        slot = self._tpdos.get(frame.arbitration_id)
-        if frame.is_extended_id or frame.is_error_frame or frame.is_remote_frame or slot is None:
-            self._take_other(frame)
+    def _take(self, can_id: int, data: bytes | bytearray) -> None:
+        slot = self._tpdos.get(can_id)
+        if slot is None:
+            self._take_other(can_id, data)
             return
         bit, start, stop, layout = slot
-        if len(frame.data) < layout.size:
+        if len(data) < layout.size:
             self.counters.short_frames += 1
             return
-        self._decoder.raw[start:stop] = layout.unpack_from(frame.data)
+        self._decoder.raw[start:stop] = layout.unpack_from(data)
         if self._missing & bit:
             self._missing ^= bit
         else:
             self.counters.late_frames += 1
 
-    def _take_other(self, frame: can.Message) -> None:
-        cob_id, data = frame.arbitration_id, frame.data
-        watch = self._watches.get(cob_id & 0x7F)
-        if frame.is_error_frame:
+    def _take_other(self, can_id: int, data: bytes | bytearray) -> None:
+        watch = self._watches.get(can_id & 0x7F)
+        service = can_id & ~0x7F  # 11-bit identifiers only: a flag makes it another number
+        if can_id & ERROR:
             self.counters.error_frames += 1
-            self._tell_trouble(error_frame_text(frame))
-        elif frame.is_extended_id or frame.is_remote_frame:
+            self._tell(BusTrouble(error_frame_text(can_id & ~ERROR)))
+        elif can_id in self._masters_own:
+            self._tell(ForeignMaster(can_id))
+        elif watch is None or service not in (HEARTBEAT, EMERGENCY):
             self.counters.unknown_frames += 1
-        elif cob_id in self._masters_own:
-            # An interface that echoes what it sends marks it as not received.
-            if frame.is_rx:
-                self._tell(ForeignMaster(cob_id))
-        elif watch is None:
-            self.counters.unknown_frames += 1
-        elif cob_id & 0x780 == HEARTBEAT and len(data) >= 1:
-            self._tell(watch.hear(data[0], self._now))
-        elif cob_id & 0x780 == EMERGENCY and len(data) >= 3:
-            self._tell(Emergency(watch.node, data[0] | data[1] << 8, data[2]))
-        elif cob_id & 0x780 in (HEARTBEAT, EMERGENCY):
+        elif len(data) < (1 if service == HEARTBEAT else 3):
             self.counters.short_frames += 1
+        elif service == HEARTBEAT:
+            self._tell(watch.hear(data[0], self._now))
         else:
-            self.counters.unknown_frames += 1
+            self._tell(Emergency(watch.node, data[0] | data[1] << 8, data[2]))
 
     def _publish(self) -> Samples:
         samples, missing = self.samples, self._missing
@@ -303,17 +294,11 @@ class Arm:
         else:
             self.counters.dropped_events += 1
 
-    def _tell_trouble(self, text: str) -> None:
-        self._tell(BusTrouble(text))
-
 
 def _drive(node: int, profile: DriveProfile) -> _Drive:
     setpoints = []
     for pdo in receive_pdos(profile, node):
         picks = tuple(0 if part.entry == "controlword" else 1 for part in pdo.fields)
-        setpoints.append(_Setpoint(_frame(pdo.cob_id, bytes(pdo.layout.size)), pdo.layout, picks))
-    return _Drive(
-        watch=HeartbeatWatch(node, PATIENCE * profile.heartbeat_ms / 1000.0),
-        setpoints=tuple(setpoints),
-        nmt=_frame(NMT, bytes([START_NODE, node])),
-    )
+        setpoints.append(_Setpoint(pdo.cob_id, bytearray(pdo.layout.size), pdo.layout, picks))
+    watch = HeartbeatWatch(node, PATIENCE * profile.heartbeat_ms / 1000.0)
+    return _Drive(watch, tuple(setpoints))

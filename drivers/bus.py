@@ -89,14 +89,20 @@ def drain(bus: can.BusABC, limit: int = 10_000) -> int:
     return limit
 
 
+def socketcand_socket(bus: can.BusABC) -> socket.socket | None:
+    """The TCP connection of a `socketcand` bus, which python-can keeps to itself; else None."""
+    found = getattr(bus, "_SocketCanDaemonBus__socket", None)
+    return found if isinstance(found, socket.socket) else None
+
+
 def connection_lost(bus: can.BusABC) -> bool:
     """Whether the TCP peer of a `socketcand` bus is gone; False on any other bus.
 
     python-can answers end-of-file with "no frame" for ever, so its socket is asked itself, without
     waiting and without taking anything from it.
     """
-    peer = getattr(bus, "_SocketCanDaemonBus__socket", None)
-    if not isinstance(peer, socket.socket):
+    peer = socketcand_socket(bus)
+    if peer is None:
         return False
     try:
         return peer.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) == b""

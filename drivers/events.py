@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import Final
 
-import can
-
 
 @dataclass(frozen=True, slots=True)
 class Emergency:
@@ -99,7 +97,7 @@ _ERROR_CLASSES: Final = (
 )
 
 
-def error_frame_text(frame: can.Message) -> str:
-    """Words for an error frame."""
-    found = [text for bit, text in _ERROR_CLASSES if frame.arbitration_id & bit]
-    return "error frame: " + (", ".join(found) or f"class 0x{frame.arbitration_id:X}")
+def error_frame_text(error_class: int) -> str:
+    """Words for an error frame; `error_class` is its identifier."""
+    found = [text for bit, text in _ERROR_CLASSES if error_class & bit]
+    return "error frame: " + (", ".join(found) or f"class 0x{error_class:X}")

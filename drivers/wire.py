@@ -1,0 +1,145 @@
+"""Frames in and out of an open bus at the cost of the tick.
+
+A frame is (can_id, data), can_id with Linux' flags above the identifier, so that one look-up tells
+a TPDO from everything else. python-can builds an object and asks the kernel several times for every
+frame; where the bus is a socket, the wire reads and writes that socket itself. A wire never blocks
+on sending, and raises one of `BUS_FAILURES` when the bus fails.
+"""
+
+import re
+import select
+import socket
+import struct
+from collections import deque
+from collections.abc import Sequence
+from typing import Final, Protocol
+
+import can
+
+from drivers.bus import socketcand_socket
+
+EXTENDED: Final = 0x8000_0000
+REMOTE: Final = 0x4000_0000
+ERROR: Final = 0x2000_0000
+
+Frame = tuple[int, bytes | bytearray]
+
+
+class Wire(Protocol):
+    """What a tick needs of a bus."""
+
+    def receive(self, timeout: float) -> Frame | None:
+        """The next frame, waiting at most `timeout` s (0: not at all); None if none came."""
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Send frames with 11-bit identifiers, in order; the first failure ends it."""
+
+
+def open_wire(bus: can.BusABC) -> Wire:
+    """The cheapest wire to an open bus, which has no other reader from now on."""
+    stream = socketcand_socket(bus)
+    if stream is not None:
+        return StreamWire(stream)
+    raw = getattr(bus, "socket", None)
+    if isinstance(raw, socket.socket):
+        return RawWire(raw)
+    return MessageWire(bus)
+
+
+class MessageWire:
+    """Any bus of python-can."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+
+    def receive(self, timeout: float) -> Frame | None:
+        message = self._bus.recv(timeout)
+        if message is None:
+            return None
+        can_id = message.arbitration_id
+        if message.is_error_frame:
+            can_id |= ERROR
+        if message.is_extended_id:
+            can_id |= EXTENDED
+        if message.is_remote_frame:
+            can_id |= REMOTE
+        return can_id, message.data
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        for can_id, data in frames:
+            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+
+class RawWire:
+    """Linux' CAN_RAW socket: a read is a frame (struct can_frame of linux/can.h)."""
+
+    _LAYOUT: Final = struct.Struct("=IB3x8s")
+
+    def __init__(self, raw: socket.socket) -> None:
+        self._socket = raw
+
+    def receive(self, timeout: float) -> Frame | None:
+        if timeout > 0.0 and not select.select([self._socket], [], [], timeout)[0]:
+            return None
+        try:
+            frame = self._socket.recv(self._LAYOUT.size, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return None
+        can_id, size, data = self._LAYOUT.unpack(frame)
+        return can_id, data[:size]
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        for can_id, data in frames:
+            frame = self._LAYOUT.pack(can_id, len(data), data)
+            self._socket.send(frame, socket.MSG_DONTWAIT)
+
+
+class StreamWire:
+    """socketcand's raw mode over TCP: text, any number of frames in a read."""
+
+    _FRAME: Final = re.compile(
+        rb"< (frame|error) ([0-9A-Fa-f]+) [0-9.]+ ?((?:[0-9A-Fa-f]{2})*) ?[^<>]*>"
+    )
+    _READ_SIZE: Final = 16_384
+
+    def __init__(self, stream: socket.socket) -> None:
+        self._socket = stream
+        self._queue: deque[Frame] = deque()
+        self._rest = b""
+
+    def receive(self, timeout: float) -> Frame | None:
+        if not self._queue:
+            if timeout > 0.0 and not select.select([self._socket], [], [], timeout)[0]:
+                return None
+            self._read()
+        return self._queue.popleft() if self._queue else None
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        text = "".join(
+            f"< send {can_id:03X} {len(data):X} {data.hex(' ')} >" for can_id, data in frames
+        ).encode()
+        if self._socket.send(text, socket.MSG_DONTWAIT) != len(text):
+            # What follows would be read as the end of the frame that was cut.
+            self._socket.shutdown(socket.SHUT_RDWR)
+            raise ConnectionError("the peer does not keep up; connection closed")
+
+    def _read(self) -> None:
+        try:
+            text = self._socket.recv(self._READ_SIZE, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return
+        if not text:
+            raise ConnectionError("the peer has closed the connection")
+        text = self._rest + text
+        end = 0
+        for match in self._FRAME.finditer(text):
+            kind, identifier, data = match.groups()
+            can_id = int(identifier, 16)
+            if kind == b"error":
+                can_id = can_id & 0x1FFF_FFFF | ERROR
+            elif len(identifier) != 3:
+                can_id |= EXTENDED
+            self._queue.append((can_id, bytes.fromhex(data.decode())))
+            end = match.end()
+        # A frame may be cut in two; what is no frame at all must not pile up.
+        self._rest = text[end:][-64:]
