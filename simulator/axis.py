@@ -108,6 +108,7 @@ class Axis:
         if state is State.OPERATION_ENABLED:
             if not servo.energised(joint):
                 servo.energise(joint, float(self._plant.theta_dot[joint]))
+            servo.ramp(joint, 0.0, self._objects.number(0x6085) * self.unit)
             self._brake()
             self.on_target()
         elif state in (State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE):

@@ -46,8 +46,8 @@ def _communication_guard(objects: Objects, index: int) -> o.Guard:
     def guard(subindex: int, value: int) -> None:
         present = objects.number(index, 1)
         if subindex == 1:
-            changed = (value ^ present) & 0x3FFFFFFF
-            if (changed and not (value | present) & INVALID) or value & 0x1FFFF800:
+            changed = (value ^ present) & 0x7FF
+            if (changed and not (value | present) & INVALID) or value & 0x3FFFF800:
                 raise SdoAbortedError(o.INVALID_VALUE)
         elif (subindex == 2 and SYNCHRONOUS < value < 254) or (
             subindex == 3 and not present & INVALID

@@ -57,6 +57,12 @@ class Plant:
         self._steps, self._none, self._one = np.full(2 * n, step_s), np.zeros(2 * n), np.ones(2 * n)
         self._per_width = np.full(2 * n, 1.0 / friction_width)
         self._per_presliding = np.full(2 * n, step_s / presliding)
+        self._minus_coulomb = -parameters.coulomb
+        # sigma_1 damps the swinging of each mass on its bristles to 0.7; times z_max / step, as it
+        # meets the change of z in a step.
+        masses = np.concatenate((parameters.lightest_link, parameters.rotor_inertia))
+        sigma_1 = 1.4 * np.sqrt(parameters.coulomb / presliding * masses)
+        self._bristle_damping = sigma_1 * presliding / step_s
 
     @property
     def q(self) -> Vector:
@@ -180,16 +186,23 @@ class Plant:
         np.add(rubbing, scratch, out=rubbing)
 
     def _rub_with_stiction(self, scratch: Vector) -> None:
-        """Dahl: z_dot = v - |v| z / z_max, torque = Coulomb z / z_max: holds below, slides above.
+        """Dahl: z_dot = v - |v| z / z_max, torque = T_c z / z_max + sigma_1 z_dot, at most T_c.
 
         The implicit step z = (z + v h) / (1 + |v| h / z_max) keeps |z| <= z_max at any speed.
+        Without LuGre's sigma_1 a joint at rest goes on swinging on its bristles and creeps away.
         """
         rubbing, velocity, z = self._rubbing, self._velocity, self._deflection
+        np.negative(z, out=rubbing)
         np.multiply(velocity, self._per_presliding, out=scratch)  # z in units of z_max
         np.add(z, scratch, out=z)
         np.abs(scratch, out=scratch)
         np.add(scratch, self._one, out=scratch)
         np.divide(z, scratch, out=z)
-        np.multiply(z, self.parameters.coulomb, out=rubbing)
+        np.add(rubbing, z, out=rubbing)
+        np.multiply(rubbing, self._bristle_damping, out=rubbing)
+        np.multiply(z, self.parameters.coulomb, out=scratch)
+        np.add(rubbing, scratch, out=rubbing)
+        np.minimum(rubbing, self.parameters.coulomb, out=rubbing)
+        np.maximum(rubbing, self._minus_coulomb, out=rubbing)
         np.multiply(velocity, self.parameters.viscous, out=scratch)
         np.add(rubbing, scratch, out=rubbing)
