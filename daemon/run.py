@@ -9,7 +9,7 @@ from pathlib import Path
 import can
 
 from daemon.assembly import build_cycle, build_setups
-from daemon.config.load import Robot, load_robot
+from daemon.config.load import Robot
 from daemon.control import ControlSocket, default_socket_path
 from daemon.journal import log_to_stderr
 from daemon.loop import Clock, Loop
@@ -22,11 +22,10 @@ from errors import DriveError
 _log = logging.getLogger("contactd")
 
 
-def run_daemon(config: Path, socket: Path | None) -> None:
+def run_daemon(robot: Robot, socket: Path | None) -> None:
     """Run until SIGTERM or SIGINT. Raises ContactdError if it cannot start or a drive does not
     end as it should."""
     with log_to_stderr():
-        robot = load_robot(config)
         signals = _Signals()
         # The socket comes first: of two daemons for one arm only one gets as far as the bus.
         with ControlSocket(socket or default_socket_path()) as control:

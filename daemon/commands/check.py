@@ -67,7 +67,15 @@ def _quantities(name: str, profile: DriveProfile) -> Table:
 
 def _joints(c: Configuration) -> Table:
     table = _table(
-        "\njoints", "joint", "node", "gear", "K_c Nm/A", "gap mrad", "contact Nm", "limits rad", "end"
+        "\njoints",
+        "joint",
+        "node",
+        "gear",
+        "K_c Nm/A",
+        "gap mrad",
+        "level Nm",
+        "limits rad",
+        "end",
     )
     for joint in c.joints:
         table.add_row(

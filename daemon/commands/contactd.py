@@ -16,6 +16,11 @@ SOCKET = click.option(
     metavar="PATH",
     help="Control socket, where it is not the usual one.",
 )
+PORT = click.option(
+    "--port",
+    type=click.IntRange(1, 65535),
+    help="TCP port of a socketcand bus, instead of the configured one.",
+)
 
 
 class _Group(click.Group):
@@ -46,11 +51,13 @@ def main() -> None:
 @main.command()
 @CONFIG
 @SOCKET
-def run(config: Path, socket: Path | None) -> None:
+@PORT
+def run(config: Path, socket: Path | None, port: int | None) -> None:
     """Run the daemon: set the drives up, then feel. Energises and moves nothing by itself."""
+    from daemon.config.load import load_robot
     from daemon.run import run_daemon
 
-    run_daemon(config, socket)
+    run_daemon(load_robot(config).with_port(port), socket)
 
 
 @main.command()
@@ -64,6 +71,7 @@ def check(config: Path) -> None:
 
 @main.command()
 @CONFIG
+@PORT
 @click.option("--seed", type=click.IntRange(min=0), help="Of noise and mismatch.")
 @click.option(
     "--friction",
@@ -76,15 +84,18 @@ def check(config: Path) -> None:
     metavar="FILE",
     help="Script of a person's hand (YAML), played from the arm's first motion on.",
 )
-def simulate(config: Path, seed: int | None, friction: str | None, hand: Path | None) -> None:
+def simulate(
+    config: Path, port: int | None, seed: int | None, friction: str | None, hand: Path | None
+) -> None:
     """Simulate the arm of CONFIG in real time, at the other end of its bus.
 
     Where the configuration says socketcand, this serves it over TCP; where it says socketcan, the
     simulated drives join that bus. What happens to the arm is printed as lines of JSON.
     """
     from daemon.commands.simulate import run_simulation
+    from daemon.config.load import load_robot
 
-    run_simulation(config, seed, friction, hand)
+    run_simulation(load_robot(config).with_port(port), seed, friction, hand)
 
 
 @main.command()
@@ -115,3 +126,7 @@ def replay(file: Path, as_json: bool) -> None:
     from daemon.commands.replay import print_replay
 
     sys.exit(0 if print_replay(file, as_json=as_json) else 1)
+
+
+if __name__ == "__main__":
+    main(prog_name="contactd")

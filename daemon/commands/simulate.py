@@ -6,21 +6,23 @@ from pathlib import Path
 import msgspec
 
 from daemon.commands.simulated_robot import describe, read_simulation
-from daemon.config.load import load_robot
+from daemon.config.load import Robot
+from daemon.realtime import go_realtime
 from errors import ConfigurationError
 from simulator.hand import read_script
 from simulator.server import serve, serve_on_bus
 
 
-def run_simulation(config: Path, seed: int | None, friction: str | None, hand: Path | None) -> None:
+def run_simulation(robot: Robot, seed: int | None, friction: str | None, hand: Path | None) -> None:
     """Serve until SIGTERM or SIGINT. Raises ContactdError."""
-    robot = load_robot(config)
     simulation = read_simulation(robot)
     chosen = {"seed": seed, "friction": friction}
     changes = {name: value for name, value in chosen.items() if value is not None}
     settings = msgspec.structs.replace(simulation.settings, **changes)
     description = describe(robot, simulation)
     script = read_script(hand) if hand else ()
+    # Drives are punctual; a simulated one has to be granted it.
+    go_realtime()
     bus = robot.configuration.bus
     events = sys.stdout.buffer
     match bus.interface:

@@ -2,7 +2,7 @@
 allowed."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -30,6 +30,13 @@ class Robot:
     def folder(self) -> Path:
         """What relative paths in the configuration start from."""
         return self.path.parent
+
+    def with_port(self, port: int | None) -> "Robot":
+        """The same robot on another TCP port, if one is given."""
+        if port is None:
+            return self
+        bus = msgspec.structs.replace(self.configuration.bus, port=port)
+        return replace(self, configuration=msgspec.structs.replace(self.configuration, bus=bus))
 
 
 def load_robot(path: Path) -> Robot:

@@ -1,0 +1,209 @@
+"""`contactd demo`: simulator and daemon as two processes, a hand, and what came of it."""
+
+import contextlib
+import json
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+import click
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from daemon.client import Client
+from daemon.commands.story import Story, touch_of
+from daemon.config.load import load_robot
+from daemon.messages import Command, Snapshot, State
+from daemon.view import Dashboard, History
+from errors import ContactdError, ControlError
+
+ROBOT = Path(__file__).resolve().parents[2] / "configs" / "romeo_left_arm"
+HAND = ROBOT / "third_experiment.yaml"
+START_PATIENCE_S = 20.0
+SETTLE_S = 1.5  # at rest after the drives are enabled, before anybody arms
+ARM_PATIENCE_S = 5.0
+END_PATIENCE_S = 10.0
+FRAMES_EVERY = 10  # ticks between two pictures of the live view
+
+
+@dataclass(slots=True)
+class _Run:
+    """What is known of the run so far."""
+
+    snapshot: Snapshot | None = None
+    states: list[State] = field(default_factory=list)
+    history: History = field(default_factory=History)
+
+
+def run_demo(*, as_json: bool, seconds: float) -> bool:
+    """Play the third experiment; True if the story happened. Raises ContactdError."""
+    robot = load_robot(ROBOT)
+    live = sys.stdout.isatty() and not as_json
+    console = Console()
+    run = _Run()
+    with tempfile.TemporaryDirectory(prefix="contactd-demo-") as folder:
+        door, log = Path(folder) / "control", Path(folder) / "contactd.log"
+        port = str(_free_port())
+        with (
+            log.open("w") as log_file,
+            _process("simulate", ROBOT, "--port", port, "--hand", HAND, out=subprocess.PIPE) as sim,
+            _listening(sim),
+            _process("run", ROBOT, "--port", port, "--socket", door, err=log_file) as daemon,
+        ):
+            try:
+                _play(daemon, door, run, seconds, console if live else None)
+            except ContactdError as error:
+                raise ControlError(f"{error}\n{log.read_text()}".rstrip()) from error
+            daemon.send_signal(signal.SIGTERM)
+            daemon_ended = daemon.wait(END_PATIENCE_S) == 0
+            sim.send_signal(signal.SIGTERM)
+            said, _ = sim.communicate(timeout=END_PATIENCE_S)
+        events = [json.loads(line) for line in said.splitlines()]
+    assert run.snapshot is not None
+    story = Story(robot.configuration, run.snapshot, run.states, touch_of(events))
+    report = story.report(ended_well=daemon_ended and sim.returncode == 0)
+    if as_json:
+        click.echo(json.dumps(report))
+    else:
+        _print_report(console, story, report["pass"], ended=daemon_ended)
+    return bool(report["pass"])
+
+
+def _play(
+    daemon: subprocess.Popen[str], door: Path, run: _Run, seconds: float, console: Console | None
+) -> None:
+    """What a person would do: enable, arm, start; then watch."""
+    with _connect(daemon, door) as orders, _connect(daemon, door) as stream:
+        run.snapshot, states = _patiently(stream)
+        with _picture(console) as picture:
+            watch = _watch(states, run, picture, quiet=console is None)
+            _order(orders, "enable")
+            _advance(watch, run, SETTLE_S)
+            deadline = time.monotonic() + ARM_PATIENCE_S
+            while not (reply := orders.request("arm")).ok:
+                if time.monotonic() > deadline:
+                    raise ControlError("arm: " + "; ".join(reply.reasons))
+                _advance(watch, run, 0.2)
+            _order(orders, "start")
+            _advance(watch, run, seconds - SETTLE_S)
+            _order(orders, "disarm")
+            _order(orders, "stop")
+            _advance(watch, run, 0.5)
+
+
+def _order(client: Client, command: Command) -> None:
+    reply = client.request(command)
+    if not reply.ok:
+        raise ControlError(f"{command}: " + "; ".join(reply.reasons))
+
+
+def _advance(watch: Iterator[State], run: _Run, seconds: float) -> None:
+    """Watch for so long, by the loop's own time."""
+    first = next(watch)
+    while next(watch).time_s - first.time_s < seconds:
+        pass
+
+
+def _watch(
+    states: Iterator[State], run: _Run, picture: Live | None, *, quiet: bool
+) -> Iterator[State]:
+    """Every State, kept and shown on its way."""
+    assert run.snapshot is not None
+    for state in states:
+        run.states.append(state)
+        run.history.add(state)
+        if picture and state.tick % FRAMES_EVERY == 0:
+            picture.update(Dashboard(run.snapshot, state, run.history.summary()), refresh=True)
+        if quiet:
+            for event in state.events:
+                click.echo(f"{state.time_s:8.2f} s  {event.kind:8}{event.text}", err=True)
+        yield state
+
+
+@contextlib.contextmanager
+def _picture(console: Console | None) -> Iterator[Live | None]:
+    if console is None:
+        yield None
+        return
+    with Live(console=console, screen=True, auto_refresh=False) as live:
+        yield live
+
+
+def _connect(daemon: subprocess.Popen[str], door: Path) -> Client:
+    """As soon as the daemon opens its door."""
+    deadline = time.monotonic() + START_PATIENCE_S
+    while True:
+        try:
+            return Client(door)
+        except ContactdError:
+            if daemon.poll() is not None or time.monotonic() > deadline:
+                raise ControlError("the daemon did not start; it said:") from None
+            time.sleep(0.05)
+
+
+def _patiently(stream: Client) -> tuple[Snapshot, Iterator[State]]:
+    """Subscribe; until the drives are set up the daemon answers late, or not yet."""
+    deadline = time.monotonic() + START_PATIENCE_S
+    while True:
+        try:
+            return stream.subscribe()
+        except ContactdError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.05)
+
+
+@contextlib.contextmanager
+def _process(
+    *arguments: object, out: int | None = None, err: IO[str] | None = None
+) -> Iterator[subprocess.Popen[str]]:
+    """`contactd ...` beside us, gone at the end of the block whatever happens."""
+    command = [sys.executable, "-m", "daemon.commands.contactd", *map(str, arguments)]
+    with subprocess.Popen(command, stdout=out, stderr=err, text=True) as process:
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+
+
+@contextlib.contextmanager
+def _listening(simulator: subprocess.Popen[str]) -> Iterator[None]:
+    """Wait until the simulator says that it listens, which is its first line."""
+    assert simulator.stdout is not None
+    if "listening" not in simulator.stdout.readline():
+        raise ControlError("the simulator did not start")
+    yield
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _print_report(console: Console, story: Story, passed: bool, *, ended: bool) -> None:
+    table = Table(title="The third experiment", title_justify="left", box=None, pad_edge=False)
+    for column in ("", "what had to happen", "measured"):
+        table.add_column(column)
+    for check in story.checks():
+        table.add_row("[green]yes[/]" if check.happened else "[red]NO[/]", check.what, check.figure)
+    table.add_row("[green]yes[/]" if ended else "[red]NO[/]", "the arm was left in good order", "")
+    console.print(table)
+    report = story.report(ended_well=ended)
+    late, work = report["lateness_us"], report["tick_us"]
+    console.print(
+        f"\nloop: {report['cycles']} cycles, {report['missed']} missed; woken late by "
+        f"{late['p50'] / 1000:.2f} ms (median), {late['p99'] / 1000:.2f} ms (p99), "
+        f"{late['max'] / 1000:.2f} ms (max); tick {work['p50'] / 1000:.2f} ms (median), "
+        f"{work['max'] / 1000:.2f} ms (max)"
+    )
+    console.print("[bold green]the story happened[/]" if passed else "[bold red]it failed[/]")
