@@ -110,6 +110,7 @@ class Arm:
             self._joint_bits[joint] |= 1 << bit
         self._all = (1 << len(self._tpdos)) - 1
         self._missing = 0
+        self._all_fresh = False
         self._heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
         # All setpoints of a tick; their data is written anew by every command.
         self._setpoints = [
@@ -271,16 +272,16 @@ class Arm:
     def _publish(self) -> Samples:
         samples, missing = self.samples, self._missing
         self._decoder.decode()
-        np.add(samples.age_ticks, 1, out=samples.age_ticks)
         if missing:
             for i, bits in enumerate(self._joint_bits):
                 samples.fresh[i] = not missing & bits
+            np.add(samples.age_ticks, 1, out=samples.age_ticks)
             samples.age_ticks[samples.fresh] = 0
-        else:
+        elif not self._all_fresh:
             samples.fresh.fill(True)
             samples.age_ticks.fill(0)
-        for i, statusword in enumerate(self._decoder.statuswords):
-            samples.states[i] = drive_state(statusword)
+        self._all_fresh = not missing
+        samples.states[:] = map(drive_state, samples.statuswords)
         samples.events = tuple(self._events)
         self._events.clear()
         return samples

@@ -189,8 +189,8 @@ class SampleDecoder:
         np.take(self._counts, self._order, out=self._values, mode="clip")
         np.multiply(self._values, self._gain, out=self._values)
         np.add(self._values, self._bias, out=self._values)
-        for i, slot in enumerate(self._status_slots):
-            self.statuswords[i] = int(self.raw[slot])
+        raw = self.raw
+        self.statuswords[:] = [int(raw[slot]) for slot in self._status_slots]
 
 
 class SetpointEncoder:

@@ -1,0 +1,164 @@
+"""Frames in and out of sockets and of python-can, the same through every wire."""
+
+import socket
+import struct
+from collections.abc import Iterator
+
+import can
+import pytest
+from can.interfaces.socketcand.socketcand import convert_can_message_to_ascii_message
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.wire import (
+    ERROR,
+    EXTENDED,
+    REMOTE,
+    MessageWire,
+    RawWire,
+    StreamWire,
+    open_wire,
+)
+
+FRAMES = [(0x080, b""), (0x201, bytearray(b"\x0f\x00\xff\xff\xff\xff")), (0x77F, b"\x05")]
+TPDO = b"\x27\x02\x64\x00\xe8\x03\x00\x0a"
+
+
+@pytest.fixture
+def packets() -> Iterator[tuple[socket.socket, socket.socket]]:
+    """Two ends that keep packets apart, as a CAN_RAW socket does."""
+    ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    yield ends
+    for end in ends:
+        end.close()
+
+
+@pytest.fixture
+def stream() -> Iterator[tuple[socket.socket, socket.socket]]:
+    ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    yield ends
+    for end in ends:
+        end.close()
+
+
+def test_raw_frames_have_linux_layout(packets):
+    near, far = packets
+    RawWire(near).send(FRAMES)
+    for can_id, data in FRAMES:
+        assert far.recv(72) == struct.pack("=IB3x8s", can_id, len(data), data)
+
+
+@pytest.mark.parametrize("can_id", [0x181, 0x181 | EXTENDED, 0x40 | ERROR, 0x701 | REMOTE])
+@pytest.mark.parametrize("data", [b"", b"\x27", TPDO])
+def test_raw_frames_are_read(packets, can_id, data):
+    near, far = packets
+    wire = RawWire(near)
+    assert wire.receive(0.0) is None
+    assert wire.receive(0.001) is None
+    far.send(struct.pack("=IB3x8s", can_id, len(data), data))
+    assert wire.receive(0.1) == (can_id, data)
+    assert wire.receive(0.0) is None
+
+
+def test_a_full_raw_socket_is_a_failure_and_no_wait(packets):
+    wire = RawWire(packets[0])
+    with pytest.raises(OSError, match="unavailable"):
+        wire.send([(0x201, bytes(8))] * 100_000)
+
+
+def test_a_stream_is_written_as_python_can_writes_it(stream):
+    near, far = stream
+    StreamWire(near).send(FRAMES)
+    sent = [text + b">" for text in far.recv(4096).split(b">")[:-1]]
+    for (can_id, data), text in zip(FRAMES, sent, strict=True):
+        message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+        theirs = convert_can_message_to_ascii_message(message).split()
+        ours = text.decode().split()
+        assert ours[:2] == theirs[:2] == ["<", "send"]
+        assert [int(word, 16) for word in ours[2:-1]] == [int(word, 16) for word in theirs[2:-1]]
+
+
+@pytest.mark.parametrize(
+    ("text", "frame"),
+    [
+        (b"< frame 181 23.424242 27026400E803000A >", (0x181, TPDO)),
+        (b"< frame 080 1.0  >", (0x080, b"")),
+        (b"< frame 00000181 1.0 27 >", (0x181 | EXTENDED, b"\x27")),
+        (b"< error 040 1.0 >", (0x40 | ERROR, b"")),
+        (b"< error 20000040 1.0 >", (0x40 | ERROR, b"")),
+        (b"< ok >< frame 181 1.0 27 >", (0x181, b"\x27")),
+        (b"3A >< frame 181 1.0 27 >", (0x181, b"\x27")),
+    ],
+)
+def test_stream_frames_are_read(stream, text, frame):
+    near, far = stream
+    wire = StreamWire(near)
+    far.sendall(text)
+    assert wire.receive(0.1) == frame
+    assert wire.receive(0.0) is None
+
+
+def texts(frames: list[tuple[int, bytes]]) -> bytes:
+    return b"".join(b"< frame %03X 1.5 %s >" % (i, d.hex().encode()) for i, d in frames)
+
+
+@given(
+    frames=st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=20),
+    cuts=st.lists(st.integers(0, 600), max_size=5),
+)
+def test_frames_survive_being_cut(frames, cuts):
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    with near, far:
+        wire, text, got, start = StreamWire(near), texts(frames), [], 0
+        for cut in [*sorted(cuts), len(text)]:
+            far.sendall(text[start:cut])
+            start = max(start, cut)
+            while (frame := wire.receive(0.0)) is not None:
+                got.append(frame)
+        assert got == frames
+
+
+@given(text=st.binary(max_size=400))
+def test_nonsense_is_no_exception_and_does_not_pile_up(text):
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    with near, far:
+        wire = StreamWire(near)
+        far.sendall(text + b"\n>")
+        while wire.receive(0.0) is not None:
+            pass
+        far.sendall(b"< frame 181 1.0 27 >")
+        assert wire.receive(0.1) == (0x181, b"\x27")
+
+
+def test_the_end_of_a_stream_is_a_failure(stream):
+    near, far = stream
+    far.close()
+    with pytest.raises(ConnectionError, match="closed the connection"):
+        StreamWire(near).receive(0.1)
+
+
+def test_a_peer_that_does_not_read_is_a_failure_and_no_wait(stream):
+    near, far = stream
+    wire = StreamWire(near)
+    with pytest.raises(OSError, match=r"unavailable|does not keep up"):
+        wire.send([(0x201, bytes(8))] * 100_000)
+    far.settimeout(1.0)
+    received = b""
+    while chunk := far.recv(1 << 20) if len(received) < 1_000 else b"":
+        received += chunk
+    assert received.startswith(b"< send 201 8 00 00")
+
+
+def test_any_other_bus(wire):
+    bus, other_end = wire
+    here, there = open_wire(bus), open_wire(other_end)
+    assert isinstance(here, MessageWire)
+    here.send(FRAMES)
+    assert [there.receive(0.0) for _ in range(4)] == [*FRAMES, None]
+    for flag, kind in (
+        (EXTENDED, {"is_extended_id": True}),
+        (REMOTE, {"is_remote_frame": True, "is_extended_id": False}),
+        (ERROR, {"is_error_frame": True, "is_extended_id": False}),
+    ):
+        other_end.send(can.Message(arbitration_id=0x181, **kind))
+        assert here.receive(0.0) == (0x181 | flag, b"")
