@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import canopen
@@ -113,6 +114,13 @@ def test_canopen_reads_the_same_eds(romeo: ArmDescription) -> None:
     for index, sub in ((0x1400, 1), (0x1800, 1), (0x1014, 0), (0x6085, 0)):
         thing = theirs[index] if sub == 0 else theirs[index][sub]
         assert ours.values[key(index, sub)] == thing.default
+
+
+def test_garbage_is_a_configuration_error(tmp_path: Path) -> None:
+    path = tmp_path / "garbage.eds"
+    path.write_text("not an EDS\n[1000\n")
+    with pytest.raises(ConfigurationError, match=r"garbage\.eds"):
+        Objects(path, 1)
 
 
 def test_missing_eds_is_a_configuration_error(romeo: ArmDescription) -> None:
