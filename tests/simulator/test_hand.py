@@ -1,0 +1,158 @@
+"""A hand that pushes, holds, guides and lets go, on a clock that it is given."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from errors import ConfigurationError
+from simulator.hand import Guide, Hand, Hold, Push, Release, read_script
+
+NAMES = ("a", "b")
+Q = np.array([0.1, -0.2])
+STILL = np.zeros(2)
+
+
+def hand(*script: Any, damping_limit: float = 10.0) -> Hand:
+    made = Hand(script, NAMES, np.full(2, damping_limit))
+    made.begin(100.0)
+    return made
+
+
+def torque(one: Hand, q: Any = Q, q_dot: Any = STILL) -> list[float]:
+    out = np.zeros(2)
+    one.torque(q, q_dot, out)
+    return [float(value) for value in out]
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [("step", [2.0, 2.0, 2.0]), ("ramp", [0.0, 0.5, 1.5]), ("pulse", [0.0, 2**0.5, 2**0.5])],
+)
+def test_push(shape: Any, expected: list[float]) -> None:
+    one = hand(Push(at_s=1.0, joint="b", torque=2.0, duration_s=0.5, shape=shape))
+    assert one.update(100.999, Q) == []
+    assert not one.touching
+    assert one.update(101.0, Q) == ["begin push b 2 Nm"]
+    seen = []
+    for t in (101.0, 101.125, 101.375):
+        one.update(t, Q)
+        seen.append(torque(one)[1])
+    assert seen == pytest.approx(expected, abs=1e-9)
+    assert one.update(101.5, Q) == ["end push b 2 Nm"]
+    assert torque(one) == [0.0, 0.0]
+    assert one.done
+
+
+def test_two_pushes_add_up() -> None:
+    one = hand(
+        Push(at_s=0.0, joint="a", torque=1.0, duration_s=1.0),
+        Push(at_s=0.0, joint="a", torque=-3.0, duration_s=2.0),
+    )
+    one.update(100.5, Q)
+    assert torque(one) == [-2.0, 0.0]
+
+
+def test_hold_is_a_spring_where_the_joint_was() -> None:
+    one = hand(Hold(at_s=0.0, joints=("a",), stiffness=40.0, damping=2.0, max_torque=4.0))
+    one.update(100.0, Q)
+    assert torque(one) == [0.0, 0.0]
+    assert torque(one, Q + 0.05) == pytest.approx([-2.0, 0.0])
+    assert torque(one, Q, np.array([0.5, 0.5])) == pytest.approx([-1.0, 0.0])
+    assert torque(one, Q + 1.0) == pytest.approx([-4.0, 0.0])
+
+
+def test_damping_is_softened_to_the_limit() -> None:
+    one = hand(Hold(at_s=0.0, joints=("a", "b"), damping=2.0), damping_limit=0.5)
+    one.update(100.0, Q)
+    assert torque(one, Q, np.array([0.2, 0.2])) == pytest.approx([-0.1, -0.1])
+
+
+def test_guide_leads_at_its_speed_then_holds_until_release() -> None:
+    one = hand(
+        Guide(at_s=0.0, to={"a": 0.2}, speed=0.25, stiffness=40.0, damping=0.0),
+        Release(at_s=1.0),
+    )
+    words: list[str] = []
+    for k in range(200):
+        words += one.update(100.0 + 0.001 * k, Q)
+    # Since the grip at 0.1 the anchor has moved by 0.25 rad/s * 0.2 s.
+    assert torque(one)[0] == pytest.approx(40.0 * 0.05, abs=0.02)
+    for k in range(200, 999):
+        words += one.update(100.0 + 0.001 * k, Q)
+    assert torque(one, np.array([0.2, 0.0])) == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert words == ["begin guide a to 0.2 rad", "end guide, holding still"]
+    assert one.update(101.0, Q) == ["begin release"]
+    assert not one.touching
+    assert torque(one, Q + 1.0) == [0.0, 0.0]
+
+
+def test_nothing_happens_before_begin() -> None:
+    one = Hand([Hold(at_s=0.0, joints=("a",))], NAMES, np.ones(2))
+    assert one.update(1e9, Q) == []
+
+
+def test_unknown_joint_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="'elbow' is none of a, b"):
+        hand(Push(at_s=0.0, joint="elbow", torque=1.0, duration_s=1.0))
+
+
+def test_script_file(tmp_path: Path) -> None:
+    path = tmp_path / "hand.yaml"
+    path.write_text(
+        "- {at_s: 6.0, act: push, joint: a, torque: 2.0, duration_s: 0.5}\n"
+        "- {at_s: 2, act: guide, to: {a: 0.4}, speed: 0.25}\n"
+        "- {at_s: 9, act: release}\n"
+    )
+    assert read_script(path) == (
+        Guide(at_s=2, to={"a": 0.4}, speed=0.25),
+        Push(at_s=6.0, joint="a", torque=2.0, duration_s=0.5),
+        Release(at_s=9),
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "- {act: push}",
+        "- {act: kick, at_s: 1}",
+        "- {act: release, at_s: -1}",
+        "- {act: release, at_s: 1, speed: 1}",
+        "act: release",
+        "- [",
+    ],
+)
+def test_bad_script_names_the_file(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "hand.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match=r"hand\.yaml"):
+        read_script(path)
+
+
+def test_hand_meets_arm(master: Callable[..., Any]) -> None:
+    """The script starts with the first target velocity; a strong guide takes a limp elbow along."""
+    script = (
+        Guide(at_s=0.5, to={"LElbowRoll": 0.3}, speed=0.5, stiffness=60.0, max_torque=6.0),
+        Push(at_s=0.2, joint="LWristPitch", torque=0.3, duration_s=0.1),
+    )
+    one = master(hand_script=script)
+    one.enable()
+    for _ in range(100):
+        one.tick(0x0F, 0.0)
+    assert not one.arm.hand.began
+    began = one.arm.now
+    for _ in range(20):
+        one.tick(0x0F, np.eye(7)[6] * 0.1)
+    for _ in range(10):
+        one.tick(0x00, 0.0)
+        pushed = float(one.arm.tau_ext[6])
+        assert pushed in (0.0, 0.3)
+    one.arm.advance(one.arm.now + 2.0)
+    told = [(event.kind, event.text) for event in one.events if event.kind == "hand"]
+    assert told[0] == ("hand", "begin push LWristPitch 0.3 Nm")
+    assert told[-1] == ("hand", "end guide, holding still")
+    assert one.events[0].at_s == pytest.approx(began + 0.02 + 0.2, abs=0.011)
+    assert one.arm.plant.q[2] == pytest.approx(0.3, abs=0.03)
+    assert np.abs(one.arm.plant.q_dot).max() < 0.5
