@@ -1,11 +1,12 @@
 """From residual to contact: thresholds, the subtractive dead-band, debounce, events."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from errors import ModelError
 from estimator import memory
@@ -13,8 +14,6 @@ from estimator.types import Vector
 
 Level = Literal["contact", "collision"]
 LEVELS: tuple[Level, Level] = ("contact", "collision")
-
-STICTION_VELOCITY = 0.05  # [rad/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,13 +41,6 @@ class Thresholds:
                 f"thresholds of joint {i + 1}: contact {self.contact[i]}, collision "
                 f"{self.collision[i]}; it must be 0 < contact < collision"
             )
-
-
-def stiction_raise(hidden: ArrayLike, velocity: ArrayLike) -> Vector:
-    """hidden * exp(-(w / 0.05)^2) [Nm]: a torque that a joint at rest may hide is no contact."""
-    w = np.asarray(velocity) / STICTION_VELOCITY
-    raised: Vector = np.asarray(hidden) * np.exp(-w * w)
-    return raised
 
 
 def dead_band(residual: Vector, threshold: Vector) -> Vector:
@@ -105,26 +97,30 @@ class ContactDetector:
         # Ticks in a row past each level, signed as the residual.
         self.streak = np.zeros((2, n), dtype=np.int64)
 
-    def thresholds(self, velocity: Vector, dt: float) -> Vector:
-        """Contact thresholds in force [Nm]: raised near rest by what stiction hides.
+    def thresholds(self, resting: Vector, dt: float) -> Vector:
+        """Contact thresholds in force [Nm], raised by hidden * exp(-(w / 0.05)^2) near rest.
 
-        After break-away friction still builds up while the residual forgets what stiction left in
-        it, so the raise fades with half the residual's gain.
+        resting: that exponential, `transmission.resting`. After break-away friction still builds up
+        while the residual forgets what stiction left in it, so the raise fades with half the
+        residual's gain.
         """
-        np.multiply(self.raised, np.exp(-0.5 * self._gain * dt), out=self.raised)
-        np.maximum(self.raised, stiction_raise(self._hidden, velocity), out=self.raised)
-        in_force: Vector = self._levels[0] + self.raised
+        raised = self.raised
+        np.multiply(raised, math.exp(-0.5 * self._gain * dt), out=raised)
+        np.maximum(raised, self._hidden * resting, out=raised)
+        in_force: Vector = self._levels[0] + raised
         return in_force
 
     def step(self, residual: Vector, side: NDArray[np.int8], time_s: float) -> tuple[Contact, ...]:
         """Contacts that begin in this tick, at most one per joint and level."""
         levels = self._levels + self.raised
-        past = (residual > levels).astype(np.int64) - (residual < -levels)
-        if not past.any():
+        if not np.greater(np.abs(residual), levels[0]).any():
             self.streak[:] = 0
             return ()
+        past = (residual > levels).astype(np.int64) - (residual < -levels)
         self.streak[:] = np.where(past * self.streak > 0, self.streak + past, past)
         begins = np.abs(self.streak) == self._debounce
+        if not begins.any():
+            return ()
         return tuple(
             Contact(
                 joint=self._joints[i],

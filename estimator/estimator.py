@@ -17,10 +17,10 @@ from estimator import memory
 from estimator.contact import Contact, ContactDetector, Thresholds, dead_band
 from estimator.link_velocity import Alignment
 from estimator.model import Model
-from estimator.motor_position import MotorPosition, Side
+from estimator.motor_position import MotorPosition
 from estimator.residual import IMPULSES, Residual
 from estimator.settings import EstimatorSettings
-from estimator.transmission import Transmission, coulomb_viscous, penetration
+from estimator.transmission import Transmission, coulomb_viscous, penetration, resting
 from estimator.types import Matrix, Vector
 
 
@@ -76,7 +76,7 @@ class Estimator:
 
     _MEMORY = (
         *("elapsed", "pending", "_started"),
-        *("_p", "_beta", "_motor", "_friction", "_gap", "_shown"),
+        *("_momentum", "_ends", "_gap", "_shown"),
     )
     _PARTS = ("alignment", "motor_position", "residual", "detector")
 
@@ -122,18 +122,18 @@ class Estimator:
             np.any(transmission.contact_stiffness) or np.any(transmission.contact_damping)
         )
         self._measured = settings.motor_position == "measured"
-        # current, link position, motor velocity, motor position (zero where it is not used)
+        # current, motor velocity, motor position (zero where it is not used), link position
         self._samples: Matrix = np.zeros((4, n))
         self._impulses: Matrix = np.zeros((len(IMPULSES), n))
         self._velocities: Matrix = np.zeros((4, n))
         t = transmission
         self._coulomb = np.stack([t.motor_coulomb, t.link_coulomb, t.link_coulomb, t.gap_coulomb])
         self._viscous = np.stack([t.motor_viscous, t.link_viscous, t.link_viscous, t.gap_viscous])
-        # Values at the common instant of the last tick.
-        self._p = np.zeros(n)
-        self._beta = np.zeros(n)
-        self._motor = np.zeros((3, n))  # tau_M, theta_dot, theta
-        self._friction = np.zeros((4, n))
+        # Values at the common instant of the last tick, and room for those of this one.
+        self._momentum = np.zeros(n)
+        self._ends: Matrix = np.zeros((8, n))  # tau_M, theta_dot, theta, beta, _rub's friction
+        self._next_ends: Matrix = np.zeros((8, n))
+        self._means: Matrix = np.zeros((8, n))  # integrals of these rows over the interval
         self._gap = np.zeros(n, dtype=np.bool_)
         self._shown = np.zeros((4, n))  # q, q_dot, tau_M, threshold
         self._started = False
@@ -163,9 +163,9 @@ class Estimator:
         """
         dt = self.period_s if dt is None else dt
         samples = self._samples
-        samples[0], samples[1], samples[2] = current, link_position, motor_velocity
+        samples[0], samples[1], samples[3] = current, motor_velocity, link_position
         if self._measured:
-            samples[3] = np.nan if motor_position is None else motor_position
+            samples[2] = np.nan if motor_position is None else motor_position
         if not (np.isfinite(samples).all() and 0.0 < dt < np.inf):
             self.pending += dt if 0.0 < dt < np.inf else self.period_s
             return replace(self._last, contacts=(), flags=Flag.INVALID)
@@ -211,77 +211,85 @@ class Estimator:
 
     def _advance(self, dt: float, flags: Flag, time_s: float) -> Estimate:
         q, qd = self.alignment.link()
-        motor = self.alignment.motor()
-        motor[0] *= self.transmission.torque_constant
-        p, beta = self.model.dynamics(q, qd)
-        friction = self._rub(qd, motor[1])
+        ends = self._next_ends
+        self.alignment.motor(out=ends[:3])
+        tau_M, theta_dot = ends[0], ends[1]
+        tau_M *= self.transmission.torque_constant
+        momentum, ends[3] = self.model.dynamics(q, qd)
+        self._rub(qd, theta_dot, out=ends[4:])
+        rest = resting(theta_dot)
         if self._started:
-            impulses = self._impulses
-            half = 0.5 * dt
-            rub = half * (friction + self._friction)
-            impulses[0] = (p - self._p) - half * (beta + self._beta)
-            impulses[1] = half * (motor[0] + self._motor[0])
-            impulses[2] = self.transmission.rotor_inertia * (motor[1] - self._motor[1])
-            gap = self._locate(q, qd, motor, rub[0], dt)
-            self._sort_by_gap(rub, gap & self._gap, q, qd - motor[1], dt)
-            self.residual.step(impulses, dt)
+            gap = self._balance(q, qd, momentum, rest, dt)
+            self.residual.step(self._impulses, dt)
+            self._gap[:] = gap
         else:
             self.motor_position.start(q)
-            gap = self._gap & False
+            self._gap[:] = False
             self._started = True
             flags |= Flag.STARTING
-        self._p[:], self._beta[:], self._motor[:] = p, beta, motor
-        self._friction[:], self._gap[:] = friction, gap
-        threshold = self.detector.thresholds(motor[1], dt)
+        self._momentum[:] = momentum
+        self._ends, self._next_ends = ends, self._ends
+        threshold = self.detector.thresholds(rest, dt)
         side = self.motor_position.side
         contacts = self.detector.step(self.residual.values[0], side, time_s)
-        self._show(q, qd, motor[0], threshold)
+        self._show(q, qd, tau_M, threshold)
         return self._estimate(contacts, flags)
 
-    def _rub(self, qd: Vector, theta_dot: Vector) -> Matrix:
+    def _rub(self, qd: Vector, theta_dot: Vector, out: Matrix) -> None:
         """Friction [Nm]: motor at theta_dot, link at theta_dot, link at q_dot, gap at phi_dot."""
         v = self._velocities
         v[:2] = theta_dot
         v[2] = qd
         np.subtract(qd, theta_dot, out=v[3])
-        return coulomb_viscous(self._coulomb, self._viscous, v, self.transmission.sign_width)
+        out[:] = coulomb_viscous(self._coulomb, self._viscous, v, self.transmission.sign_width)
 
-    def _locate(
-        self, q: Vector, qd: Vector, motor: Matrix, rub: Vector, dt: float
+    def _balance(
+        self, q: Vector, qd: Vector, momentum: Vector, rest: Vector, dt: float
     ) -> NDArray[np.bool_]:
-        """Move theta; which joints are inside their gap now. rub: motor friction's impulse."""
-        _, pushed, rotor = self._impulses[:3]
-        position = self.motor_position
-        advance = (0.5 * dt) * (motor[1] + self._motor[1])
-        if self._measured:
-            advance = motor[2] - self._motor[2]
-        transmitted = (pushed - rotor - rub) / dt
-        uncertainty = position.uncertainty(motor[0], rotor / dt, motor[1])
-        position.step(
-            q, qd, motor[1], advance, transmitted, uncertainty, dt, measured=self._measured
-        )
-        inside: NDArray[np.bool_] = position.side == Side.GAP
-        return inside
+        """Fill the interval's impulses, in the order of IMPULSES; which joints are in their gap."""
+        t, impulses, means = self.transmission, self._impulses, self._means
+        ends, before = self._next_ends, self._ends
+        np.add(ends, before, out=means)
+        np.multiply(means, 0.5 * dt, out=means)
+        pushed, turned, _, beta, motor_rub, link_rub_together, link_rub, gap_rub = means
 
-    def _sort_by_gap(
-        self, rub: Matrix, apart: NDArray[np.bool_], q: Vector, phi_dot: Vector, dt: float
-    ) -> None:
-        """Fill the impulses that depend on friction and on the gap."""
-        impulses, t = self._impulses, self.transmission
-        np.add(rub[0], rub[1], out=impulses[3])
-        np.add(rub[0], rub[2], out=impulses[4])
+        np.subtract(momentum, self._momentum, out=impulses[0])
+        impulses[0] -= beta
+        impulses[1] = pushed
+        np.subtract(ends[1], before[1], out=impulses[2])
+        impulses[2] *= t.rotor_inertia
+        np.add(motor_rub, link_rub_together, out=impulses[3])
+        np.add(motor_rub, link_rub, out=impulses[4])
+
+        advance = ends[2] - before[2] if self._measured else turned
+        gap = self._locate(q, qd, advance, motor_rub, rest, dt)
+        apart = gap & self._gap
         np.multiply(impulses[1:3], ~apart, out=impulses[5:7])
-        impulses[7] = np.where(apart, rub[2] + rub[3], impulses[3])
+        impulses[7] = impulses[3]
+        np.copyto(impulses[7], link_rub + gap_rub, where=apart)
         if self._corrected:
             delta = penetration(q - self.motor_position.theta, t.half_gap)
-            correction = t.contact_stiffness * delta + t.contact_damping * phi_dot
+            correction = t.contact_stiffness * delta + t.contact_damping * (qd - ends[1])
             impulses[5] += dt * correction * ~apart
+        return gap
+
+    def _locate(
+        self, q: Vector, qd: Vector, advance: Vector, motor_rub: Vector, rest: Vector, dt: float
+    ) -> NDArray[np.bool_]:
+        """Move theta; which joints are in their gap now. motor_rub: motor friction's impulse."""
+        tau_M, theta_dot = self._next_ends[:2]
+        _, pushed, rotor = self._impulses[:3]
+        transmitted = (pushed - rotor - motor_rub) / dt
+        doubt = self.motor_position.uncertainty(tau_M, rotor / dt, theta_dot, rest)
+        return self.motor_position.step(
+            q, qd, theta_dot, advance, transmitted, doubt, dt, measured=self._measured
+        )
 
     def _still(self, q: Vector, flags: Flag) -> Estimate:
         """No velocity yet: no residual."""
         zero = np.zeros(self.model.n)
         self.motor_position.start(q)
-        threshold = self.detector.thresholds(zero, self.period_s)
+        threshold = self.detector.thresholds(resting(zero), self.period_s)
         self._show(q, zero, zero, threshold)
         return self._estimate((), flags)
 

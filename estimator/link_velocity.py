@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from estimator import memory
-from estimator.types import Matrix, Vector
+from estimator.types import Matrix
 
 Method = Literal["backward", "midpoint", "central"]
 DELAY_PERIODS: dict[Method, float] = {"backward": 0.0, "midpoint": 0.5, "central": 1.0}
@@ -26,18 +26,21 @@ SAMPLES = 3
 """Positions needed before the first velocity."""
 
 
-def parabola(
-    positions: Matrix, last_interval: float, interval_before: float, delay: float
-) -> tuple[Vector, Vector]:
-    """Position and velocity `delay` seconds before the newest of three samples.
+def parabola(last_interval: float, interval_before: float, delay: float) -> Matrix:
+    """Weights (2, 3) that give position and velocity `delay` seconds before the newest sample.
 
-    positions: shape (3, n), newest first; the intervals [s] between them may differ.
+    Times positions (3, n), newest first; the intervals [s] between them may differ.
     """
-    slope = (positions[0] - positions[1]) / last_interval
-    slope_before = (positions[1] - positions[2]) / interval_before
-    curvature = (slope - slope_before) / (last_interval + interval_before)
-    position = positions[0] - delay * slope - (delay * (last_interval - delay)) * curvature
-    return position, slope + (last_interval - 2.0 * delay) * curvature
+    h, whole = last_interval, last_interval + interval_before
+    # Newton's form: slope of the last interval, and the curvature that bends it.
+    bend = 1.0 / (h * whole), -1.0 / (h * interval_before), 1.0 / (interval_before * whole)
+    x, v = -delay * (h - delay), h - 2.0 * delay
+    return np.array(
+        [
+            [1.0 - delay / h + x * bend[0], delay / h + x * bend[1], x * bend[2]],
+            [1.0 / h + v * bend[0], -1.0 / h + v * bend[1], v * bend[2]],
+        ]
+    )
 
 
 class Alignment:
@@ -64,6 +67,7 @@ class Alignment:
         """The common instant lies this long before the newest sample arrived [s]."""
         # Rows of `linear`: current, motor velocity, motor position.
         self._age = self.delay - np.array([[current_delay], [motor_delay], [motor_delay]])
+        self._change = np.zeros((3, n))
         self.count = 0
         self.interval = period
         self.interval_before = period
@@ -77,25 +81,28 @@ class Alignment:
     def push(self, samples: Matrix, dt: float) -> None:
         """Take the samples of this tick, dt seconds after those before.
 
-        samples: shape (4, n): current, link position, motor velocity, motor position.
+        samples: shape (4, n): current, motor velocity, motor position, link position.
         """
-        self.position[2] = self.position[1]
-        self.position[1] = self.position[0]
-        self.position[0] = samples[1]
+        newest, before, oldest = self.position
+        oldest[:] = before
+        before[:] = newest
+        newest[:] = samples[3]
         self.linear[1] = self.linear[0]
-        self.linear[0] = samples[[0, 2, 3]]
+        self.linear[0] = samples[:3]
         self.interval_before, self.interval = self.interval, dt
         self.count = min(self.count + 1, SAMPLES)
 
-    def link(self) -> tuple[Vector, Vector]:
-        """q and q_dot at the common instant."""
-        return parabola(self.position, self.interval, self.interval_before, self._back)
-
-    def motor(self) -> Matrix:
-        """Current, motor velocity and motor position at the common instant, shape (3, n)."""
-        newest, before = self.linear
-        aligned: Matrix = newest - (self._age / self.interval) * (newest - before)
+    def link(self) -> Matrix:
+        """q and q_dot at the common instant, shape (2, n)."""
+        aligned: Matrix = parabola(self.interval, self.interval_before, self._back) @ self.position
         return aligned
+
+    def motor(self, out: Matrix) -> None:
+        """Current, motor velocity and motor position at the common instant into out (3, n)."""
+        newest, before = self.linear
+        np.subtract(before, newest, out=self._change)
+        np.multiply(self._change, self._age / self.interval, out=self._change)
+        np.add(newest, self._change, out=out)
 
     def restart(self) -> None:
         """Forget all samples."""

@@ -47,9 +47,9 @@ class GapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     current_error: Annotated[float, Meta(ge=0, le=1)] = 0.05
 
 
-_REST = 0.05  # [rad/s]; Coulomb friction below this velocity may have any value
 _LINK_REST = 0.01  # [rad/s]; a link encoder's noise stays below it
 _PULL = 0.2  # share of a border's error that is corrected in one tick
+_UNKNOWN = np.int8(Side.UNKNOWN)
 _FLOOR = 0.05  # of alpha: standard uncertainty at an engaged border
 
 
@@ -64,13 +64,17 @@ class MotorPosition:
         self._s = settings
         self._alpha = transmission.half_gap
         self._rigid = self._alpha == 0.0
+        self._unknown_from = np.where(self._rigid, np.inf, self._alpha)
+        self._compliance = np.where(self._rigid, 0.0, 1.0 / transmission.gear_stiffness)
+        self._doubtful_coulomb = settings.friction_error * transmission.motor_coulomb
+        self._doubtful_viscous = settings.friction_error * transmission.motor_viscous
         self._floor = _FLOOR * self._alpha
         self._margin = settings.margin * self._alpha
         self.theta = np.zeros(n)
         self.sigma = np.array(self._alpha)
         self.side = np.full(n, Side.UNKNOWN, dtype=np.int8)
-        # Ticks in a row in which the transmitted torque clearly had one sign; signed as phi.
-        self.streak = np.zeros(n, dtype=np.int64)
+        # Ticks in a row in which the transmitted torque clearly had one sign; signed as that.
+        self.streak = np.zeros(n)
 
     def start(self, q: Vector) -> None:
         """Nothing is known but that phi is somewhere in the gap."""
@@ -79,18 +83,20 @@ class MotorPosition:
         self.side[:] = Side.UNKNOWN
         self.streak[:] = 0
 
-    def uncertainty(self, tau_M: Vector, rotor: Vector, theta_dot: Vector) -> tuple[Vector, Vector]:
+    def uncertainty(
+        self, tau_M: Vector, rotor: Vector, theta_dot: Vector, resting: Vector
+    ) -> tuple[Vector, Vector]:
         """How wrong the torque transmitted by the gear may be [Nm]: in motion, and as it is now.
 
-        tau_M and rotor = B theta_ddot [Nm]. They differ near rest, where Coulomb friction may have
-        any value.
+        tau_M and rotor = B theta_ddot [Nm]. They differ by `transmission.resting`: near rest
+        Coulomb friction may have any value.
         """
-        t, s = self._t, self._s
-        friction = t.motor_coulomb + t.motor_viscous * np.abs(theta_dot)
-        moving = s.friction_error * friction
-        moving += s.rotor_error * np.abs(rotor) + s.current_error * np.abs(tau_M)
-        w = theta_dot / _REST
-        return moving, moving + t.motor_coulomb * np.exp(-w * w)
+        s = self._s
+        moving = self._doubtful_viscous * np.abs(theta_dot)
+        moving += self._doubtful_coulomb
+        moving += s.rotor_error * np.abs(rotor)
+        moving += s.current_error * np.abs(tau_M)
+        return moving, moving + self._t.motor_coulomb * resting
 
     def step(
         self,
@@ -103,62 +109,65 @@ class MotorPosition:
         dt: float,
         *,
         measured: bool,
-    ) -> None:
-        """Advance by dt seconds.
+    ) -> NDArray[np.bool_]:
+        """Advance by dt seconds; returns which joints are in their gap.
 
         advance: change of theta in the interval [rad], integrated or measured.
         transmitted: torque that the rotor gives to the link in the interval [Nm], and its
         `uncertainty` [Nm].
         """
-        s, alpha = self._s, self._alpha
-        if not measured:
-            speed = np.abs(theta_dot)
-            moving = (speed > s.standstill) | (np.abs(qd) > _LINK_REST)
-            advance = np.where(moving, advance, 0.0)
-            self.sigma += np.where(moving, s.velocity_scale_error * speed + s.velocity_bias, 0) * dt
-        self.theta += advance
+        self.theta += advance if measured else self._integrated(qd, theta_dot, advance, dt)
 
         # A torque that may be friction does not tell the side; but it may as well be a load, and
         # dropping a load is worse than keeping a friction.
         small, doubtful = uncertainty
-        clear = (transmitted < -doubtful).astype(np.int64) - (transmitted > doubtful)
-        self.streak[:] = np.where(clear * self.streak > 0, self.streak + clear, clear)
-        engaged = np.abs(self.streak) >= s.hold_ticks
-        border = np.sign(self.streak)
         load = np.abs(transmitted)
-        self._correct(q, engaged, border, load)
+        clear = np.copysign(load > doubtful, transmitted)
+        streak = self.streak
+        streak *= streak * clear > 0.0
+        streak += clear
+        engaged = np.abs(streak) >= self._s.hold_ticks
+        phi = self._correct(q, engaged, load)
 
-        phi = q - self.theta
-        free = np.abs(phi) < alpha - np.maximum(self._margin, self.sigma)
-        unknown = self.sigma >= alpha
-        self.side[:] = np.where(free & (load < small), Side.GAP, np.where(phi < 0, -1, 1))
-        self.side[unknown] = Side.UNKNOWN
-        np.copyto(self.side, border, where=engaged, casting="unsafe")
-        self._couple(q, transmitted)
+        gap = np.abs(phi) < self._alpha - np.maximum(self._margin, self.sigma)
+        gap &= load < small
+        gap &= ~engaged
+        unknown = self.sigma >= self._unknown_from
+        gap &= ~unknown
+        np.copyto(phi, -transmitted, where=engaged | self._rigid)
+        np.copysign(~gap, phi, out=self.side, casting="unsafe")
+        np.copyto(self.side, _UNKNOWN, where=unknown)
+        return gap
 
-    def _correct(
-        self, q: Vector, engaged: NDArray[np.bool_], border: NDArray[np.int64], load: Vector
-    ) -> None:
-        """Pull phi to the engaged border; never let it go further than the load bends the gear."""
-        alpha = self._alpha
-        beyond = alpha + load / self._t.gear_stiffness
+    def _integrated(self, qd: Vector, theta_dot: Vector, advance: Vector, dt: float) -> Vector:
+        """The integrated advance, none at standstill; sigma grows by the velocity's error."""
+        s, speed = self._s, np.abs(theta_dot)
+        moving = (speed > s.standstill) | (np.abs(qd) > _LINK_REST)
+        speed *= s.velocity_scale_error * dt
+        speed += s.velocity_bias * dt
+        self.sigma += speed * moving
+        return advance * moving
+
+    def _correct(self, q: Vector, engaged: NDArray[np.bool_], load: Vector) -> Vector:
+        """Pull phi to the engaged border, and never let it go further than the load bends the gear.
+
+        Returns phi.
+        """
+        alpha, sigma = self._alpha, self.sigma
+        beyond = alpha + load * self._compliance
         phi = q - self.theta
-        low = np.where(engaged & (border > 0), alpha, -beyond)
-        high = np.where(engaged & (border < 0), -alpha, beyond)
-        error = phi - np.minimum(np.maximum(phi, low), high)
+        # The torque pushes the link up where phi is at its lower border, and the other way round.
+        border = np.copysign(engaged, -self.streak)
+        short = np.maximum(alpha - border * phi, 0.0)
+        error = phi - np.minimum(np.maximum(phi, -beyond), beyond) - short * border
         # What is not known at all is taken at once, what is known a little at a time.
-        pull = np.where(engaged & (self.sigma < alpha), _PULL, 1.0)
-        self.theta += pull * error
-        sigma = np.minimum(self.sigma, alpha)
-        self.sigma[:] = np.where(engaged, sigma + pull * (self._floor - sigma), sigma)
-
-    def _couple(self, q: Vector, transmitted: Vector) -> None:
-        """A joint without gap: theta is q, and its side only says which way it pushes."""
-        rigid = self._rigid
-        np.copyto(self.theta, q, where=rigid)
-        np.copyto(self.sigma, 0.0, where=rigid)
-        pushes = np.where(transmitted > 0.0, Side.LEFT, Side.RIGHT)
-        np.copyto(self.side, pushes, where=rigid, casting="unsafe")
+        pull = 1.0 - (1.0 - _PULL) * (engaged & (sigma < alpha))
+        np.minimum(sigma, alpha, out=sigma)
+        sigma += pull * engaged * (self._floor - sigma)
+        error *= pull
+        self.theta += error
+        phi -= error
+        return phi
 
     def memory(self) -> dict[str, Any]:
         return memory.dump(self, self._MEMORY)

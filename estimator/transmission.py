@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from errors import ModelError
 from estimator.types import Vector
 
+REST_VELOCITY = 0.05  # [rad/s]
+
 _SCALARS = ("joints", "sign_width")
 _SIGNED = ("contact_stiffness", "contact_damping")
 
@@ -111,6 +113,12 @@ def smooth_sign(velocity: Vector, width: float) -> Vector:
     """tanh(velocity / width): sign() without its chatter at rest."""
     sign: Vector = np.tanh(velocity / width)
     return sign
+
+
+def resting(velocity: Vector) -> Vector:
+    """exp(-(velocity / 0.05)^2): 1 at rest, where Coulomb friction may have any value, else 0."""
+    at_rest: Vector = np.exp(-np.square(velocity * (1.0 / REST_VELOCITY)))
+    return at_rest
 
 
 def penetration(phi: Vector, half_gap: Vector) -> Vector:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimator.motor_position import GapSettings, MotorPosition, Side
-from estimator.transmission import Transmission
+from estimator.transmission import Transmission, resting
 
 T = 0.01
 ALPHA = 0.02
@@ -42,7 +42,7 @@ class Joint:
     ) -> None:  # fmt: skip
         tau = np.full(2, torque)
         speed = np.full(2, w)
-        uncertainty = self.position.uncertainty(tau, np.zeros(2), speed)
+        uncertainty = self.position.uncertainty(tau, np.zeros(2), speed, resting(speed))
         self.position.step(
             np.full(2, q), np.full(2, qd), speed, speed * T, tau, uncertainty, T, measured=measured
         )

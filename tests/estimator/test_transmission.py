@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from errors import ModelError
-from estimator.transmission import friction_torque, link_torque, penetration, smooth_sign
+from estimator.transmission import friction_torque, link_torque, penetration, resting, smooth_sign
 
 
 @pytest.mark.parametrize(
@@ -66,6 +66,14 @@ def test_penetration_starts_from_zero_at_the_border() -> None:
 def test_smooth_sign() -> None:
     v = np.array([-1.0, 0.0, 0.02, 1.0])
     np.testing.assert_allclose(smooth_sign(v, 0.02), [-1, 0, np.tanh(1), 1], atol=1e-15)
+
+
+def test_rest_is_what_stiction_may_hide() -> None:
+    np.testing.assert_allclose(
+        resting(np.array([0.0, 0.05, -0.05, 0.1, 1.0])),
+        [1, 1 / np.e, 1 / np.e, np.exp(-4), 0],
+        atol=1e-12,
+    )
 
 
 def test_friction_of_both_states(make_transmission) -> None:
