@@ -104,8 +104,6 @@ ENERGISED = frozenset({_M.ENABLING, *SENSING})
 DISARMING = frozenset(
     {_E.DISARM, _E.STOP, _E.DISABLE, _E.BOUND, _E.TIMEOUT, _E.DOUBT, _E.FAULT, _E.RESET}
 )
-# Events after which the trajectory does not go on by itself.
-CANCELLING = DISARMING - {_E.DISARM} | {_E.PAUSE, _E.COLLISION, _E.SETTLE}
 
 # Why a command is refused in a mode, and what to do about it.
 REFUSALS: dict[Mode, str] = {
@@ -168,10 +166,9 @@ class ModeMachine:
         if event in DISARMING and self.armed:
             self.armed = False
             self.changes.append(Change("disarmed", cause))
-        if event in CANCELLING:
-            self.moving = False
-        if event is Event.START:
-            self.moving = True
+        # Only a contact leaves a trajectory that goes on by itself.
+        guided = self.moving and after is Mode.ADMITTANCE and event is not Event.PAUSE
+        self.moving = guided or after is Mode.TRACKING
         if after is not self.mode:
             self.changes.append(Change(f"{self.mode} -> {after}", cause))
             self.mode, self.cause, self.entered_s = after, cause, time_s

@@ -13,14 +13,14 @@ from errors import ConfigurationError
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """PyYAML follows YAML 1.1: it reads `1e-3` as text and `off` as a boolean, and takes the last
-    of two equal keys in silence. None of this may happen to a limit."""
+    """PyYAML follows YAML 1.1: it reads `1e-3` as text, `off` as a boolean, `010` as 8 and `2:00`
+    as 120, and takes the last of two equal keys in silence. None of this may happen to a limit."""
 
     yaml_implicit_resolvers = {  # noqa: RUF012
         first: [
             (tag, pattern)
             for tag, pattern in resolvers
-            if tag not in ("tag:yaml.org,2002:bool", "tag:yaml.org,2002:float")
+            if tag.rpartition(":")[2] not in ("bool", "int", "float")
         ]
         for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
     }
@@ -46,7 +46,7 @@ class _StrictLoader(yaml.SafeLoader):
 
     def construct_finite(self, node: yaml.ScalarNode) -> float:
         text = self.construct_scalar(node)
-        value = float(text.replace("_", "").lower().replace(".inf", "inf").replace(".nan", "nan"))
+        value = float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
         if not math.isfinite(value):
             raise yaml.constructor.ConstructorError(
                 None, None, f"{text} is not allowed, numbers must be finite", node.start_mark
@@ -56,6 +56,11 @@ class _StrictLoader(yaml.SafeLoader):
 
 _StrictLoader.add_implicit_resolver(
     "tag:yaml.org,2002:bool", re.compile(r"^(?:true|false)$"), list("tf")
+)
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:int",
+    re.compile(r"^(?:[-+]?(?:0|[1-9][0-9]*)|0x[0-9a-fA-F]+)$"),
+    list("-+0123456789"),
 )
 _StrictLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float",

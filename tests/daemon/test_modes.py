@@ -1,0 +1,217 @@
+"""The table of transitions, exhaustively: every mode with every event."""
+
+from itertools import product
+
+import pytest
+
+from daemon.modes import (
+    ARMABLE,
+    DISARMING,
+    ENERGISED,
+    REFUSALS,
+    SENSING,
+    TRANSITIONS,
+    Event,
+    Mode,
+    ModeMachine,
+    next_mode,
+)
+
+ALL = list(product(Mode, Event))
+PRESENT = sorted(TRANSITIONS)
+ABSENT = sorted(set(ALL) - set(TRANSITIONS))
+COMMANDS = {
+    Event.ENABLE,
+    Event.START,
+    Event.PAUSE,
+    Event.STOP,
+    Event.DISARM,
+    Event.DISABLE,
+    Event.RESET,
+}
+DISARMS = {
+    Event.DISARM,
+    Event.STOP,
+    Event.DISABLE,
+    Event.BOUND,
+    Event.TIMEOUT,
+    Event.DOUBT,
+    Event.FAULT,
+    Event.RESET,
+}
+
+
+def machine_in(mode: Mode, *, armed: bool = False, moving: bool = False) -> ModeMachine:
+    """A machine put there by hand, as if since 1 s."""
+    machine = ModeMachine()
+    machine.mode, machine.armed, machine.moving = mode, armed, moving
+    machine.cause, machine.entered_s = "before", 1.0
+    return machine
+
+
+def seen(machine: ModeMachine) -> tuple[object, ...]:
+    return machine.mode, machine.armed, machine.moving, machine.cause, machine.entered_s
+
+
+@pytest.mark.parametrize(("mode", "event"), PRESENT)
+def test_a_row_is_followed(mode: Mode, event: Event) -> None:
+    machine = machine_in(mode)
+    after = TRANSITIONS[mode, event]
+    assert machine.can(event)
+    assert machine.apply(event, "why", 2.0)
+    assert machine.mode is after is next_mode(mode, event)
+    changed = after is not mode
+    assert machine.cause == ("why" if changed else "before")
+    assert machine.entered_s == (2.0 if changed else 1.0)
+    lines = [(change.text, change.cause) for change in machine.changes]
+    assert lines == ([(f"{mode} -> {after}", "why")] if changed else [])
+
+
+@pytest.mark.parametrize("flag", [False, True])
+@pytest.mark.parametrize(("mode", "event"), ABSENT)
+def test_what_has_no_row_changes_nothing(mode: Mode, event: Event, flag: bool) -> None:
+    machine = machine_in(mode, armed=flag, moving=flag)
+    before = seen(machine)
+    assert not machine.can(event)
+    assert not machine.apply(event, "why", 2.0)
+    assert seen(machine) == before
+    assert not machine.changes
+
+
+@pytest.mark.parametrize(("mode", "event"), PRESENT)
+def test_which_events_disarm(mode: Mode, event: Event) -> None:
+    machine = machine_in(mode, armed=True)
+    machine.apply(event, "why", 2.0)
+    assert machine.armed is (event not in DISARMS)
+    assert ("disarmed" in [change.text for change in machine.changes]) is (event in DISARMS)
+
+
+def test_the_disarming_events_are_these() -> None:
+    assert DISARMING == DISARMS
+
+
+@pytest.mark.parametrize("mode", Mode)
+@pytest.mark.parametrize("event", [Event.STOP, Event.DISARM])
+def test_stop_and_disarm_work_in_every_mode(mode: Mode, event: Event) -> None:
+    machine = machine_in(mode, armed=True)
+    assert machine.apply(event, "a person", 2.0)
+    assert not machine.armed
+    assert machine.mode not in (Mode.TRACKING, Mode.ADMITTANCE) or event is Event.DISARM
+    assert machine.mode is not Mode.ADMITTANCE
+
+
+@pytest.mark.parametrize("mode", set(Mode) - {Mode.FAULTED})
+def test_a_fault_is_heard_everywhere(mode: Mode) -> None:
+    assert next_mode(mode, Event.FAULT) is Mode.FAULTED
+
+
+@pytest.mark.parametrize("mode", set(Mode) - {Mode.FAULTED})
+def test_disable_is_heard_everywhere_but_in_a_fault(mode: Mode) -> None:
+    assert next_mode(mode, Event.DISABLE) in (Mode.OFF, Mode.STOPPING)
+
+
+@pytest.mark.parametrize("mode", [Mode.HOLDING, Mode.TRACKING, Mode.ADMITTANCE])
+def test_doubt_stops_whatever_may_move(mode: Mode) -> None:
+    assert next_mode(mode, Event.DOUBT) is Mode.STOPPING
+
+
+@pytest.mark.parametrize("mode", set(Mode) - ENERGISED)
+def test_nothing_energises_but_enable(mode: Mode) -> None:
+    into = [event for event in Event if next_mode(mode, event) in ENERGISED]
+    assert into == ([Event.ENABLE] if mode is Mode.OFF else [])
+
+
+@pytest.mark.parametrize("mode", set(Mode) - {Mode.TRACKING})
+def test_only_start_and_quiet_begin_a_trajectory(mode: Mode) -> None:
+    into = [event for event in Event if next_mode(mode, event) is Mode.TRACKING]
+    expected = {Mode.HOLDING: [Event.START], Mode.ADMITTANCE: [Event.RESUME]}
+    assert into == expected.get(mode, [])
+
+
+@pytest.mark.parametrize("mode", set(Mode) - {Mode.ADMITTANCE})
+def test_only_a_touch_leads_to_admittance(mode: Mode) -> None:
+    into = [event for event in Event if next_mode(mode, event) is Mode.ADMITTANCE]
+    assert into == ([Event.TOUCH] if mode in ARMABLE else [])
+
+
+def test_from_a_fault_only_reset_leads_out() -> None:
+    leaving = [event for event in Event if next_mode(Mode.FAULTED, event) not in (None, "faulted")]
+    assert leaving == [Event.RESET]
+    assert next_mode(Mode.FAULTED, Event.RESET) is Mode.OFF
+
+
+def test_motion_ends_in_stopping_and_never_by_cutting_power() -> None:
+    for mode in (Mode.TRACKING, Mode.ADMITTANCE, Mode.STOPPING):
+        for event in Event:
+            assert next_mode(mode, event) not in (Mode.OFF, Mode.ENABLING), (mode, event)
+
+
+@pytest.mark.parametrize("mode", [Mode.TRACKING, Mode.ADMITTANCE, Mode.STOPPING])
+def test_disable_in_motion_first_stops_then_goes_off(mode: Mode) -> None:
+    machine = machine_in(mode, armed=True, moving=True)
+    assert machine.apply(Event.DISABLE, "a person", 2.0)
+    assert machine.mode is Mode.STOPPING
+    machine.apply(Event.STOP, "a person", 2.1)  # does not take the wish back
+    machine.changes.clear()
+    assert machine.apply(Event.STANDSTILL, "stands", 2.5)
+    assert machine.mode is Mode.OFF
+    assert not machine.armed
+    assert [c.text for c in machine.changes] == ["stopping -> holding", "holding -> off"]
+    for event in (Event.ENABLE, Event.ENERGISED):  # and is spent
+        machine.apply(event, "again", 3.0)
+    assert machine.mode is Mode.HOLDING
+
+
+def test_a_fault_while_disabling_forgets_the_wish() -> None:
+    machine = machine_in(Mode.TRACKING)
+    machine.apply(Event.DISABLE, "a person", 2.0)
+    for event in (Event.FAULT, Event.RESET, Event.ENABLE, Event.ENERGISED):
+        assert machine.apply(event, "then", 3.0)
+    assert machine.mode is Mode.HOLDING
+
+
+@pytest.mark.parametrize(("mode", "event"), PRESENT)
+def test_a_trajectory_goes_on_only_after_a_contact(mode: Mode, event: Event) -> None:
+    machine = machine_in(mode, moving=mode in (Mode.TRACKING, Mode.ADMITTANCE))
+    machine.apply(event, "why", 2.0)
+    goes_on = machine.mode is Mode.ADMITTANCE and mode in (Mode.TRACKING, Mode.ADMITTANCE)
+    assert machine.moving is (
+        machine.mode is Mode.TRACKING or (goes_on and event is not Event.PAUSE)
+    )
+
+
+def test_a_contact_while_holding_leaves_nothing_to_go_on_with() -> None:
+    machine = machine_in(Mode.HOLDING, armed=True)
+    machine.apply(Event.TOUCH, "touch", 2.0)
+    assert machine.mode is Mode.ADMITTANCE
+    assert not machine.moving
+
+
+def test_arming_twice_is_told_once() -> None:
+    machine = ModeMachine()
+    machine.arm("a person")
+    machine.arm("another")
+    assert machine.armed
+    assert [(c.text, c.cause) for c in machine.changes] == [("armed", "a person")]
+
+
+def test_a_machine_starts_off_and_disarmed() -> None:
+    machine = ModeMachine()
+    assert (machine.mode, machine.armed, machine.moving) == (Mode.OFF, False, False)
+
+
+def test_every_mode_is_reached_and_every_event_used() -> None:
+    reached, frontier = {Mode.OFF}, {Mode.OFF}
+    while frontier:
+        frontier = {TRANSITIONS[m, e] for m, e in PRESENT if m in frontier} - reached
+        reached |= frontier
+    assert reached == set(Mode)
+    assert {event for _, event in PRESENT} == set(Event)
+
+
+def test_modes_and_words_are_complete() -> None:
+    assert set(REFUSALS) == set(Mode)
+    assert ARMABLE < SENSING < ENERGISED
+    assert Mode.OFF not in ENERGISED
+    assert Mode.FAULTED not in ENERGISED
+    assert all((Mode.FAULTED, e) not in TRANSITIONS for e in COMMANDS - DISARMS)
