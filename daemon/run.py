@@ -7,8 +7,9 @@ import time
 from pathlib import Path
 
 import can
+import numpy as np
 
-from daemon.assembly import build_cycle, build_setups
+from daemon.assembly import build_cycle, build_estimator, build_setups
 from daemon.config.load import Robot
 from daemon.control import ControlSocket, default_socket_path
 from daemon.journal import log_to_stderr
@@ -45,9 +46,11 @@ def _serve(robot: Robot, bus: can.BusABC, control: ControlSocket, signals: "_Sig
     if signals.received:
         return
     cycle = build_cycle(robot, bus, time.monotonic)
-    clock = Clock(time.monotonic, _sleep_until)
+    _warm_up(robot)
+    loop = Loop(cycle, Clock(time.monotonic, _sleep_until), c.period_s)
+    service = Service(robot, loop, control, realtime, os.getpid())
+    # From the first heartbeat on the drives expect the next.
     cycle.arm.start(0.0)
-    service = Service(robot, Loop(cycle, clock, c.period_s), control, realtime, os.getpid())
     _log.info("%s: ready, off, at %s", c.name, control.path)
     service.loop.run(service.doors, lambda: not signals.received)
     stragglers = service.wind_down(signals.received)
@@ -58,6 +61,15 @@ def _serve(robot: Robot, bus: can.BusABC, control: ControlSocket, signals: "_Sig
     if stragglers:
         raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")
     _log.info("ended: %s", _ending(robot))
+
+
+def _warm_up(robot: Robot) -> None:
+    """Let an estimator of the same kind take a few steps: the first ones load code and touch memory
+    for tens of milliseconds, which the first ticks do not have."""
+    estimator = build_estimator(robot.configuration, robot.urdf)
+    nothing = np.zeros(len(robot.configuration.joints))
+    for _ in range(20):
+        estimator.step(nothing, nothing, nothing, nothing)
 
 
 def _ending(robot: Robot) -> str:

@@ -20,23 +20,22 @@ class HeartbeatWatch:
     timeout_s: float
     heard_at: float = 0.0
     lost: bool = False
-    operational: bool = True
-    # The first heartbeat after NMT start may have been under way before it.
-    excused: bool = True
+    # Heartbeats of before NMT start may still be under way after it: no longer being operational
+    # is news only of a drive that was heard to be.
+    operational: bool = False
 
     def begin(self, now: float) -> None:
         """Watch from `now` on, when the drive has just been told to be operational."""
-        self.heard_at, self.lost, self.operational, self.excused = now, False, True, True
+        self.heard_at, self.lost, self.operational = now, False, False
 
     def hear(self, nmt_state: int, now: float) -> NotOperational | Rebooted | None:
         """A heartbeat or boot-up message has come."""
         self.heard_at, self.lost = now, False
-        excused, self.excused = self.excused, False
         state = nmt_state & 0x7F  # bit 7 is node guarding's toggle
         if state == BOOT_UP:
             self.operational = False
             return Rebooted(self.node)
-        was_operational, self.operational = self.operational, state == OPERATIONAL or excused
+        was_operational, self.operational = self.operational, state == OPERATIONAL
         return NotOperational(self.node, state) if was_operational > self.operational else None
 
     def check(self, now: float) -> HeartbeatLost | None:

@@ -34,9 +34,9 @@ def test_a_heartbeat_that_comes_back_can_be_lost_again(watch):
         ([OPERATIONAL, OPERATIONAL], []),
         ([OPERATIONAL, PRE_OPERATIONAL, PRE_OPERATIONAL], [NotOperational(3, 127)]),
         ([OPERATIONAL, STOPPED], [NotOperational(3, 4)]),
-        # The first one may have been sent before NMT start came.
-        ([PRE_OPERATIONAL, OPERATIONAL], []),
-        ([PRE_OPERATIONAL, PRE_OPERATIONAL], [NotOperational(3, 127)]),
+        # The first ones may have been sent before NMT start came.
+        ([PRE_OPERATIONAL, PRE_OPERATIONAL, OPERATIONAL], []),
+        ([PRE_OPERATIONAL, OPERATIONAL, PRE_OPERATIONAL], [NotOperational(3, 127)]),
         ([OPERATIONAL, BOOT_UP, PRE_OPERATIONAL], [Rebooted(3)]),
         ([OPERATIONAL, STOPPED, OPERATIONAL, STOPPED], [NotOperational(3, 4)] * 2),
         # Node guarding toggles bit 7.

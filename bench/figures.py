@@ -1,0 +1,43 @@
+"""What every bench prints: targets with their measured figures, as a table or as one JSON line."""
+
+import json
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import click
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A figure and the limit it is held against."""
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    better: Literal["lower", "higher"]
+
+    @property
+    def met(self) -> bool:
+        """Whether the figure is on the good side of its limit."""
+        return self.value <= self.limit if self.better == "lower" else self.value >= self.limit
+
+
+def print_report(
+    bench: str, seed: int, targets: Sequence[Target], data: dict[str, Any], *, as_json: bool
+) -> None:
+    """Targets as lines, or everything as one object on the last line."""
+    if as_json:
+        rows = [{**asdict(target), "met": target.met} for target in targets]
+        machine = f"{platform.machine()} {platform.python_version()}"
+        report = {"bench": bench, "seed": seed, "machine": machine, "targets": rows, "data": data}
+        click.echo(json.dumps(report))
+        return
+    for target in targets:
+        sign = "<=" if target.better == "lower" else ">="
+        met = "met" if target.met else "NOT MET"
+        click.echo(
+            f"  {target.name}: {target.value:.4g} {target.unit} ({sign} {target.limit:g}) {met}"
+        )
