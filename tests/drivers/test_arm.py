@@ -288,6 +288,18 @@ def test_a_late_tpdo_does_not_pass_for_the_next(scripted, arm):
     assert arm.counters.late_frames == 1
 
 
+def test_the_arm_recovers_at_once_from_drives_that_were_late(scripted, arm):
+    fresh = []
+    for k in range(1, 31):
+        late = 10 < k <= 20
+        samples = tick(arm, scripted, [] if late else everything(), k * PERIOD_S)
+        fresh.append(bool(samples.fresh.all()))
+        if late:
+            scripted.incoming += everything()
+    assert fresh == [True] * 10 + [False] * 10 + [True] * 10
+    assert arm.counters.late_frames == arm.counters.missing_frames == 10 * 2 * N
+
+
 def test_short_frames_are_counted_and_not_believed(scripted, arm):
     samples = tick(arm, scripted, [frame(0x181, b"\x27"), frame(0x703), frame(0x83, b"\1")])
     assert arm.counters.short_frames == 3
