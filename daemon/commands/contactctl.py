@@ -4,7 +4,6 @@ Everything heavy is imported by the command that needs it, so that the others st
 """
 # ruff: noqa: PLC0415
 
-import os
 import signal
 import sys
 import time
@@ -275,8 +274,7 @@ def _stream_json(client: "Client") -> None:
             sys.stdout.buffer.write(client.packet() + b"\n")
             sys.stdout.buffer.flush()
     except BrokenPipeError:
-        # What is still buffered goes nowhere, instead of failing again when the program ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return
 
 
 def _print_json(message: Any) -> None:

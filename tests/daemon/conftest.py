@@ -96,6 +96,7 @@ class FakeDaemon:
     modes: dict[str, list[str]] = field(default_factory=dict)
     refusals: dict[str, list[str]] = field(default_factory=dict)
     states: Callable[[int], State | None] = state_at  # None: publishes nothing in that tick
+    snapshot_ahead: int = 0  # ticks between the last State and what a snapshot says
     mode: str = "off"
     tick: int = 0
     seen: list[tuple[str, Peer]] = field(default_factory=list)
@@ -109,7 +110,7 @@ class FakeDaemon:
         if reasons := self.refusals.get(command):
             return Reply(ok=False, message=f"{command} is refused", reasons=reasons, mode=self.mode)
         if command == "subscribe":
-            return Reply(ok=True, snapshot=snapshot_at(self.tick))
+            return Reply(ok=True, snapshot=snapshot_at(self.tick + self.snapshot_ahead))
         if command == "status":
             if self._ahead:
                 self.mode = self._ahead.pop(0)

@@ -123,6 +123,14 @@ def test_daemon_that_hangs_up(listener: socket.socket) -> None:
     thread.join()
 
 
+def test_last_words_are_heard_even_if_they_came_first(listener: socket.socket) -> None:
+    with Client(Path(listener.getsockname())) as client:
+        accepted, _ = listener.accept()
+        with accepted:
+            accepted.send(b'{"ok": false, "message": "full"}')
+        assert client.request("stop").message == "full"
+
+
 def test_last_words_of_a_daemon_that_hangs_up_are_heard(fake_daemon: Any) -> None:
     held = [Client(fake_daemon.path) for _ in range(32)]
     for client in held:

@@ -289,6 +289,16 @@ def test_ninth_reader_is_refused(
     assert len(control.readers) == 8
 
 
+def test_reader_may_subscribe_again_although_all_places_are_taken(
+    control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
+) -> None:
+    readers = [subscribed(control, dial, make_snapshot(0)) for _ in range(8)]
+    readers[0].send(b'{"command": "subscribe"}')
+    control.poll(Handler(make_snapshot(7)))
+    assert '"tick": 7' in json.dumps(told(readers[0]))
+    assert len(control.readers) == 8
+
+
 def test_refused_subscription_reads_nothing(control: ControlSocket, dial: Dial) -> None:
     client = dial()
     client.send(b'{"command": "subscribe"}')

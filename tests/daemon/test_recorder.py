@@ -93,6 +93,17 @@ def test_gap_makes_a_new_snapshot(
     assert made.states == len(messages) - 2
 
 
+def test_states_that_the_snapshot_contains_are_left_out(
+    fake_daemon: Any, connect: Callable[[], Client], tmp_path: Path
+) -> None:
+    fake_daemon.snapshot_ahead = 5
+    made = record(connect, tmp_path / "made.mcap", seconds=0.1)
+    snapshot, first, *_ = read_log(tmp_path / "made.mcap")
+    assert isinstance(first, State)
+    assert first.tick == snapshot.tick + 1
+    assert (made.lost, made.snapshots) == (0, 1)
+
+
 def test_daemon_that_ends_leaves_a_good_file(
     fake_daemon: Any, connect: Callable[[], Client], tmp_path: Path
 ) -> None:
