@@ -1,0 +1,109 @@
+"""Steps of external torque on each joint alone, in motion and at rest, in lockstep: is each felt,
+and how soon after its onset in the plant?
+
+    python -m bench.steps [--seed N] [--friction smooth|dahl] [--json]
+
+In motion: twice the threshold. At rest: the larger of twice the threshold and the threshold plus
+half the static friction, above which stiction cannot hide it. A step towards the side of the gap on
+which the link leans already needs no travel; the other way it may first have to cross.
+"""
+
+from typing import Any
+
+import click
+import msgspec
+import numpy as np
+
+from bench.contact_free import moving
+from bench.figures import Target, print_report
+from bench.lockstep import Rig, lockstep_rig
+from daemon.modes import Event
+
+PATIENCE_S = 0.5
+REST_S = 2.0  # between two steps
+TRIALS_IN_MOTION = 6
+
+
+def delay_of(rig: Rig, joint: int, torque: float) -> tuple[float | None, bool]:
+    """Put `torque` [Nm] on one joint until it is felt; (delay [s] or None, the gap was crossed)."""
+    plant, period = rig.arm.plant, rig.robot.configuration.period_s
+    begun = rig.arm.now
+    side = np.sign(plant.q[joint] - plant.theta[joint])
+    rig.arm.external_torque[joint] = torque
+    felt: float | None = None
+    crossed = False
+    for _ in range(round(PATIENCE_S / period)):
+        rig.tick()
+        crossed |= bool(np.sign(plant.q[joint] - plant.theta[joint]) != side)
+        estimate = rig.cycle.estimate
+        assert estimate is not None
+        if estimate.thresholded[joint] * torque > 0.0:
+            felt = rig.arm.now - begun
+            break
+    rig.arm.external_torque[joint] = 0.0
+    rig.run(REST_S)
+    return felt, crossed
+
+
+def steps(seed: int, friction: str, *, in_motion: bool) -> list[dict[str, Any]]:
+    """Every joint, both signs; in motion at several moments."""
+    rows = []
+    with lockstep_rig(
+        configure=moving("measured"),
+        simulate=lambda s: msgspec.structs.replace(s, seed=seed, friction=friction),
+    ) as rig:
+        rig.enable()
+        rig.run(1.0)
+        if in_motion:
+            rig.request(Event.START)
+            rig.run(5.0)
+        for i, joint in enumerate(rig.robot.configuration.joints):
+            contact = joint.thresholds.contact
+            stuck = joint.friction.motor_coulomb + joint.friction.link_coulomb
+            size = 2 * contact if in_motion else max(2 * contact, contact + 0.5 * stuck)
+            direct: list[float] = []
+            after_gap: list[float] = []
+            missed = 0
+            for trial in range(TRIALS_IN_MOTION if in_motion else 2):
+                delay, crossed = delay_of(rig, i, size if trial % 2 == 0 else -size)
+                if delay is None:
+                    missed += 1
+                else:
+                    (after_gap if crossed else direct).append(round(1000 * delay, 1))
+            rows.append(
+                {
+                    "joint": joint.name,
+                    "torque_nm": round(size, 3),
+                    "missed": missed,
+                    "delays_ms": direct,
+                    "delays_with_gap_travel_ms": after_gap,
+                }
+            )
+        gain = rig.robot.configuration.estimator.gain
+    return [{**row, "filter_ms": round(1000 * np.log(2) / gain, 1)} for row in rows]
+
+
+@click.command(help=__doc__)
+@click.option("--seed", default=1, show_default=True)
+@click.option("--friction", type=click.Choice(["smooth", "dahl"]), default="smooth")
+@click.option("--json", "as_json", is_flag=True)
+def main(seed: int, friction: str, as_json: bool) -> None:
+    data: dict[str, Any] = {"friction": friction}
+    targets = []
+    for name, in_motion in (("in motion", True), ("at rest", False)):
+        rows = data[name] = steps(seed, friction, in_motion=in_motion)
+        missed = sum(row["missed"] for row in rows)
+        targets.append(Target(f"steps {name} that were not felt", missed, 0, "", "lower"))
+        if as_json:
+            continue
+        click.echo(f"\n{name}, {friction} friction, seed {seed}; delay from onset [ms]")
+        for row in rows:
+            click.echo(
+                f"  {row['joint']:16} {row['torque_nm']:5.2f} Nm  missed {row['missed']}  "
+                f"direct {row['delays_ms']}  through the gap {row['delays_with_gap_travel_ms']}"
+            )
+    print_report("steps", seed, targets, data, as_json=as_json)
+
+
+if __name__ == "__main__":
+    main()
