@@ -89,6 +89,14 @@ def test_guide_leads_at_its_speed_then_holds_until_release() -> None:
     assert torque(one, Q + 1.0) == [0.0, 0.0]
 
 
+def test_damper_of_a_guide_moves_along() -> None:
+    one = hand(Guide(at_s=0.0, to={"a": 0.9}, speed=0.25, stiffness=1e-9, damping=2.0))
+    for k in range(10):
+        one.update(100.0 + 0.001 * k, Q)
+    assert torque(one, Q, np.array([0.25, 0.0])) == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert torque(one)[0] == pytest.approx(0.5)
+
+
 def test_nothing_happens_before_begin() -> None:
     one = Hand([Hold(at_s=0.0, joints=("a",))], NAMES, np.ones(2))
     assert one.update(1e9, Q) == []

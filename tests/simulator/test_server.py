@@ -83,6 +83,31 @@ def test_clients_hear_each_other(server: Server) -> None:
         read(other, 1, 0x1000)  # both are in
         one.send(can.Message(arbitration_id=0x77F, data=[5], is_extended_id=False))
         assert wait_for(other, 0x77F).data == b"\x05"
+        other.send(can.Message(arbitration_id=0x77E, data=[5], is_extended_id=False))
+        heard = one.recv(5.0)
+        assert heard is not None
+        assert heard.arbitration_id == 0x77E
+
+
+def test_frames_do_not_follow_the_handshake_at_once(server: Server) -> None:
+    """python-can takes "< ok >" in one read and fails when a frame sticks to it."""
+    with client(server.port) as bus:
+        data = struct.pack("<BHBI", 0x2B, 0x1017, 0, 1)
+        bus.send(can.Message(arbitration_id=0x601, data=data, is_extended_id=False))
+        wait_for(bus, 0x701)  # node 1 now says something every millisecond
+        with socket.create_connection(("127.0.0.1", server.port)) as newcomer:
+            newcomer.settimeout(5.0)
+            for command in (b"", b"< open can0 >", b"< rawmode >"):
+                newcomer.sendall(command)
+                answer = newcomer.recv(64, socket.MSG_PEEK)
+                while not answer.endswith(b">"):
+                    answer = newcomer.recv(64, socket.MSG_PEEK)
+                if b"raw" in command:
+                    time.sleep(0.02)
+                    assert newcomer.recv(4096) == b"< ok >"
+                else:
+                    newcomer.recv(64)
+            assert newcomer.recv(64).startswith(b"< frame ")
 
 
 def test_client_that_leaves_does_not_hurt(server: Server) -> None:

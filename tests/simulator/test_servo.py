@@ -1,0 +1,65 @@
+"""The velocity loops: ramps that arrive, limits that do not wind up, limp motors."""
+
+import numpy as np
+import pytest
+
+from simulator.description import ArmDescription
+from simulator.servo import Servo
+
+LINK = np.full(7, 0.01)
+AT_REST = np.zeros(7)
+
+
+@pytest.fixture
+def servo(romeo: ArmDescription) -> Servo:
+    return Servo(romeo, LINK)
+
+
+@pytest.mark.parametrize("start", [0.7, -0.3, 1e-7])
+def test_a_ramp_is_straight_and_arrives_exactly(servo: Servo, start: float) -> None:
+    servo.energise(0, start)
+    servo.ramp(0, 0.0, 10.0)
+    values = []
+    while not servo.arrived(0):
+        servo.update(AT_REST)
+        values.append(float(servo.reference[0]))
+    assert len(values) == pytest.approx(abs(start) / 0.01, abs=1.01)
+    assert np.abs(np.diff(values[:-1])) == pytest.approx(0.01)
+    assert servo.reference[0] == 0.0
+
+
+def test_a_setpoint_takes_the_interpolation_period(servo: Servo) -> None:
+    servo.energise(0, 0.2)
+    servo.follow(0, 0.5, over_s=0.010)
+    values = [0.2]
+    for _ in range(12):
+        servo.update(AT_REST)
+        values.append(float(servo.reference[0]))
+    assert values[:11] == pytest.approx(np.linspace(0.2, 0.5, 11))
+    assert values[11:] == pytest.approx([0.5, 0.5])
+
+
+def test_limit_does_not_wind_up(servo: Servo) -> None:
+    """Two seconds against a wall, then free: the current turns round at once."""
+    servo.energise(0, 0.0)
+    servo.follow(0, 1.0, over_s=0.0)
+    for _ in range(2000):
+        servo.update(AT_REST)
+    assert servo.current[0] == servo.current_limit[0] == 4.0
+    assert servo.saturated(0)
+    fast = np.full(7, 1.5)
+    for _ in range(5):
+        servo.update(fast)
+    assert servo.current[0] < 4.0
+    assert not servo.saturated(0)
+
+
+def test_only_the_energised_have_current(servo: Servo) -> None:
+    servo.energise(1, 0.0)
+    servo.follow(1, 0.3, over_s=0.0)
+    servo.follow(2, 0.3, over_s=0.0)
+    servo.update(AT_REST)
+    assert np.flatnonzero(servo.current).tolist() == [1]
+    servo.release(1)
+    servo.update(AT_REST)
+    assert not servo.current.any()
