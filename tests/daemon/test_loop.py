@@ -1,0 +1,120 @@
+"""The fixed loop, on a clock that only moves when it is told to."""
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import pytest
+
+from daemon.cycle import Wakeup
+from daemon.loop import ANSWER_SHARE, Clock, Loop
+
+T = 0.01
+START = 100.0
+
+
+@dataclass
+class FakeClock:
+    """Wakes `late` seconds after the deadline it was asked for, once for each entry."""
+
+    now_s: float = START
+    late: dict[int, float] = field(default_factory=dict)  # by number of the sleep
+    asked: list[float] = field(default_factory=list)
+
+    def now(self) -> float:
+        return self.now_s
+
+    def sleep_until(self, deadline: float) -> None:
+        self.now_s = max(self.now_s, deadline) + self.late.get(len(self.asked), 0.0)
+        self.asked.append(deadline)
+
+
+@dataclass
+class FakeCycle:
+    """Notes when it was called; a tick takes `work` seconds."""
+
+    clock: FakeClock
+    work: float = 0.002
+    began: list[float] = field(default_factory=list)
+    finished: list[tuple[float, Wakeup]] = field(default_factory=list)
+
+    def begin(self, time_s: float) -> None:
+        self.began.append(time_s)
+
+    def finish(self, deadline: float, wakeup: Wakeup) -> None:
+        self.finished.append((deadline, wakeup))
+        self.clock.now_s += self.work
+
+
+def loop_of(**late: float) -> tuple[Loop, FakeCycle, FakeClock]:
+    clock = FakeClock(late={int(name.removeprefix("tick")): s for name, s in late.items()})
+    cycle = FakeCycle(clock)
+    return Loop(cycle, Clock(clock.now, clock.sleep_until), T), cycle, clock
+
+
+def steps(times: list[float]) -> list[float]:
+    return [after - before for before, after in pairwise(times)]
+
+
+def test_deadlines_are_absolute_and_do_not_drift() -> None:
+    loop, cycle, clock = loop_of(tick1=0.003, tick4=0.0099)
+    for _ in range(200):
+        loop.tick()
+    assert clock.asked == pytest.approx([START + T * (k + 1) for k in range(200)], abs=1e-9)
+    assert loop.missed == 0
+    assert cycle.began[1] == pytest.approx(2 * T + 0.003)
+    assert loop.lateness_max_s == pytest.approx(0.0099)
+    assert loop.work_max_s == pytest.approx(0.002)
+
+
+@pytest.mark.parametrize(
+    ("late", "left_out"), [(0.0099, 0), (0.0101, 1), (0.0199, 1), (0.0201, 2), (0.3505, 35)]
+)
+def test_a_late_tick_is_counted_and_left_out(late: float, left_out: int) -> None:
+    loop, cycle, clock = loop_of(tick3=late)
+    for _ in range(8):
+        loop.tick()
+    assert loop.missed == left_out
+    wakeups = [wakeup for _, wakeup in cycle.finished]
+    assert [w.late for w in wakeups] == [False] * 3 + [left_out > 0] + [False] * 4
+    assert wakeups[3].lateness_s == pytest.approx(late)
+    assert [w.missed for w in wakeups] == [0] * 3 + [left_out] * 5
+    # It goes on at the grid of the old deadlines, and nothing is made up for in a burst.
+    assert clock.asked[4] == pytest.approx(START + T * (5 + left_out))
+    assert steps(cycle.began[5:]) == pytest.approx([T] * 2)
+    assert min(steps(cycle.began)) > 0.0
+
+
+def test_samples_are_awaited_for_a_share_of_the_period_from_the_wakeup() -> None:
+    loop, cycle, _ = loop_of(tick1=0.004)
+    loop.tick()
+    loop.tick()
+    assert [deadline for deadline, _ in cycle.finished] == pytest.approx(
+        [START + T + ANSWER_SHARE * T, START + 2 * T + 0.004 + ANSWER_SHARE * T]
+    )
+
+
+def test_a_tick_knows_how_long_the_one_before_worked() -> None:
+    loop, cycle, _ = loop_of()
+    loop.tick()
+    cycle.work = 0.005
+    loop.tick()
+    loop.tick()
+    assert [w.work_s for _, w in cycle.finished] == pytest.approx([0.0, 0.002, 0.005])
+
+
+def test_it_runs_until_it_is_told_to_stop_and_serves_the_doors_after_each_tick() -> None:
+    loop, cycle, _ = loop_of()
+    calls: list[int] = []
+    loop.run(lambda: calls.append(len(cycle.finished)), lambda: len(calls) < 3)
+    assert calls == [1, 2, 3]
+    assert loop.time_s == pytest.approx(3 * T + 0.002)
+
+
+def test_a_tick_longer_than_the_period_is_late_for_the_next() -> None:
+    loop, cycle, _ = loop_of()
+    cycle.work = 0.025
+    for _ in range(4):
+        loop.tick()
+    assert [w.late for _, w in cycle.finished] == [False, True, True, True]
+    assert loop.missed >= 3
+    assert min(steps(cycle.began)) >= 0.025 - 1e-9

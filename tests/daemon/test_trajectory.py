@@ -1,0 +1,115 @@
+"""The path, and how a Follower runs along it."""
+
+import numpy as np
+import pytest
+
+from daemon.config.schema import Sinusoid
+from daemon.trajectory import Follower, JointPath
+
+JOINTS = ["a", "b", "c"]
+PATH = JointPath.from_sinusoids(
+    JOINTS,
+    {
+        "a": Sinusoid(amplitude=0.35, frequency_Hz=0.15),
+        "c": Sinusoid(amplitude=0.1, frequency_Hz=0.5),
+    },
+)
+DT, RAMP = 0.01, 2.0
+HERE = np.array([1.0, -0.5, 0.2])
+
+
+def test_a_joint_that_is_not_named_holds() -> None:
+    assert PATH.amplitude.tolist() == [0.35, 0.0, 0.1]
+    assert PATH.offset(3.3)[1] == PATH.slope(3.3)[1] == 0.0
+
+
+@pytest.mark.parametrize("s", [0.0, 0.7, 1.9, 12.34])
+def test_the_slope_is_the_derivative_of_the_offset(s: float) -> None:
+    h = 1e-6
+    difference = (PATH.offset(s + h) - PATH.offset(s - h)) / (2 * h)
+    np.testing.assert_allclose(PATH.slope(s), difference, atol=1e-8)
+
+
+def test_it_starts_where_the_arm_stands_and_softly() -> None:
+    follower = Follower(PATH, RAMP)
+    follower.anchor(HERE)
+    first = follower.step(DT)
+    np.testing.assert_allclose(first.q, HERE, atol=1e-4)
+    np.testing.assert_allclose(first.velocity, PATH.slope(0.0) * DT / RAMP, rtol=1e-4)
+
+
+def test_it_reaches_full_speed_after_the_ramp_and_lags_half_of_it() -> None:
+    follower = Follower(PATH, RAMP)
+    follower.anchor(HERE)
+    for _ in range(round(RAMP / DT)):
+        reference = follower.step(DT)
+    s = RAMP / 2
+    np.testing.assert_allclose(reference.velocity, PATH.slope(s), rtol=1e-9)
+    np.testing.assert_allclose(reference.q, HERE + PATH.offset(s), rtol=1e-9)
+    for _ in range(100):
+        reference = follower.step(DT)
+    np.testing.assert_allclose(reference.q, HERE + PATH.offset(s + 1.0), rtol=1e-9)
+
+
+def test_the_velocity_is_that_of_the_reference() -> None:
+    follower = Follower(PATH, RAMP)
+    follower.anchor(HERE)
+    references = [follower.step(1e-3) for _ in range(5000)]
+    q = np.array([r.q for r in references])
+    v = np.array([r.velocity for r in references])
+    np.testing.assert_allclose((q[2:] - q[:-2]) / 2e-3, v[1:-1], atol=2e-4)
+
+
+def test_anchored_anew_it_goes_on_from_there_at_its_path_time() -> None:
+    follower = Follower(PATH, RAMP)
+    follower.anchor(HERE)
+    for _ in range(300):
+        before = follower.step(DT)
+    moved = HERE + np.array([0.3, 0.2, -0.1])
+    follower.anchor(moved)
+    after = follower.step(DT)
+    np.testing.assert_allclose(after.q, moved, atol=1e-4)  # from where the person left it
+    assert np.abs(after.velocity).max() <= DT / RAMP * np.abs(PATH.slope(0.0)).max()  # from rest
+    for _ in range(400):
+        after = follower.step(DT)
+    # The same shape at the same path time, only elsewhere: 2 s + 3.01 s of path were run.
+    np.testing.assert_allclose(after.q - moved, PATH.offset(5.01) - PATH.offset(2.0), atol=1e-9)
+    assert not np.allclose(after.q, before.q)
+
+
+def test_rewound_it_begins_from_the_start() -> None:
+    used, fresh = Follower(PATH, RAMP), Follower(PATH, RAMP)
+    used.anchor(HERE)
+    for _ in range(321):
+        used.step(DT)
+    used.rewind()
+    for follower in (used, fresh):
+        follower.anchor(HERE)
+    np.testing.assert_array_equal(used.step(DT).q, fresh.step(DT).q)
+
+
+@pytest.mark.parametrize(
+    ("shift", "misfit"),
+    [
+        ([0.0, 0.0, 0.0], [False, False, False]),
+        ([0.149, 0.0, 0.0], [False, False, False]),
+        ([0.151, 0.0, 0.0], [True, False, False]),
+        ([-0.151, 0.0, 0.401], [True, False, True]),
+        ([0.0, 9.0, 0.0], [False, False, False]),  # a joint that holds does not leave its place
+    ],
+)
+def test_which_joints_would_leave_their_limits(shift: list[float], misfit: list[bool]) -> None:
+    follower = Follower(PATH, RAMP)
+    bound = np.full(3, 0.5)
+    assert follower.misfits(np.array(shift), -bound, bound).tolist() == misfit
+
+
+def test_misfits_look_at_the_path_ahead_not_only_at_the_place() -> None:
+    follower = Follower(PATH, RAMP)
+    follower.anchor(np.zeros(3))
+    for _ in range(200):
+        reference = follower.step(DT)
+    # At the far end of the swing there is room for the way back.
+    bound = np.full(3, 0.36)
+    assert not follower.misfits(reference.q, -bound, bound).any()
+    assert follower.misfits(reference.q + 0.02, -bound, bound).tolist() == [True, False, False]
