@@ -20,6 +20,7 @@ from daemon.modes import Event, Mode
 from drivers.boot_up import boot_up
 from simulator.arm import SimulatedArm
 from simulator.description import SimulationSettings
+from simulator.events import Listener
 from simulator.hand import AnyAct
 from simulator.lockstep import Lockstep
 
@@ -88,6 +89,7 @@ def lockstep_rig(
     configure: Callable[[Configuration], Configuration] = lambda c: c,
     simulate: Callable[[SimulationSettings], SimulationSettings] = lambda s: s,
     hand: tuple[AnyAct, ...] = (),
+    on_event: Listener = lambda _: None,
 ) -> Iterator[Rig]:
     """Boot the simulated arm of `folder` up; `configure` and `simulate` may change both ends."""
     robot = load_robot(folder)
@@ -100,7 +102,7 @@ def lockstep_rig(
         can.Bus(interface="virtual", channel=channel) as far,
         can.Bus(interface="virtual", channel=channel) as near,
     ):
-        arm = SimulatedArm(description, settings, far.send, hand_script=hand)
+        arm = SimulatedArm(description, settings, far.send, hand_script=hand, on_event=on_event)
         lockstep = Lockstep(arm, far)
         arm.power_on()
         cycle = build_cycle(robot, near, lambda: 0.0)
