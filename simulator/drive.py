@@ -4,9 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
 
-from canopen.sdo import SdoServer
 from canopen.sdo.exceptions import SdoAbortedError
 
 from simulator import objects as o
@@ -16,6 +14,7 @@ from simulator.objects import Objects, key
 from simulator.pdo import PDOS, ReceivePdo, TransmitPdo, guard_pdos, pdo_number
 from simulator.plant import Plant
 from simulator.profile import PROFILE
+from simulator.sdo import sdo_server
 from simulator.servo import Servo
 from simulator.state_machine import Event, State
 
@@ -79,7 +78,7 @@ class Drive:
             self.objects.guards[index] = _guard(index, peak)
         guard_pdos(self.objects)
         self.objects.written = self._on_write
-        self._sdo = _sdo_server(self.node, self.objects, wired.send)
+        self._sdo = sdo_server(self.node, self.objects, wired.send)
         self.axis = Axis(joint, about, self.objects, wired.servo, wired.plant, self._tell)
         self.receive_pdos = [ReceivePdo(self.objects, n) for n in range(PDOS)]
         self.transmit_pdos = [TransmitPdo(self.objects, n) for n in range(PDOS)]
@@ -322,33 +321,3 @@ def _guard(index: int, peak: int) -> o.Guard:
             raise SdoAbortedError(o.INVALID_VALUE)
 
     return guard
-
-
-class _Wire:
-    """What canopen's SDO server takes for its network and its node."""
-
-    def __init__(self, objects: Objects, send: Callable[[int, bytes], None]) -> None:
-        self._objects, self._send = objects, send
-        self.object_dictionary: Any = None
-
-    def send_message(self, cob_id: int, data: bytes) -> None:
-        self._send(cob_id, bytes(data))
-
-    def get_data(self, index: int, subindex: int, check_readable: bool = False) -> bytes:
-        return self._objects.read(index, subindex)
-
-    def set_data(
-        self, index: int, subindex: int, data: bytes, check_writable: bool = False
-    ) -> None:
-        self._objects.write(index, subindex, bytes(data))
-
-
-def _sdo_server(node: int, objects: Objects, send: Callable[[int, bytes], None]) -> Any:
-    """canopen's SDO server is driven frame by frame and needs no thread."""
-    wire = _Wire(objects, send)
-    server = SdoServer(0x600 + node, 0x580 + node, wire)
-    server.network = wire
-    # A segment or an abort without a transfer would otherwise meet None.
-    server._index = server._subindex = 0
-    server._buffer = bytearray()
-    return server
