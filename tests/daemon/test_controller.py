@@ -135,6 +135,15 @@ def test_after_two_quiet_seconds_it_goes_on_from_where_it_was_left(tracking: Ben
     assert abs(tracking.decisions[-1].velocity[0]) > 0.05
 
 
+def test_the_quiet_time_begins_with_the_contact_however_faint(tracking: Bench) -> None:
+    tracking.controller.arm("me")
+    tracking.touch(0.0)
+    tracking.run(1.9)
+    assert tracking.mode is Mode.ADMITTANCE
+    tracking.run(0.2)
+    assert tracking.mode is Mode.TRACKING
+
+
 def test_touched_while_holding_it_holds_where_it_was_left(holding: Bench) -> None:
     holding.controller.arm("me")
     holding.touch()
