@@ -224,7 +224,6 @@ class Estimator:
             self._gap[:] = gap
         else:
             self.motor_position.start(q)
-            self._gap[:] = False
             self._started = True
             flags |= Flag.STARTING
         self._momentum[:] = momentum

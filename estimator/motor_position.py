@@ -132,11 +132,9 @@ class MotorPosition:
         gap = np.abs(phi) < self._alpha - np.maximum(self._margin, self.sigma)
         gap &= load < small
         gap &= ~engaged
-        unknown = self.sigma >= self._unknown_from
-        gap &= ~unknown
         np.copyto(phi, -transmitted, where=engaged | self._rigid)
         np.copysign(~gap, phi, out=self.side, casting="unsafe")
-        np.copyto(self.side, _UNKNOWN, where=unknown)
+        np.copyto(self.side, _UNKNOWN, where=self.sigma >= self._unknown_from)
         return gap
 
     def _integrated(self, qd: Vector, theta_dot: Vector, advance: Vector, dt: float) -> Vector:
@@ -157,9 +155,10 @@ class MotorPosition:
         beyond = alpha + load * self._compliance
         phi = q - self.theta
         # The torque pushes the link up where phi is at its lower border, and the other way round.
-        border = np.copysign(engaged, -self.streak)
-        short = np.maximum(alpha - border * phi, 0.0)
-        error = phi - np.minimum(np.maximum(phi, -beyond), beyond) - short * border
+        border = np.copysign(1.0, -self.streak)
+        outward = border * phi
+        lowest = np.where(engaged, alpha, -beyond)
+        error = border * (outward - np.minimum(np.maximum(outward, lowest), beyond))
         # What is not known at all is taken at once, what is known a little at a time.
         pull = 1.0 - (1.0 - _PULL) * (engaged & (sigma < alpha))
         np.minimum(sigma, alpha, out=sigma)

@@ -18,6 +18,10 @@ BARE = Variant(kind="classical", friction=False, rotor_inertia=False)
 VARIANTS = (BARE, Variant(kind="two_mass"), Variant(rotor_inertia=False))
 
 
+AT_REVERSAL = 85
+"""A tick of `pushed_motion` at which a joint is in its gap."""
+
+
 def residuals(estimates: list) -> np.ndarray:
     return np.array([estimate.residual for estimate in estimates])
 
@@ -66,6 +70,28 @@ def test_what_is_called_gap_is_gap(make_estimator, sine_motion) -> None:
     near = np.abs(sine_motion.true_phi) < 1.1 * alpha
     assert (called & ~near).sum() < 0.02 * called.sum()
     assert (called & inside)[:, [1, 6]].sum() > 0.5 * inside[:, [1, 6]].sum()
+
+
+def test_the_correction_acts_while_engaged(make_transmission, romeo, sine_motion) -> None:
+    # What a fit adds to tau_M is taken from the residual, through the same filter, except in gaps.
+    def run(stiffness: float) -> list:
+        loose = make_transmission().half_gap > 0
+        transmission = make_transmission(contact_stiffness=stiffness * loose, gear_stiffness=800.0)
+        levels = Thresholds(np.ones(7), np.full(7, 2.0))
+        estimator = Estimator(romeo, transmission, EstimatorSettings(), levels, T)
+        return sine_motion.replay(estimator, slice(0, 900))
+
+    base, corrected = run(0.0), run(50.0)
+    alpha = make_transmission().half_gap
+    expected, apart = np.zeros(7), np.zeros(7, dtype=bool)
+    for before, one, other in zip(corrected, base[1:], corrected[1:], strict=False):
+        delta = one.phi - np.clip(one.phi, -alpha, alpha)
+        apart = (one.side == Side.GAP) & (before.side == Side.GAP)
+        if not other.flags:
+            torque = np.where(apart, 0.0, 50.0 * delta)
+            expected = ((2 - 25 * T) * expected - 2 * 25 * T * torque) / (2 + 25 * T)
+        np.testing.assert_allclose(other.residual - one.residual, expected, atol=1e-9)
+    assert np.abs(expected).max() > 0.02
 
 
 # Contact
@@ -223,11 +249,12 @@ def test_a_motor_position_that_is_missing(make_estimator, sine_motion) -> None:
 
 
 @pytest.mark.parametrize("source", ["integrated", "measured"])
-@pytest.mark.parametrize("at", [1, 2, 3, 850])
+@pytest.mark.parametrize("at", [1, 2, 3, AT_REVERSAL, 850])
 def test_memory_continues_bit_identically(make_estimator, pushed_motion, at, source) -> None:
     settings = {"beside": VARIANTS, "motor_position": source, "debounce": 3}
     original = make_estimator(**settings)
-    pushed_motion.replay(original, slice(0, at))
+    estimates = pushed_motion.replay(original, slice(0, at))
+    assert (Side.GAP in estimates[-1].side) == (at == AT_REVERSAL)
     copy = make_estimator(**settings)
     copy.restore(json.loads(json.dumps(original.memory())))
     rest = slice(at, at + 60)

@@ -204,8 +204,10 @@ def test_a_measured_position_does_not_become_less_certain() -> None:
 
 def test_a_joint_without_gap_is_always_engaged() -> None:
     joint = Joint()
-    for torque, side in [(0.01, Side.LEFT), (-0.01, Side.RIGHT), (3.0, Side.LEFT)]:
-        joint.step(q=0.7, w=0.3, torque=torque)
-        assert joint.position.theta[1] == 0.7
+    torques = [(0.01, Side.LEFT), (-0.01, Side.RIGHT), *[(3.0, Side.LEFT)] * 9]
+    for k, (torque, side) in enumerate(torques):
+        q = 0.7 + 0.1 * (-1) ** k
+        joint.step(q=q, w=0.3, torque=torque)
+        assert joint.position.theta[1] == pytest.approx(q, abs=1e-12)
         assert joint.position.sigma[1] == 0.0
         assert joint.position.side[1] == side
