@@ -32,8 +32,8 @@ class Observed:
     q: Vector  # measured link position
     motor_velocity: Vector
     thresholded: Vector  # thresholded residual [Nm]
-    touched: str  # the contact that began in this tick, in words; empty without one
-    hit: str  # the same, beyond the collision level
+    touched: str  # the contact that lasts, in words; empty without one
+    hit: str  # the collision that began in this tick, likewise
     energised: bool  # every drive is in operation enabled
     findings: tuple[Finding, ...]
     not_armable: tuple[str, ...]  # reasons outside the modes why arming would be refused

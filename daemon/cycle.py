@@ -126,12 +126,14 @@ class Cycle:
         self, samples: Samples, estimate: Estimate, findings: tuple[Finding, ...]
     ) -> Observed:
         touched = hit = ""
-        if self._updated:
-            for contact in estimate.contacts:
-                words = f"{contact.joint} feels {contact.torque:+.2f} Nm"
-                touched = touched or words
-                if contact.level == "collision":
-                    hit = hit or f"{words}, beyond its collision level"
+        # A touch counts as long as it lasts: one that began while the arm was stopping still
+        # makes it yield. A blow counts once.
+        if estimate.thresholded.any() and (joints := self.estimator.detector.touched()).any():
+            i = int(np.argmax(joints))
+            touched = f"{self.arm.names[i]} feels {estimate.residual[i]:+.2f} Nm"
+        for contact in estimate.contacts if self._updated else ():
+            if contact.level == "collision":
+                hit = f"{contact.joint} feels {contact.torque:+.2f} Nm, beyond its collision level"
         return Observed(
             q=samples.link_position,
             motor_velocity=samples.motor_velocity,

@@ -12,7 +12,7 @@ from daemon.control import ControlSocket, Peer
 from daemon.cycle import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
 from daemon.loop import Loop
 from daemon.messages import Reply, Request, Snapshot, Status
-from daemon.modes import Event, Mode
+from daemon.modes import Event, Mode, ModeMachine
 from drivers.cia402 import reached
 from errors import ControlError
 
@@ -30,6 +30,10 @@ END_PATIENCE_S = 1.0
 
 _LEVELS = {"fault": logging.ERROR, "contact": logging.INFO, "mode": logging.INFO}
 _log = logging.getLogger("contactd")
+
+
+def _outcome(machine: ModeMachine) -> str:
+    return f"{machine.mode}, {'armed' if machine.armed else 'not armed'}"
 
 
 @dataclass(slots=True)
@@ -73,7 +77,7 @@ class Service:
         machine = controller.machine
         return Reply(
             ok=not reasons,
-            message=f"{request.command}: " + ("refused" if reasons else machine.cause),
+            message=f"{request.command}: " + ("refused" if reasons else _outcome(machine)),
             reasons=reasons,
             mode=machine.mode.value,
             armed=machine.armed,

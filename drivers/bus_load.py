@@ -47,7 +47,10 @@ def frame_table(
     # The master beats on a tick, at least three times within the shortest patience of a drive.
     patience_s = min(profile.master_timeout_ms for *_, profile in drives) / 1000.0
     beat_s = period_s * max(1, math.floor(patience_s / 3.0 / period_s))
-    table = [FrameLoad("SYNC", 0x080, 0, tick_hz), FrameLoad("heartbeat", 0x700, 1, 1.0 / beat_s)]
+    table = [
+        FrameLoad("SYNC", 0x080, 0, tick_hz),
+        FrameLoad("heartbeat of the master", 0x77F, 1, 1.0 / beat_s),
+    ]
     for name, node, profile in drives:
         for kind, pdos in (
             ("TPDO", transmit_pdos(profile, node)),

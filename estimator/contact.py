@@ -133,6 +133,11 @@ class ContactDetector:
             for level, i in np.argwhere(begins)
         )
 
+    def touched(self) -> NDArray[np.bool_]:
+        """Joints that are past their contact level now, debounced; shape (n,)."""
+        touched: NDArray[np.bool_] = np.abs(self.streak[0]) >= self._debounce
+        return touched
+
     def reset(self) -> None:
         self.raised[:] = 0.0
         self.streak[:] = 0

@@ -269,3 +269,16 @@ def test_starting_moves_and_energises_nothing(rig: Rig) -> None:
     assert {state.mode for state in states} == {"off"}
     assert not any(v for state in states for v in state.setpoint)
     assert "operation enabled" not in {name for state in states for name in state.drives}
+
+
+def test_a_touch_that_begins_while_the_arm_stops_is_yielded_to(rig: Rig) -> None:
+    rig.enable()
+    assert rig.cycle.controller.arm("the test") == []
+    rig.request(Event.START)
+    rig.run(2.5)
+    rig.request(Event.PAUSE)
+    rig.arm.external_torque[ELBOW] = 1.5
+    rig.run(0.05)
+    assert rig.mode is Mode.STOPPING
+    rig.run(0.6)
+    assert rig.mode is Mode.ADMITTANCE
