@@ -39,9 +39,10 @@ class Limits:
     def funnel(self, distance: Vector, dt: float) -> Vector:
         """The largest speed [rad/s] towards a limit that is `distance` [rad] away, from which the
         joint still stops before it: v dt + v^2 / (2 a) = distance, for the setpoint is held for one
-        interval before braking can begin. Zero at and beyond the limit."""
+        interval before braking can begin. Zero at and beyond the limit, and where the distance is
+        not a number: a joint that stands nobody knows where does not move."""
         a = self.acceleration
-        room = np.maximum(distance, 0.0)
+        room = np.where(distance > 0.0, distance, 0.0)
         return np.sqrt((a * dt) ** 2 + 2.0 * a * room) - a * dt
 
     def outside(self, q: Vector) -> NDArray[np.bool_]:

@@ -122,3 +122,10 @@ def test_a_desire_within_all_limits_passes_unchanged() -> None:
 def test_which_joints_stand_outside() -> None:
     assert LIMITS.outside(np.array([-1.0, 0.1, 2.0])).tolist() == [False] * 3
     assert LIMITS.outside(np.array([-1.001, 0.101, 1.0])).tolist() == [True, True, False]
+
+
+def test_a_joint_whose_position_is_not_a_number_does_not_move() -> None:
+    q = np.array([np.nan, 0.0, 1.0])
+    v = LIMITS.bound_velocity(q, np.full(3, 0.004), np.full(3, 0.004), DT)
+    assert v[0] == 0.0
+    assert (v[1:] > 0.0).all()
