@@ -2,19 +2,22 @@
 
 A frame is (can_id, data), can_id with Linux' flags above the identifier, so that one look-up tells
 a TPDO from everything else. python-can builds an object and asks the kernel several times for every
-frame; where the bus is a socket, the wire reads and writes that socket itself. A wire never blocks
-on sending, and raises one of `BUS_FAILURES` when the bus fails.
+frame; where the bus is a socket or a queue, the wire reads and writes that itself. A wire never
+blocks on sending, and raises one of `BUS_FAILURES` when the bus fails.
 """
 
+import queue
 import re
 import select
 import socket
 import struct
+import time
 from collections import deque
 from collections.abc import Sequence
 from typing import Final, Protocol
 
 import can
+from can.interfaces.virtual import VirtualBus
 
 from drivers.bus import socketcand_socket
 
@@ -43,6 +46,8 @@ def open_wire(bus: can.BusABC) -> Wire:
     raw = getattr(bus, "socket", None)
     if isinstance(raw, socket.socket):
         return RawWire(raw)
+    if isinstance(bus, VirtualBus):
+        return QueueWire(bus)
     return MessageWire(bus)
 
 
@@ -54,20 +59,68 @@ class MessageWire:
 
     def receive(self, timeout: float) -> Frame | None:
         message = self._bus.recv(timeout)
-        if message is None:
-            return None
-        can_id = message.arbitration_id
-        if message.is_error_frame:
-            can_id |= ERROR
-        if message.is_extended_id:
-            can_id |= EXTENDED
-        if message.is_remote_frame:
-            can_id |= REMOTE
-        return can_id, message.data
+        return None if message is None else _frame(message)
 
     def send(self, frames: Sequence[Frame]) -> None:
         for can_id, data in frames:
             self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+
+class QueueWire:
+    """python-can's virtual bus: a queue per end. Reading takes all that is queued under one lock;
+    writing gives each other end messages of its own."""
+
+    def __init__(self, bus: VirtualBus) -> None:
+        self._own, self._ends = bus.queue, bus.channel
+        self._name = bus.channel_id
+        self._taken: deque[can.Message] = deque()
+
+    def receive(self, timeout: float) -> Frame | None:
+        if not self._taken and not self._take(timeout):
+            return None
+        return _frame(self._taken.popleft())
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        self._refuse_closed()
+        now = time.time()
+        for end in self._ends:
+            if end is self._own:
+                continue
+            for can_id, data in frames:
+                # The data of a setpoint is written anew by the next command.
+                message = can.Message(now, can_id, is_extended_id=False, data=bytes(data))
+                message.channel = self._name
+                try:
+                    end.put_nowait(message)
+                except queue.Full as error:
+                    raise can.CanOperationError("the other end does not keep up") from error
+
+    def _take(self, timeout: float) -> bool:
+        own = self._own
+        with own.mutex:
+            if not own.queue:
+                self._refuse_closed()
+                if timeout <= 0.0 or not own.not_empty.wait_for(lambda: own.queue, timeout):
+                    return False
+            self._taken.extend(own.queue)
+            own.queue.clear()
+            own.not_full.notify_all()
+        return True
+
+    def _refuse_closed(self) -> None:
+        if self._own not in self._ends:
+            raise can.CanOperationError("cannot operate on a closed bus")
+
+
+def _frame(message: can.Message) -> Frame:
+    can_id = message.arbitration_id
+    if message.is_error_frame:
+        can_id |= ERROR
+    if message.is_extended_id:
+        can_id |= EXTENDED
+    if message.is_remote_frame:
+        can_id |= REMOTE
+    return can_id, message.data
 
 
 class RawWire:
@@ -79,19 +132,24 @@ class RawWire:
         self._socket = raw
 
     def receive(self, timeout: float) -> Frame | None:
-        if timeout > 0.0 and not select.select([self._socket], [], [], timeout)[0]:
-            return None
+        # Of the answers to one SYNC most are there already: reading first spares the waiting.
+        frame = self._read()
+        if frame is None and timeout > 0.0 and select.select([self._socket], [], [], timeout)[0]:
+            frame = self._read()
+        return frame
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        for can_id, data in frames:
+            frame = self._LAYOUT.pack(can_id, len(data), data)
+            self._socket.send(frame, socket.MSG_DONTWAIT)
+
+    def _read(self) -> Frame | None:
         try:
             frame = self._socket.recv(self._LAYOUT.size, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return None
         can_id, size, data = self._LAYOUT.unpack(frame)
         return can_id, data[:size]
-
-    def send(self, frames: Sequence[Frame]) -> None:
-        for can_id, data in frames:
-            frame = self._LAYOUT.pack(can_id, len(data), data)
-            self._socket.send(frame, socket.MSG_DONTWAIT)
 
 
 class StreamWire:

@@ -2,6 +2,7 @@
 
 import socket
 import struct
+import threading
 from collections.abc import Iterator
 
 import can
@@ -15,6 +16,7 @@ from drivers.wire import (
     EXTENDED,
     REMOTE,
     MessageWire,
+    QueueWire,
     RawWire,
     StreamWire,
     open_wire,
@@ -149,10 +151,12 @@ def test_a_peer_that_does_not_read_is_a_failure_and_no_wait(stream):
     assert received.startswith(b"< send 201 8 00 00")
 
 
-def test_any_other_bus(wire):
+@pytest.mark.parametrize("make", [MessageWire, QueueWire])
+def test_a_bus_of_python_can(wire, make):
     bus, other_end = wire
-    here, there = open_wire(bus), open_wire(other_end)
-    assert isinstance(here, MessageWire)
+    here, there = make(bus), make(other_end)
+    assert here.receive(0.0) is None
+    assert here.receive(0.001) is None
     here.send(FRAMES)
     assert [there.receive(0.0) for _ in range(4)] == [*FRAMES, None]
     for flag, kind in (
@@ -161,4 +165,38 @@ def test_any_other_bus(wire):
         (ERROR, {"is_error_frame": True, "is_extended_id": False}),
     ):
         other_end.send(can.Message(arbitration_id=0x181, **kind))
-        assert here.receive(0.0) == (0x181 | flag, b"")
+        assert here.receive(0.1) == (0x181 | flag, b"")
+    bus.shutdown()
+    with pytest.raises(can.CanError, match="closed bus"):
+        here.send(FRAMES)
+    with pytest.raises(can.CanError, match="closed bus"):
+        here.receive(0.0)
+
+
+def test_the_cheapest_wire_to_a_virtual_bus(wire):
+    bus, other_end = wire
+    here = open_wire(bus)
+    assert isinstance(here, QueueWire)
+    setpoint = bytearray(b"\x0f\x00")
+    here.send([(0x201, setpoint)])
+    setpoint[:] = b"\x06\x00"
+    message = other_end.recv(0.0)
+    assert message.data == b"\x0f\x00", "what was sent is not written to any more"
+    assert not message.is_extended_id
+
+
+def test_a_virtual_bus_wakes_who_waits_for_it(wire):
+    bus, other_end = wire
+    sender = threading.Timer(0.02, lambda: other_end.send(can.Message(arbitration_id=1)))
+    sender.start()
+    assert QueueWire(bus).receive(10.0) == (1 | EXTENDED, b"")
+    sender.join()
+
+
+def test_a_virtual_bus_that_nobody_reads_is_a_failure_and_no_wait():
+    with (
+        can.Bus(interface="virtual", channel="full") as near,
+        can.Bus(interface="virtual", channel="full", rx_queue_size=2),
+        pytest.raises(can.CanError, match="does not keep up"),
+    ):
+        QueueWire(near).send(FRAMES)
