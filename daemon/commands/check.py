@@ -9,6 +9,7 @@ from rich.table import Table
 
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
+from daemon.travel import worst_travel
 from drivers.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
 from drivers.settings import DriveProfile, Quantity
 
@@ -32,6 +33,7 @@ def print_check(config: Path) -> None:
     for name, profile in c.drives.items():
         console.print(_quantities(name, profile))
     console.print(_joints(c))
+    console.print(_travels(c))
     joints = [(joint.name, joint.wiring) for joint in c.joints]
     console.print(_frames(frame_table(joints, c.drives, c.period_s)))
     load = bus_load(joints, c.drives, c.period_s, c.bus.bitrate)
@@ -87,6 +89,28 @@ def _joints(c: Configuration) -> Table:
             f"{joint.thresholds.contact:g}",
             f"{joint.limits.lower:+.2f} {joint.limits.upper:+.2f}",
             joint.end,
+        )
+    return table
+
+
+def _travels(c: Configuration) -> Table:
+    table = _table(
+        "\nat worst after the daemon's death",
+        "joint",
+        "rad/s",
+        "patience ms",
+        "rad/s2",
+        "travel rad",
+    )
+    for joint in c.joints:
+        profile = c.drives[joint.wiring.profile]
+        travel = worst_travel(joint, profile)
+        table.add_row(
+            joint.name,
+            f"{joint.limits.velocity:g}",
+            str(profile.master_timeout_ms),
+            f"{joint.limits.quick_stop:g}",
+            f"{travel.total:.3f} = {travel.unaware:.3f} unaware + {travel.braking:.3f} braking",
         )
     return table
 

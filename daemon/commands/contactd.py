@@ -63,7 +63,8 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
 @main.command()
 @CONFIG
 def check(config: Path) -> None:
-    """Check a configuration and print what follows from it: quantities, PDOs, bus load."""
+    """Check a configuration and print what follows from it: quantities, PDOs, bus load, and how
+    far each joint still goes if the daemon dies."""
     from daemon.commands.check import print_check
 
     print_check(config)
