@@ -106,6 +106,8 @@ def build_controller(c: Configuration) -> Controller:
         upper=_row(c, lambda j: j.limits.upper),
         velocity=_row(c, lambda j: j.limits.velocity),
         acceleration=_row(c, lambda j: j.limits.acceleration),
+        # A setpoint is latched by the next SYNC and approached over the period after that.
+        reaction_s=1.5 * c.period_s + c.control.drive_lag_ms / 1000.0,
     )
     law = AdmittanceLaw(
         gain=_row(c, lambda j: j.admittance_gain),

@@ -37,6 +37,7 @@ class Observed:
     energised: bool  # every drive is in operation enabled
     findings: tuple[Finding, ...]
     not_armable: tuple[str, ...]  # reasons outside the modes why arming would be refused
+    age_s: Vector | float = 0.0  # of q, where a sample did not come in time
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +146,9 @@ class Controller:
             self._feel(time_s, observed)
         self._progress(time_s, observed)
         desired = self._desired_velocity(dt, observed)
-        self._velocity = self._limits.bound_velocity(observed.q, desired, self._velocity, dt)
+        # A joint that was not heard of in this tick has moved on as it was told to.
+        q = observed.q + self._velocity * observed.age_s
+        self._velocity = self._limits.bound_velocity(q, desired, self._velocity, dt)
         if self.machine.mode not in SENSING:
             self._velocity = np.zeros_like(self._velocity)
         resetting = time_s < self._reset_until_s
@@ -231,7 +234,8 @@ class Controller:
                 error = reference.q - observed.q
                 return reference.velocity + self._tuning.position_gain * error
             case Mode.ADMITTANCE:
-                return self._law.velocity_after(self._velocity, observed.thresholded, dt)
+                pushed = self._law.velocity_after(self._velocity, observed.thresholded, dt)
+                return self._limits.soft_stop(observed.q, pushed, self._tuning.position_gain)
             case mode:
                 assert_never(mode)
 

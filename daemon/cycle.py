@@ -143,6 +143,7 @@ class Cycle:
             energised=all(state is DriveState.OPERATION_ENABLED for state in samples.states),
             findings=findings,
             not_armable=self._not_armable(samples, estimate, findings),
+            age_s=0.0 if self._updated else np.multiply(samples.age_ticks, self._period_s),
         )
 
     def _not_armable(

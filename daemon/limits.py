@@ -11,12 +11,14 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Bounds per joint, each of shape (n,)."""
+    """Bounds per joint, each of shape (n,), and how long a setpoint takes to act."""
 
     lower: Vector
     upper: Vector
     velocity: Vector
     acceleration: Vector
+    # From a sample until the joint moves as the setpoint that was made from it says [s].
+    reaction_s: float
 
     def bound_velocity(self, q: Vector, desired: Vector, before: Vector, dt: float) -> Vector:
         """The velocity nearest to `desired` that respects every limit.
@@ -33,17 +35,31 @@ class Limits:
         step = self.acceleration * dt
         bounded = np.minimum(np.maximum(desired, before - step), before + step)
         return np.minimum(
-            np.maximum(bounded, -self.funnel(q - self.lower, dt)), self.funnel(self.upper - q, dt)
+            np.maximum(bounded, -self.funnel(q - self.lower)), self.funnel(self.upper - q)
         )
 
-    def funnel(self, distance: Vector, dt: float) -> Vector:
+    def funnel(self, distance: Vector) -> Vector:
         """The largest speed [rad/s] towards a limit that is `distance` [rad] away, from which the
-        joint still stops before it: v dt + v^2 / (2 a) = distance, for the setpoint is held for one
-        interval before braking can begin. Zero at and beyond the limit, and where the distance is
-        not a number: a joint that stands nobody knows where does not move."""
-        a = self.acceleration
+        joint still stops before it: v tau + v^2 / (2 a) = distance.
+
+        v^2 / (2 a) is the braking distance, and v tau what the joint travels while the setpoint is
+        on its way. Near the limit the funnel is a loop, v = distance / tau, around the delay
+        reaction_s: it comes to rest without swinging across from tau = e reaction_s up if that is
+        a dead time, from 4 reaction_s up if it is a first-order lag. It is some of each.
+
+        Zero at and beyond the limit, and where the distance is not a number: a joint that stands
+        nobody knows where does not move.
+        """
+        slack = 4.0 * self.reaction_s * self.acceleration
         room = np.where(distance > 0.0, distance, 0.0)
-        return np.sqrt((a * dt) ** 2 + 2.0 * a * room) - a * dt
+        return np.sqrt(slack**2 + 2.0 * self.acceleration * room) - slack
+
+    def soft_stop(self, q: Vector, desired: Vector, gain: float) -> Vector:
+        """`desired` [rad/s], at each limit replaced by a loop of that gain [1/s] on the distance
+        to it: a push that yields the drive's velocity loop past a limit is led back to it."""
+        towards_upper = np.minimum(desired, gain * (self.upper - q))
+        bounded: Vector = np.maximum(towards_upper, gain * (self.lower - q))
+        return bounded
 
     def outside(self, q: Vector) -> NDArray[np.bool_]:
         """Joints that stand beyond their limits."""

@@ -72,6 +72,9 @@ class Control(Settings, frozen=True):
 
     # Quiet up to 8 /s, cycles in the gap at 40 /s.
     position_gain: Annotated[float, Meta(gt=0, le=15)] = 8.0
+    # How long a joint takes to move as the setpoint in force says: the time constant of the drive's
+    # velocity loop. Braking before a joint limit begins that much earlier.
+    drive_lag_ms: Annotated[float, Meta(ge=0, le=100)] = 10.0
 
 
 class Admittance(Settings, frozen=True):

@@ -17,7 +17,7 @@ from drivers.cia402 import PowerTarget
 T = 0.01
 AMPLITUDE, FREQUENCY = 0.3, 0.2
 TUNING = Tuning(("a", "b"), ("hold", "brake"), 8.0, 2.0, 3.0, 3.0)
-LIMITS = Limits(np.full(2, -1.0), np.full(2, 1.0), np.full(2, 1.0), np.full(2, 4.0))
+LIMITS = Limits(np.full(2, -1.0), np.full(2, 1.0), np.full(2, 1.0), np.full(2, 4.0), T)
 LAW = AdmittanceLaw(np.array([0.5, 0.5]), 0.05, np.full(2, 0.5), 5.0, 0.4)
 
 

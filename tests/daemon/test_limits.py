@@ -1,8 +1,11 @@
 """No velocity beyond its bound, no change beyond the acceleration, no joint through its limit."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -15,7 +18,9 @@ LIMITS = Limits(
     upper=np.array([1.0, 0.1, 2.0]),
     velocity=np.array([1.0, 0.5, 2.0]),
     acceleration=np.array([4.0, 5.0, 0.5]),
+    reaction_s=DT,
 )
+TAU = 4 * DT
 TINY = 1e-12
 
 anything = st.lists(
@@ -39,7 +44,7 @@ def test_change_is_within_acceleration_except_in_the_funnel(
 ) -> None:
     before = before * LIMITS.velocity
     v = LIMITS.bound_velocity(q, desired, before, DT)
-    up, down = LIMITS.funnel(LIMITS.upper - q, DT), LIMITS.funnel(q - LIMITS.lower, DT)
+    up, down = LIMITS.funnel(LIMITS.upper - q), LIMITS.funnel(q - LIMITS.lower)
     harder = np.abs(v - before) > LIMITS.acceleration * DT + TINY
     # Where it brakes harder, it moved towards a limit and leaves exactly what the funnel leaves.
     towards_upper = harder & (v < before)
@@ -56,11 +61,12 @@ def test_change_is_within_acceleration_except_in_the_funnel(
 def test_integrated_it_never_crosses_a_joint_limit(
     start: Vector, goals: list[Vector], dt: float
 ) -> None:
+    limits = replace(LIMITS, reaction_s=dt)
     q = LIMITS.lower + start * (LIMITS.upper - LIMITS.lower)
     v = np.zeros(3)
     for goal in goals:
         for _ in range(60):
-            before, v = v, LIMITS.bound_velocity(q, goal, v, dt)
+            before, v = v, limits.bound_velocity(q, goal, v, dt)
             q = q + v * dt
             assert (q >= LIMITS.lower - 1e-9).all()
             assert (q <= LIMITS.upper + 1e-9).all()
@@ -68,22 +74,63 @@ def test_integrated_it_never_crosses_a_joint_limit(
             assert (np.abs(v - before) <= LIMITS.acceleration * dt + 1e-9).all()
 
 
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_at_full_speed_into_a_limit_it_comes_close_and_stops(sign: float) -> None:
-    limits = Limits(
-        lower=np.array([-1.0]),
-        upper=np.array([1.0]),
-        velocity=np.array([1.0]),
-        acceleration=np.array([4.0]),
-    )
-    q, v, fastest = np.zeros(1), np.zeros(1), 0.0
+@given(
+    acceleration=st.floats(0.5, 500.0),
+    velocity=st.floats(0.05, 20.0),
+    period=st.sampled_from([0.001, 0.01, 0.05]),
+    lag=st.floats(0.0, 0.03),
+    gain=st.one_of(st.just(math.inf), st.floats(1.0, 8.0)),
+    away=st.floats(0.0, 1.0),
+)
+@settings(max_examples=60)
+def test_with_a_drive_that_latches_late_interpolates_and_lags_it_stops_before_the_limit(
+    acceleration: float, velocity: float, period: float, lag: float, gain: float, away: float
+) -> None:
+    """Pushed towards the limit for as long as it takes, with and without the soft stop."""
+    one = np.ones(1)
+    limits = Limits(-100.0 * one, 0.0 * one, velocity * one, acceleration * one, 1.5 * period + lag)
+    q = -away * one
+    sent, reference, speed, steps = np.zeros(1), 0.0, 0.0, 10
+    follow = 1.0 - math.exp(-period / steps / lag) if lag > 0 else 1.0
     for _ in range(400):
-        v = limits.bound_velocity(q, np.array([sign * 9.0]), v, DT)
-        fastest = max(fastest, abs(v[0]))
-        q = q + v * DT
-    assert fastest == pytest.approx(1.0)
-    assert abs(v[0]) < 1e-3
-    assert 1.0 - 1e-3 < sign * q[0] <= 1.0 + 1e-12
+        latched = sent[0]  # what this SYNC finds was made from the samples of the one before
+        desired = velocity * one if gain == math.inf else limits.soft_stop(q, velocity * one, gain)
+        sent = limits.bound_velocity(q, desired, sent, period)
+        rise = (latched - reference) / steps
+        for _ in range(steps):
+            reference += rise
+            speed += follow * (reference - speed)
+            q = q + speed * period / steps
+            assert q[0] <= 1e-6
+
+
+def test_commanded_motion_comes_as_close_to_a_limit_as_one_likes() -> None:
+    for sign in (-1.0, 1.0):
+        q, v, fastest = LIMITS.lower / 2 + LIMITS.upper / 2, np.zeros(3), np.zeros(3)
+        for _ in range(1500):
+            v = LIMITS.bound_velocity(q, np.full(3, sign * 9.0), v, DT)
+            fastest = np.maximum(fastest, np.abs(v))
+            q = q + v * DT
+        assert fastest[0] == pytest.approx(1.0)
+        assert np.abs(v).max() < 1e-3
+        left = LIMITS.upper - q if sign > 0 else q - LIMITS.lower
+        assert (left >= 0.0).all()
+        assert (left < 1e-3).all()
+
+
+@pytest.mark.parametrize("beyond", [0.0, 1e-6, 0.002, 0.1])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_push_that_passes_a_limit_is_led_back(sign: float, beyond: float) -> None:
+    q = (LIMITS.upper if sign > 0 else LIMITS.lower) + sign * beyond
+    v = LIMITS.soft_stop(q, np.full(3, sign * 9.0), 8.0)
+    np.testing.assert_allclose(v, -sign * 8.0 * beyond, atol=1e-12)
+
+
+def test_away_from_the_limits_the_soft_stop_changes_nothing() -> None:
+    desired = np.array([0.5, 0.2, -0.5])
+    np.testing.assert_array_equal(
+        LIMITS.soft_stop(np.array([0.0, 0.0, 1.0]), desired, 8.0), desired
+    )
 
 
 @pytest.mark.parametrize("distance", [-0.5, -1e-3, -1e-9, 0.0, 1e-9, 1e-6, 1e-3, 0.01, 0.1, 0.12])
@@ -95,10 +142,10 @@ def test_around_the_border(distance: float) -> None:
     else:
         a = LIMITS.acceleration
         assert (v > 0.0).all()
-        # The interval at v and braking from it fit into the distance.
-        assert (v * DT + v**2 / (2 * a) <= distance + TINY).all()
+        # The delay at v and braking from it fit into the distance.
+        assert (v * TAU + v**2 / (2 * a) <= distance + TINY).all()
         at_bound = np.isclose(v, LIMITS.velocity) | np.isclose(v, LIMITS.velocity - a * DT)
-        assert (at_bound | np.isclose(v * DT + v**2 / (2 * a), distance)).all()
+        assert (at_bound | np.isclose(v * TAU + v**2 / (2 * a), distance)).all()
 
 
 def test_beyond_a_limit_the_way_back_is_open() -> None:
