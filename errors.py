@@ -35,6 +35,10 @@ class DriveError(ContactdError):
     exit_code = 69
 
 
+class SilentDriveError(DriveError):
+    """A drive gives no answer, or none that can be read; worth another try."""
+
+
 class ControlError(ContactdError):
     """A request to the daemon was refused, or what was said was not understood."""
 

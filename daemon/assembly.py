@@ -51,6 +51,7 @@ def build_setups(robot: Robot) -> list[DriveSetup]:
             joint.wiring,
             c.drives[joint.wiring.profile],
             sheets[joint.wiring.profile],
+            joint.limits.velocity,
             joint.limits.quick_stop,
         )
         for joint in c.joints

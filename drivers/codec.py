@@ -3,7 +3,7 @@
 A quantity of a drive is value = sign * (offset + scale * counts), in the drive's unit (rad or rad/s
 of the motor shaft, fraction of the rated current). At the link side:
 
-    current        [A]      motor_sign * rated_current_A * value
+    current        [A]      motor_sign * rated_current_A * value  (torque likewise)
     motor_velocity [rad/s]  motor_sign * value / gear             (motor_position [rad] likewise)
     link_position  [rad]    link_sign * value + link_offset
 
@@ -120,8 +120,8 @@ def _refuse_entries(pdos: Sequence[Pdo], kind: str, required: set[str], allowed:
 def transmit_pdos(profile: DriveProfile, node: int) -> tuple[Pdo, ...]:
     """What drive `node` sends; ConfigurationError if a quantity is missing, double or too long."""
     pdos = _pdos(profile, node, profile.tpdo, TPDO_BASE)
-    required = {"statusword", "current", "link_position", "motor_velocity"}
-    _refuse_entries(pdos, "tpdo", required, {"statusword", *MEASURED})
+    required = {"statusword", profile.effort, "link_position", "motor_velocity"}
+    _refuse_entries(pdos, "tpdo", required, required | {"motor_position"})
     return pdos
 
 
@@ -134,9 +134,12 @@ def receive_pdos(profile: DriveProfile, node: int) -> tuple[Pdo, ...]:
 
 
 def link_side(profile: DriveProfile, wiring: JointWiring, entry: PdoEntry) -> tuple[float, float]:
-    """(gain, bias) such that the SI value at the link is gain * counts + bias."""
+    """(gain, bias) such that the SI value at the link is gain * counts + bias.
+
+    A drive's torque over its rated torque is its current over its rated current.
+    """
     where = quantity(profile, entry)
-    if entry == "current":
+    if entry in ("current", "torque"):
         factor, bias = wiring.motor_sign * wiring.rated_current_A, 0.0
     elif entry == "link_position":
         factor, bias = float(wiring.link_sign), wiring.link_offset
@@ -165,15 +168,20 @@ class SampleDecoder:
             for pdo in transmit_pdos(profiles[wiring.profile], wiring.node):
                 start = len(self.raw)
                 for field in pdo.fields:
-                    place[field.entry, i] = len(self.raw)
+                    row = "current" if field.entry == "torque" else field.entry
+                    place[row, i] = len(self.raw)
                     self.raw.append(-1 if field.entry == "statusword" else np.nan)
                 self.slots[pdo.cob_id] = (i, start, len(self.raw), pdo.layout)
         entries = [e for e in MEASURED if all((e, i) in place for i in range(n))]
         self._status_slots = [place["statusword", i] for i in range(n)]
         self._counts = np.empty(len(self.raw))
         self._order = np.array([[place[e, i] for i in range(n)] for e in entries])
+        drives = [(profiles[wiring.profile], wiring) for _, wiring in joints]
         affine = np.array(
-            [[link_side(profiles[w.profile], w, e) for _, w in joints] for e in entries]
+            [
+                [link_side(p, w, p.effort if e == "current" else e) for p, w in drives]
+                for e in entries
+            ]
         )
         self._gain, self._bias = affine[..., 0].copy(), affine[..., 1].copy()
         self._values = np.full((len(entries), n), np.nan)

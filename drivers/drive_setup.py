@@ -1,15 +1,16 @@
 """What a drive shall hold before it may be operational, as data; checked against its EDS."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import canopen
 from canopen.objectdictionary import ODArray, ODVariable
 
 from drivers.codec import STRUCT_CODES, Pdo, receive_pdos, transmit_pdos, type_limits
-from drivers.settings import DriveProfile, JointWiring, ObjectValue
+from drivers.settings import DriveProfile, JointWiring
 from errors import ConfigurationError
 
 # Data types of CiA 301 by their code in an EDS.
@@ -26,24 +27,51 @@ CYCLIC_SYNCHRONOUS_VELOCITY: Final = 9
 STAY_OPERATIONAL: Final = 1  # 0x1029:1, so that PDOs tell what the drive does after our silence
 STOP_ON_SILENCE: Final = 3  # 0x6007: quick stop; at 0 a drive moves on when its master has died
 RAMP_THEN_HOLD: Final = 6  # 0x605A: decelerate by 0x6085, stay in quick stop active
-READ_AT_BOOT_UP: Final = ((0x1000, 0), (0x1018, 1), (0x6075, 0), (0x6502, 0), (0x6061, 0))
+#: The drive's own speed limit over what the daemon commands at most: its loop overshoots a little.
+SPEED_MARGIN: Final = 1.1
+#: Read at boot-up, and there is no telling a drive without them.
+MUST_BE_READ: Final = ((0x1000, 0), (0x1018, 1))
+
+Group = Literal["communication", "stopping", "mode", "limits", "own objects"]
 
 
 @dataclass(frozen=True, slots=True)
 class DriveSetup:
-    """One drive: its place, its kind, its EDS, and how hard it brakes.
+    """One drive: its place, its kind, its EDS, how fast it may turn and how hard it brakes.
 
-    quick_stop: deceleration of a quick stop [rad/s2 at the link], > 0.
+    velocity: the joint's limit [rad/s at the link], > 0. quick_stop: deceleration of a quick stop
+    [rad/s2 at the link], > 0.
     """
 
     name: str
     wiring: JointWiring
     profile: DriveProfile
     data_sheet: canopen.ObjectDictionary
+    velocity: float
     quick_stop: float
 
     def __str__(self) -> str:
         return f"node {self.wiring.node} ({self.name})"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A value that an object shall hold. What the EDS calls read-only is only compared.
+
+    without: what a drive does that has no such object; empty, and the drive is refused.
+    """
+
+    group: Group
+    index: int
+    subindex: int
+    value: int
+    meaning: str
+    without: str = ""
+
+    @property
+    def where(self) -> str:
+        """For people: `object 0x6007:00 (stop when the master falls silent)`."""
+        return f"object 0x{self.index:04X}:{self.subindex:02X} ({self.meaning})"
 
 
 def load_data_sheet(path: Path) -> canopen.ObjectDictionary:
@@ -70,27 +98,67 @@ def find_object(
     return sheet.get_variable(index, subindex)
 
 
-def objects_to_write(setup: DriveSetup, period_ms: int, master_node: int) -> list[ObjectValue]:
+def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
     """Everything but the PDOs, in order; `period_ms` is that of SYNC."""
     profile, wiring = setup.profile, setup.wiring
-    braking = profile.quick_stop_deceleration
+    braking, fastest = profile.quick_stop_deceleration, profile.max_motor_speed
     deceleration = round(setup.quick_stop * wiring.gear / braking.scale)
-    max_current_permille = round(1000.0 * wiring.max_current_A / wiring.rated_current_A)
-    table = (
-        (0x1016, 1, master_node << 16 | profile.master_timeout_ms),
-        (0x1017, 0, profile.heartbeat_ms),
-        (0x1029, 1, STAY_OPERATIONAL),
-        (0x6007, 0, STOP_ON_SILENCE),
-        (0x605A, 0, RAMP_THEN_HOLD),
-        (0x605E, 0, profile.fault_reaction),
-        (0x6060, 0, CYCLIC_SYNCHRONOUS_VELOCITY),
-        (0x60C2, 1, period_ms),
-        (0x60C2, 2, -3),
-        (braking.object, braking.subindex, deceleration),
-        (0x6073, 0, max_current_permille),
-    )
-    fixed = [ObjectValue(object=i, subindex=sub, value=value) for i, sub, value in table]
-    return fixed + profile.write
+    most_permille = round(1000.0 * wiring.max_current_A / wiring.rated_current_A)
+    node, watched = wiring.node, master_node << 16 | profile.master_timeout_ms
+    table = [
+        Wanted("communication", 0x1005, 0, 0x80, "SYNC on 0x080, none of its own",
+               "SYNC is taken to be on 0x080"),
+        Wanted("communication", 0x1014, 0, 0x80 + node, "emergencies on 0x080 + node",
+               "emergencies are taken to be on 0x080 + node"),
+        Wanted("communication", 0x1016, 1, watched, "watch the master's heartbeat"),
+        Wanted("communication", 0x1017, 0, profile.heartbeat_ms, "heartbeat"),
+        Wanted("communication", 0x1029, 1, STAY_OPERATIONAL, "go on telling after an error",
+               "its samples cease when it has lost its master"),
+        Wanted("stopping", 0x6007, 0, STOP_ON_SILENCE, "quick stop when the master falls silent"),
+        Wanted("stopping", 0x605A, 0, RAMP_THEN_HOLD, "quick stop: ramp, then hold"),
+        Wanted("stopping", 0x605E, 0, profile.fault_reaction, "reaction to a fault",
+               "it reacts to faults as its maker chose"),
+        Wanted("stopping", braking.object, braking.subindex, deceleration,
+               "deceleration of the quick stop"),
+        Wanted("mode", 0x6060, 0, CYCLIC_SYNCHRONOUS_VELOCITY, "cyclic synchronous velocity"),
+        Wanted("mode", 0x60C2, 1, period_ms, "interpolation over the SYNC period",
+               "it follows setpoints in steps, or over a time of its maker's"),
+        Wanted("mode", 0x60C2, 2, -3, "interpolation in ms", "likewise"),
+        Wanted("limits", 0x6072, 0, most_permille, "torque limit, per mille of rated",
+               "it has no torque limit of its own"),
+        Wanted("limits", 0x6073, 0, most_permille, "current limit, per mille of rated",
+               "it has no current limit of its own"),
+    ]  # fmt: skip
+    if fastest is not None:
+        counts = math.ceil(SPEED_MARGIN * setup.velocity * wiring.gear / fastest.scale)
+        table.append(Wanted("limits", fastest.object, fastest.subindex, counts, "speed limit"))
+    return table + [
+        Wanted("own objects", own.object, own.subindex, own.value, "from the configuration")
+        for own in profile.write
+    ]
+
+
+def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
+    """What the drive does without, as its EDS says, and what follows; for people."""
+    sheet = setup.data_sheet
+    found = [
+        f"without {row.where}: {row.without}"
+        for row in wanted(setup, period_ms, master_node)
+        if row.without and find_object(sheet, row.index, row.subindex) is None
+    ]
+    for index, subindex, follows in (
+        (0x6061, 0, "its mode is not confirmed"),
+        (0x6502, 0, "whether it has the mode is not known"),
+        (rated_object(setup.profile), 0, "what it calls rated is not compared"),
+    ):
+        if find_object(sheet, index, subindex) is None:
+            found.append(f"without object 0x{index:04X}:{subindex:02X}: {follows}")
+    return found
+
+
+def rated_object(profile: DriveProfile) -> int:
+    """What the reported current or torque is a fraction of: 0x6075 [mA] or 0x6076 [mNm]."""
+    return 0x6075 if profile.effort == "current" else 0x6076
 
 
 def check_drive(setup: DriveSetup, period_ms: int, master_node: int) -> None:
@@ -102,20 +170,18 @@ def check_drive(setup: DriveSetup, period_ms: int, master_node: int) -> None:
 def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[str]:
     """Everything that the configuration counts on and the EDS does not have."""
     sheet, profile = setup.data_sheet, setup.profile
-    for index, subindex in READ_AT_BOOT_UP:
+    for index, subindex in MUST_BE_READ:
         if find_object(sheet, index, subindex) is None:
             yield f"object 0x{index:04X}:{subindex:02X} is missing"
-    for wanted in objects_to_write(setup, period_ms, master_node):
-        where = f"object 0x{wanted.object:04X}:{wanted.subindex:02X}"
-        variable = find_object(sheet, wanted.object, wanted.subindex)
-        if variable is None:
-            yield f"{where} is missing, and {wanted.value} cannot be written to it"
-            continue
-        lowest, highest = value_range(variable)
-        if not variable.writable:
-            yield f"{where} cannot be written (access {variable.access_type})"
-        if not lowest <= wanted.value <= highest:
-            yield f"{where}: {wanted.value} is outside {lowest} ... {highest}"
+    for row in wanted(setup, period_ms, master_node):
+        yield from _object_problems(sheet, row)
+    for where in (profile.quick_stop_deceleration, profile.max_motor_speed):
+        found = where and find_object(sheet, where.object, where.subindex)
+        if where and found and _type_name(found) != where.type:
+            yield (
+                f"object 0x{where.object:04X}:{where.subindex:02X} is {_type_name(found)}, not "
+                f"{where.type}"
+            )
     node = setup.wiring.node
     for communication, pdos in (
         (0x1800, transmit_pdos(profile, node)),
@@ -125,24 +191,44 @@ def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[st
             yield from _pdo_problems(sheet, pdo, communication + pdo.number - 1)
 
 
+def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[str]:
+    variable = find_object(sheet, row.index, row.subindex)
+    if variable is None:
+        if not row.without:
+            yield f"{row.where} is missing, and {row.value} cannot be written to it"
+        return
+    lowest, highest = value_range(variable)
+    if not variable.writable and row.group == "own objects":
+        yield f"{row.where} cannot be written (access {variable.access_type})"
+    if not lowest <= row.value <= highest:
+        yield f"{row.where}: {row.value} is outside {lowest} ... {highest}"
+
+
 def _pdo_problems(sheet: canopen.ObjectDictionary, pdo: Pdo, communication: int) -> Iterator[str]:
-    if communication not in sheet or communication + 0x200 not in sheet:
+    mapping = communication + 0x200
+    if communication not in sheet or mapping not in sheet:
         yield f"has no PDO with parameters at 0x{communication:04X}"
+    # Sub 0 of a mapping says how many objects are mapped, not how many can be.
+    elif not isinstance(sheet[mapping], ODArray) and len(pdo.fields) not in sheet[mapping]:
+        yield f"the PDO at 0x{communication:04X} does not take {len(pdo.fields)} objects"
     for field in pdo.fields:
         where = f"{field.entry}, object 0x{field.index:04X}:{field.subindex:02X},"
         variable = find_object(sheet, field.index, field.subindex)
         if variable is None:
             yield f"{where} is missing"
-        elif _TYPES.get(variable.data_type) != field.type:
-            kind = _TYPES.get(variable.data_type, f"type {variable.data_type}")
-            yield f"{where} is {kind}, not {field.type}"
+        elif _type_name(variable) != field.type:
+            yield f"{where} is {_type_name(variable)}, not {field.type}"
         elif not variable.pdo_mappable:
             yield f"{where} cannot be mapped to a PDO"
 
 
+def _type_name(variable: ODVariable) -> str:
+    return _TYPES.get(variable.data_type, f"type {variable.data_type}")
+
+
 def value_range(variable: ODVariable) -> tuple[int, int]:
     """What may be written to an integer object: its limits in the EDS, else those of its type."""
-    kind = _TYPES.get(variable.data_type)
+    kind = _type_name(variable)
     lowest, highest = type_limits(kind) if kind in STRUCT_CODES else (0, -1)
     return (
         lowest if variable.min is None else variable.min,

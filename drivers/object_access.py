@@ -1,19 +1,27 @@
 """Objects of one drive by SDO; every failure is one DriveError in words. Never inside the tick."""
 
+import logging
 import struct
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
 import can
 import canopen
+from canopen.objectdictionary import ODVariable
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from drivers.bus import BUS_FAILURES, connection_lost
 from drivers.drive_setup import DriveSetup, find_object
-from errors import BusError, DriveError
+from errors import BusError, DriveError, SilentDriveError
+
+# What fails is raised, and told by whoever catches it; canopen would log it once more.
+logging.getLogger("canopen").setLevel(logging.CRITICAL)
 
 _READER_CYCLE_S: Final = 0.02
+#: A segmented answer that is longer than this is none of what is read here.
+LONGEST_ANSWER: Final = 256
 
 
 @contextmanager
@@ -28,48 +36,99 @@ def sdo_network(bus: can.BusABC) -> Iterator[canopen.Network]:
 
 
 class ObjectAccess:
-    """Reads and writes integer objects of one drive."""
+    """Reads and writes objects of one drive, expedited or in segments.
 
-    def __init__(self, network: canopen.Network, setup: DriveSetup, timeout_s: float) -> None:
-        self._setup = setup
-        self._network = network
+    No transfer is repeated here, and none begins after `deadline` (monotonic) has passed: what has
+    to be done again is for the caller to say. `before` is called before each.
+    """
+
+    def __init__(
+        self,
+        network: canopen.Network,
+        setup: DriveSetup,
+        timeout_s: float,
+        before: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.deadline = float("inf")
+        self._setup, self._timeout_s = setup, timeout_s
+        self._network, self._before = network, before
         self._node = network.add_node(setup.wiring.node, setup.data_sheet)
         self._node.sdo.RESPONSE_TIMEOUT = timeout_s
-        # An expedited transfer may be repeated without harm; one frame may be lost.
-        self._node.sdo.MAX_RETRIES = 2
-
-    def enter_pre_operational(self) -> None:
-        """PDOs off; the drive keeps the power state and the torque that it has."""
-        with self._words("NMT pre-operational"):
-            self._node.nmt.state = "PRE-OPERATIONAL"
+        self._node.sdo.MAX_RETRIES = 1
 
     def has(self, index: int, subindex: int = 0) -> bool:
         """Whether the EDS has the object."""
         return find_object(self._setup.data_sheet, index, subindex) is not None
 
+    def writable(self, index: int, subindex: int = 0) -> bool:
+        """Whether the EDS lets the object be written."""
+        return bool(self._variable(index, subindex).writable)
+
     def read(self, index: int, subindex: int = 0) -> int:
         """Value of an integer object; raises DriveError or BusError."""
-        with self._words(f"object 0x{index:04X}:{subindex:02X}: reading"):
-            return int(self._node.sdo.get_variable(index, subindex).raw)
+        variable = self._variable(index, subindex)
+        data = self._upload(index, subindex)
+        size = len(variable) // 8
+        if len(data) < size:
+            raise SilentDriveError(
+                f"{self._setup}: object 0x{index:04X}:{subindex:02X}: the answer is malformed "
+                f"({len(data)} bytes, {size} expected)"
+            )
+        # Some drives fill an answer up to four bytes.
+        return int(variable.decode_raw(data[:size]))
 
-    def write(self, index: int, subindex: int, value: int) -> None:
+    def read_text(self, index: int, subindex: int = 0) -> str:
+        """Value of a string, mostly in segments; raises DriveError or BusError."""
+        text = self._upload(index, subindex).decode("utf-8", "replace")
+        return "".join(c for c in text if c.isprintable()).strip()
+
+    def write(self, index: int, subindex: int, value: int, name: str = "") -> None:
         """Write, and read back; raises DriveError if the drive refuses or does not hold it."""
         self.write_only(index, subindex, value)
+        self.compare(index, subindex, value, name, "was written")
+
+    def compare(
+        self, index: int, subindex: int, value: int, name: str = "", verb: str = "must be"
+    ) -> None:
+        """Read; raises DriveError if the drive does not hold `value`."""
         held = self.read(index, subindex)
         if held != value:
-            raise DriveError(
-                f"{self._setup}: object 0x{index:04X}:{subindex:02X} was written {value}, "
-                f"reads {held}"
-            )
+            name = name or f"object 0x{index:04X}:{subindex:02X}"
+            raise DriveError(f"{self._setup}: {name} {verb} {value}, reads {held}")
 
     def write_only(self, index: int, subindex: int, value: int) -> None:
         """Write without reading back: for values that the drive completes by itself."""
+        data = self._variable(index, subindex).encode_raw(value)
         with self._words(f"object 0x{index:04X}:{subindex:02X}: writing {value}"):
-            self._node.sdo.get_variable(index, subindex).raw = value
+            self._node.sdo.download(index, subindex, data)
+
+    def nmt(self, command: int, name: str) -> None:
+        """Send this drive an NMT command."""
+        with self._words(f"NMT {name}"):
+            self._network.send_message(0x000, [command, self._setup.wiring.node])
+
+    def _variable(self, index: int, subindex: int) -> ODVariable:
+        variable = self._setup.data_sheet.get_variable(index, subindex)
+        assert variable is not None, f"0x{index:04X}:{subindex:02X} was checked against the EDS"
+        return variable
+
+    def _upload(self, index: int, subindex: int) -> bytes:
+        doing = f"object 0x{index:04X}:{subindex:02X}: reading"
+        data = b""
+        with self._words(doing):
+            stream = self._node.sdo.open(index, subindex, "rb", buffering=0)
+            while part := stream.read(7):
+                data += part
+                if len(data) > LONGEST_ANSWER:
+                    raise SilentDriveError(f"{self._setup}: {doing}: the answer does not end")
+        return data
 
     @contextmanager
     def _words(self, doing: str) -> Iterator[None]:
+        if time.monotonic() > self.deadline:
+            raise SilentDriveError(f"{self._setup}: out of time before {doing}")
         try:
+            self._before()
             yield
         except SdoAbortedError as error:
             words = SdoAbortedError.CODES.get(error.code, "reason unknown")
@@ -79,11 +138,11 @@ class ObjectAccess:
         except SdoCommunicationError as error:
             if connection_lost(self._network.bus):
                 raise BusError("the connection to the bus is gone") from error
-            timeout_ms = round(1000 * self._node.sdo.RESPONSE_TIMEOUT)
-            raise DriveError(
+            timeout_ms = round(1000 * self._timeout_s)
+            raise SilentDriveError(
                 f"{self._setup} does not answer (SDO timeout {timeout_ms} ms; {doing}: {error})"
             ) from error
         except struct.error as error:
-            raise DriveError(f"{self._setup}: {doing}: the answer is malformed") from error
+            raise SilentDriveError(f"{self._setup}: {doing}: the answer is malformed") from error
         except BUS_FAILURES as error:
             raise BusError(f"{self._setup}: {doing}: {error}") from error

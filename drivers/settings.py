@@ -56,6 +56,7 @@ class ObjectValue(Settings, frozen=True):
 PdoEntry = Literal[
     "statusword",
     "current",
+    "torque",
     "motor_velocity",
     "motor_position",
     "link_position",
@@ -67,21 +68,36 @@ PdoLayout = dict[PdoNumber, Annotated[list[PdoEntry], Meta(min_length=1, max_len
 
 
 class DriveProfile(Settings, frozen=True):
-    """One kind of drive: its EDS, where each quantity is, and how its PDOs are laid out."""
+    """One kind of drive: its EDS, where each quantity is, and how its PDOs are laid out.
+
+    What the motor gives comes as current or as torque, whichever the drive reports better: as both
+    are fractions of what is rated, they count the same.
+    """
 
     eds: str
-    current: Quantity  # fraction of the rated current (0x6075)
     link_position: Quantity  # rad at the link
     motor_velocity: Quantity  # rad/s of the motor shaft
     target_velocity: Quantity  # rad/s of the motor shaft
     quick_stop_deceleration: Quantity  # rad/s2 of the motor shaft
     tpdo: PdoLayout
     rpdo: PdoLayout
+    current: Quantity | None = None  # fraction of the rated current (0x6075)
+    torque: Quantity | None = None  # fraction of the rated torque (0x6076)
     motor_position: Quantity | None = None  # rad of the motor shaft
+    max_motor_speed: Quantity | None = None  # rad/s of the motor shaft: the drive's own limit
     heartbeat_ms: Milliseconds = 50
     master_timeout_ms: Milliseconds = 100
     fault_reaction: Annotated[int, Meta(ge=-32768, le=2)] = 2
     write: list[ObjectValue] = []
+
+    def __post_init__(self) -> None:
+        if (self.current is None) is (self.torque is None):
+            raise ValueError("a drive profile needs either `current` or `torque`")
+
+    @property
+    def effort(self) -> Literal["current", "torque"]:
+        """Which of the two the drive reports."""
+        return "torque" if self.current is None else "current"
 
 
 class JointWiring(Settings, frozen=True):
@@ -95,4 +111,6 @@ class JointWiring(Settings, frozen=True):
     motor_sign: Sign = 1
     link_sign: Sign = 1
     link_offset: float = 0.0
+    # Of the motor shaft; given, the drive's own figure (0x6076) must agree with it.
+    rated_torque_Nm: Annotated[float, Meta(gt=0, le=10_000)] | None = None
     serial: Annotated[int, Meta(ge=0, le=0xFFFFFFFF)] | None = None

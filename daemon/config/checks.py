@@ -131,7 +131,14 @@ def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
     try:
         sheet = load_data_sheet(folder / profile.eds)
         setups = [
-            DriveSetup(joint.name, joint.wiring, profile, sheet, joint.limits.quick_stop)
+            DriveSetup(
+                joint.name,
+                joint.wiring,
+                profile,
+                sheet,
+                joint.limits.velocity,
+                joint.limits.quick_stop,
+            )
             for joint in c.joints
             if joint.wiring.profile == name
         ]

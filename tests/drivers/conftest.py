@@ -43,10 +43,10 @@ def joints() -> list[Joint]:
 @pytest.fixture(scope="session")
 def setups(joints: list[Joint], profile: DriveProfile) -> list[DriveSetup]:
     sheet = load_data_sheet(ROBOT / "drive.eds")
-    braking = [j["limits"]["quick_stop"] for j in CONFIG["joints"]]
+    limits = [j["limits"] for j in CONFIG["joints"]]
     return [
-        DriveSetup(name, wiring, profile, sheet, deceleration)
-        for (name, wiring), deceleration in zip(joints, braking, strict=True)
+        DriveSetup(name, wiring, profile, sheet, limit["velocity"], limit["quick_stop"])
+        for (name, wiring), limit in zip(joints, limits, strict=True)
     ]
 
 

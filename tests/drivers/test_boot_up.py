@@ -1,13 +1,17 @@
 """Boot-up against the simulated drives, as they are and with one thing wrong."""
 
+import copy
+import re
+import struct
 import threading
+import time
 from dataclasses import replace
 
 import can
 import msgspec
 import pytest
 
-from drivers.boot_up import boot_up, forget_master, refuse_other_master
+from drivers.boot_up import boot_up, boot_up_again, forget_master, refuse_other_master
 from drivers.bus import connection_lost
 from errors import BusError, ConfigurationError, DriveError
 from simulator.objects import key
@@ -37,10 +41,15 @@ def test_every_drive_says_who_it_is(bench, setups):
         (setup.name, setup.wiring.node, setup.wiring.node) for setup in setups
     ]
     assert {(i.vendor, i.product, i.revision) for i in identities} == {(0xC0DAC7, 0x402, 0x10000)}
-    assert lines[2] == "node 3 (LElbowRoll): vendor 0xC0DAC7, product 0x402, revision 0x10000, " + (
-        "serial 3"
+    assert lines[2] == (
+        "node 3 (LElbowRoll): contactd simulated two-encoder servo drive, vendor 0xC0DAC7, "
+        "product 0x402, revision 0x10000, serial 3"
     )
-    assert lines[-1] == "node 7 (LWristPitch): set up and read back"
+    assert re.fullmatch(
+        r"node 7 \(LWristPitch\): set up and read back in \d+ ms \(recovery, pre-operational, "
+        r"communication, stopping, mode, limits, own objects, PDO mapping\)",
+        lines[-1],
+    )
     bench.bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
     assert bench.other_end.recv(0) is not None, "the bus is still open"
 
@@ -57,7 +66,9 @@ def test_every_drive_holds_what_it_was_told(bench, setups):
         (0x6060, 0): 9,
         (0x6061, 0): 9,
         (0x60C2, 1): 10,
+        (0x6072, 0): 2000,
         (0x6073, 0): 2000,
+        (0x6080, 0): round(1.1 * 1.2 * 100 * 60 / (2 * 3.14159265) + 0.5),
         (0x1400, 1): 0x203,
         (0x1400, 2): 1,
         (0x1600, 0): 2,
@@ -112,7 +123,11 @@ def test_a_drive_that_is_not_there(bench, setups):
 @pytest.mark.parametrize(
     ("where", "value", "says"),
     [
-        ((0x1000, 0), 0x00020191, r"is not a CiA 402 drive \(device profile 401\)"),
+        (
+            (0x1000, 0),
+            0x00020191,
+            r"is not a CiA 402 drive: .* device profile 401, expected 402; step `identity`",
+        ),
         ((0x6502, 0), 0x80, "no cyclic synchronous velocity"),
         ((0x6075, 0), 1000, r"0x6075:00 says a rated current of 1 A, configured 1.2 A"),
     ],
@@ -144,8 +159,8 @@ def forgetful(drive, where, value):
 @pytest.mark.parametrize(
     ("where", "kept", "says"),
     [
-        ((0x6007, 0), 0, "object 0x6007:00 was written 3, reads 0"),
-        ((0x1016, 1), 0, "object 0x1016:01 was written 8323172, reads 0"),
+        ((0x6007, 0), 0, "object 0x6007:00 .* was written 3, reads 0; step `stopping`"),
+        ((0x1016, 1), 0, "object 0x1016:01 .* was written 8323172, reads 0"),
         ((0x1A00, 3), 0, r"object 0x1A00:03 was written 1617690656, reads 0"),
         ((0x1800, 2), 255, "object 0x1800:02 was written 1, reads 255"),
         ((0x1400, 1), 0x80000203, "object 0x1400:01 was written 0x00000203, reads 0x80000203"),
@@ -181,7 +196,7 @@ def test_a_refusal_in_words(bench, setups):
 
 def test_a_value_outside_the_eds_never_gets_to_the_bus(bench, setups):
     profile = msgspec.structs.replace(setups[2].profile, fault_reaction=-5)
-    with pytest.raises(ConfigurationError, match=r"object 0x605E:00: -5 is outside 0 \.\.\. 2"):
+    with pytest.raises(ConfigurationError, match=r"object 0x605E:00 .*: -5 is outside 0 \.\.\. 2"):
         boot_up(bench.bus, [replace(setups[2], profile=profile)], **QUICK)
     assert bench.other_end.recv(0) is None
 
@@ -202,6 +217,119 @@ def test_a_drives_heartbeat_is_no_other_master(wire):
     wire[1].send(can.Message(arbitration_id=0x77F, is_extended_id=True))
     refuse_other_master(wire[0], 127, 0.01)
     assert not connection_lost(wire[0])
+
+
+# -- what the sequence meets on its way ------------------------------------------------------------
+
+
+def intercept(drive, hook):
+    """Let `hook(index, subindex, writes)` see every SDO request first; True swallows it."""
+    answer = drive.on_sdo
+
+    def on_sdo(data):
+        index, subindex = struct.unpack_from("<HB", data, 1)
+        if not hook(index, subindex, data[0] & 0xE0 == 0x20):
+            answer(data)
+
+    drive.on_sdo = on_sdo
+
+
+def test_a_lost_answer_costs_a_step_and_not_the_arm(bench, setups):
+    lost = iter([True])
+    intercept(
+        bench.simulated.drives[2], lambda index, _, writes: index == 0x605A and next(lost, False)
+    )
+    lines = []
+    start(bench, setups[:3], progress=lines.append)
+    assert number(bench, 2, 0x605A) == 6
+    (again,) = [line for line in lines if "again" in line]
+    assert again.startswith(
+        "node 3 (LElbowRoll): step `stopping` was done again: node 3 (LElbowRoll) does not answer "
+        "(SDO timeout 50 ms; object 0x605A:00: writing 6"
+    )
+
+
+def test_a_drive_that_stops_answering_is_named_with_its_step(bench, setups):
+    asked = []
+    intercept(
+        bench.simulated.drives[2],
+        lambda index, sub, _: index == 0x1A01 and not asked.append(sub),
+    )
+    says = r"node 3 \(LElbowRoll\) does not answer .* step `PDO mapping`, tried 3 times"
+    with pytest.raises(DriveError, match=says):
+        start(bench, setups)
+    assert asked == [0] * 3
+
+
+def test_a_stopped_drive_is_woken(bench, setups):
+    bench.simulated.drives[2].on_nmt(2)
+    assert start(bench, setups)[2].serial == 3
+
+
+def test_an_operational_drive_is_set_up_all_the_same(bench, setups):
+    start(bench, setups)
+    for drive in bench.simulated.drives:
+        drive.on_nmt(1)
+    start(bench, setups)
+    assert {drive.nmt.name for drive in bench.simulated.drives} == {"PRE_OPERATIONAL"}
+
+
+def test_a_drive_in_fault_gets_its_communication_reset(bench, setups):
+    drive = bench.simulated.drives[2]
+    drive.fault(0x2310, "too much current")
+    drive.tick(0.0)
+    assert drive.state.name == "FAULT"
+    lines, commands = [], []
+    on_nmt = drive.on_nmt
+    drive.on_nmt = lambda command: (commands.append(command), on_nmt(command))
+    start(bench, setups, progress=lines.append)
+    assert commands == [130, 128], "reset communication, then pre-operational"
+    assert "node 3 (LElbowRoll): was in fault (0x2310): communication was reset" in lines
+    assert number(bench, 2, 0x6007) == 3
+    assert drive.state.name == "FAULT", "who resets the fault is a person"
+
+
+def test_a_drive_in_fault_that_does_not_boot(bench, setups):
+    drive = bench.simulated.drives[2]
+    drive.fault(0x2310, "too much current")
+    drive.tick(0.0)
+    drive.on_nmt = lambda command: None
+    with pytest.raises(DriveError, match=r"no boot-up message after NMT reset communication"):
+        start(bench, setups, sdo_timeout_s=0.01)
+
+
+def test_what_cannot_be_written_must_be_so(bench, setups):
+    setup = setups[2]
+    sheet = copy.deepcopy(setup.data_sheet)
+    sheet[0x6007].access_type = "const"
+    with pytest.raises(DriveError, match=r"0x6007:00 .* must be 3, reads 0; step `stopping`"):
+        start(bench, [replace(setup, data_sheet=sheet)])
+    bench.simulated.drives[2].objects.values[key(0x6007)] = 3
+    start(bench, [replace(setup, data_sheet=sheet)])
+
+
+def test_again_while_the_others_go_on_hearing_their_master(bench, setups):
+    start(bench, setups)
+    drive = bench.simulated.drives[2]
+    drive.on_nmt(129)
+    assert number(bench, 2, 0x6007) == 0
+    heard = []
+    other = bench.simulated.drives[0]
+    on_heartbeat = other.on_heartbeat
+    other.on_heartbeat = lambda node, now: (
+        heard.append(time.monotonic()),
+        on_heartbeat(node, now),
+    )
+    # Every answer takes 3 ms, so that the whole takes longer than the others bear.
+    intercept(drive, lambda *_: time.sleep(0.003))
+    begun = time.monotonic()
+    with bench.lockstep.serving():
+        boot_up_again(bench.bus, [setups[2]], period_ms=10)
+    took = time.monotonic() - begun
+    assert number(bench, 2, 0x6007) == 3
+    assert took > 0.1
+    # Half of a third of 100 ms, and one transfer.
+    assert len(heard) >= took / 0.034, "it goes on beating"
 
 
 def test_a_closed_bus(wire, setups):

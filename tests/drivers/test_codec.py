@@ -226,6 +226,33 @@ def test_an_rpdo_that_cannot_be_is_refused(layout, says):
 
 def test_settings_refuse_a_ninth_entry_and_a_fifth_pdo():
     raw = msgspec.to_builtins(plain_profile())
-    for layout in ({"5": ["statusword"]}, {"1": []}, {"1": ["torque"]}):
+    for layout in ({"5": ["statusword"]}, {"1": []}, {"1": ["speed"]}):
         with pytest.raises(msgspec.ValidationError):
             msgspec.convert(raw | {"tpdo": layout}, DriveProfile)
+
+
+def test_a_profile_reports_current_or_torque():
+    raw = msgspec.to_builtins(plain_profile())
+    torque = raw["current"] | {"object": 0x6077}
+    for both in ({"torque": torque}, {"current": None}):
+        with pytest.raises(msgspec.ValidationError, match="either `current` or `torque`"):
+            msgspec.convert(raw | both, DriveProfile)
+    layout = {"1": ["statusword", "torque", "motor_velocity"], "2": ["link_position"]}
+    by_torque = plain_profile(current=None, torque=quantity(0x6077, "INTEGER16", 0.001, sign=-1),
+                              tpdo=layout)  # fmt: skip
+    assert transmit_pdos(by_torque, 1)[0].fields[1].index == 0x6077
+    for layout, says in (
+        (plain_profile().tpdo, "a PDO carries current, but"),
+        ({"1": ["statusword", "motor_velocity"], "2": ["link_position"]}, "torque missing"),
+    ):
+        with pytest.raises(ConfigurationError, match=says):
+            transmit_pdos(msgspec.structs.replace(by_torque, tpdo=layout), 1)
+    # Beside a drive that reports its current, half of the rated torque is half the rated current.
+    mixed = [("a", wiring(1, "by_torque")), ("b", wiring(2, "plain", rated_current_A=3.0))]
+    decoder = SampleDecoder(mixed, {"by_torque": by_torque, "plain": plain_profile()})
+    for joint, start, stop, layout in decoder.slots.values():
+        if stop - start == 3:
+            counts = (0x27, 500 + joint, 0)
+            decoder.raw[start:stop] = layout.unpack(layout.pack(*counts))
+    decoder.decode()
+    np.testing.assert_allclose(decoder.current, [-1.0, 1.503])

@@ -1,11 +1,13 @@
 """What the configuration counts on, checked against the EDS."""
 
+import copy
+import math
 from dataclasses import replace
 
 import msgspec
 import pytest
 
-from drivers.drive_setup import check_drive, load_data_sheet, objects_to_write
+from drivers.drive_setup import check_drive, lacks, load_data_sheet, wanted
 from drivers.settings import DriveProfile
 from errors import ConfigurationError
 
@@ -31,10 +33,13 @@ def test_romeo_fits(setups):
           "2": ["link_position", "current"]}}, "current.* is INTEGER16, not INTEGER32"),
         ({"link_position": {"subindex": 2}}, "0x60E4:02, is missing"),
         ({"target_velocity": {"object": 0x6007, "type": "INTEGER16"}}, "cannot be mapped"),
-        ({"write": [{"object": 0x2000, "value": 1}]}, "0x2000:00 is missing, and 1 cannot"),
+        ({"write": [{"object": 0x2000, "value": 1}]}, "0x2000:00 .* is missing, and 1 cannot"),
         ({"write": [{"object": 0x6075, "value": 1}]}, r"cannot be written \(access ro\)"),
         ({"write": [{"object": 0x1017, "value": 65536}]}, r"65536 is outside 0 \.\.\. 65535"),
-        ({"quick_stop_deceleration": {"scale": 1e-9}}, "0x6085:00: .* is outside 1"),
+        ({"quick_stop_deceleration": {"type": "INTEGER32"}}, "is UNSIGNED32, not INTEGER32"),
+        ({"max_motor_speed": {"object": 0x607F}}, r"0x607F:00 \(speed limit\) is missing"),
+        ({"max_motor_speed": {"scale": 1e-5}}, "0x6080:00 .*: .* is outside 1"),
+        ({"quick_stop_deceleration": {"scale": 1e-9}}, "0x6085:00 .*: .* is outside 1"),
     ],
 )  # fmt: skip
 def test_what_the_drive_has_not_is_refused(setups, fields, says):
@@ -42,19 +47,64 @@ def test_what_the_drive_has_not_is_refused(setups, fields, says):
         check_drive(changed(setups[2], **fields), 10, 127)
 
 
+def less(setup, *objects):
+    """The setup with an EDS that does not have these objects."""
+    sheet = copy.deepcopy(setup.data_sheet)
+    for index in objects:
+        del sheet[index]
+    return replace(setup, data_sheet=sheet)
+
+
+OPTIONAL = (0x1005, 0x1014, 0x1029, 0x605E, 0x6061, 0x6072, 0x6073, 0x6075, 0x60C2, 0x6502)
+
+
+def test_what_a_drive_may_lack(setups):
+    poor = less(setups[2], *OPTIONAL, 0x1403)
+    check_drive(poor, 10, 127)
+    lines = lacks(poor, 10, 127)
+    assert [int(line.split("0x")[1][:4], 16) for line in lines] == [
+        0x1005, 0x1014, 0x1029, 0x605E, 0x60C2, 0x60C2, 0x6072, 0x6073, 0x6061, 0x6502, 0x6075,
+    ]  # fmt: skip
+    assert lines[2] == (
+        "without object 0x1029:01 (go on telling after an error): its samples cease when it has "
+        "lost its master"
+    )
+    assert lacks(setups[2], 10, 127) == []
+
+
+@pytest.mark.parametrize("index", [0x1016, 0x1017, 0x1018, 0x6007, 0x605A, 0x6060, 0x6085])
+def test_what_a_drive_must_have(setups, index):
+    with pytest.raises(ConfigurationError, match=f"0x{index:04X}:.* is missing"):
+        check_drive(less(setups[2], index), 10, 127)
+
+
+def test_a_pdo_that_is_not_there_or_takes_fewer_objects(setups):
+    spread = changed(setups[2], rpdo={"1": ["controlword"], "4": ["target_velocity"]})
+    check_drive(spread, 10, 127)
+    with pytest.raises(ConfigurationError, match="no PDO with parameters at 0x1403"):
+        check_drive(less(spread, 0x1403), 10, 127)
+    poor = less(setups[2])
+    poor.data_sheet[0x1A00].subindices.pop(3)
+    del poor.data_sheet[0x1A00][0]
+    with pytest.raises(ConfigurationError, match="the PDO at 0x1800 does not take 3 objects"):
+        check_drive(poor, 10, 127)
+
+
 def test_a_period_that_the_drive_cannot_interpolate_over(setups):
-    with pytest.raises(ConfigurationError, match=r"0x60C2:01: 300 is outside 1 \.\.\. 255"):
+    with pytest.raises(ConfigurationError, match=r"0x60C2:01 .*: 300 is outside 1 \.\.\. 255"):
         check_drive(setups[0], 300, 127)
 
 
 def test_the_safety_of_what_is_written(setups):
-    wanted = {(o.object, o.subindex): o.value for o in objects_to_write(setups[0], 10, 126)}
-    assert wanted[0x6007, 0] == 3, "a drive whose master is silent stops"
-    assert wanted[0x605A, 0] == 6, "and holds"
-    assert wanted[0x1029, 1] == 1, "and goes on telling"
-    assert wanted[0x1016, 1] == 126 << 16 | 100
-    assert wanted[0x6073, 0] == 2000
-    assert wanted[0x6085, 0] == round(10 * 150 / 0.010471975511965977)
+    held = {(row.index, row.subindex): row.value for row in wanted(setups[0], 10, 126)}
+    assert held[0x6007, 0] == 3, "a drive whose master is silent stops"
+    assert held[0x605A, 0] == 6, "and holds"
+    assert held[0x1029, 1] == 1, "and goes on telling"
+    assert held[0x1016, 1] == 126 << 16 | 100
+    assert held[0x6072, 0] == held[0x6073, 0] == 2000
+    # 1 rad/s at the link and a tenth, behind a gear of 150, in rpm.
+    assert held[0x6080, 0] == math.ceil(1.1 * 150 * 60 / (2 * math.pi))
+    assert held[0x6085, 0] == round(10 * 150 / 0.010471975511965977)
 
 
 @pytest.mark.parametrize(
