@@ -33,10 +33,12 @@ class Wakeup:
     lateness_s: float = 0.0
     work_s: float = 0.0  # of the tick before
     missed: int = 0  # deadlines, since the start
-    late: bool = False  # by more than a period
+    late: bool = False  # by so much that a deadline was left out
 
 
 ON_TIME = Wakeup()
+# Setpoints are never moved on by more than this at once, however late a tick comes [periods].
+LONGEST_STEP = 2.0
 
 
 class Cycle:
@@ -57,6 +59,7 @@ class Cycle:
         self._period_s = period_s
         self._time_s = 0.0
         self._sampled_s = -period_s  # time of the last complete samples
+        self._decided_s = -period_s  # time of the last decision
         self._interval_s = period_s
         self._updated = False
         self._samples: Samples | None = None
@@ -98,13 +101,19 @@ class Cycle:
             self.controller.doubt(self._time_s, findings)
         else:
             observed = self._observe(samples, estimate, findings)
-            decision = self.controller.step(self._time_s, self._period_s, observed)
+            decision = self.controller.step(self._time_s, self._step_s(), observed)
             self._decision = decision
             self.arm.command(decision.power, decision.velocity, decision.reset)
         if mode is Mode.ENABLING and machine.mode is Mode.HOLDING:
             # What friction held until now is not an external torque.
             self.estimator.reset()
         self._tell(findings)
+
+    def _step_s(self) -> float:
+        """Time since the last decision, for which its setpoints have been in force [s]."""
+        step = self._time_s - self._decided_s
+        self._decided_s = self._time_s
+        return min(step, LONGEST_STEP * self._period_s)
 
     def _estimated(self, samples: Samples) -> Estimate | None:
         """The estimate from these samples; the one before where they are not complete."""

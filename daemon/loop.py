@@ -1,15 +1,17 @@
 """The fixed loop: absolute deadlines, one tick each, then the doors, then sleep.
 
-A deadline that is missed by more than a period is counted and left out, never made up for: two
-ticks in a burst would tell the drives that time ran twice as fast.
+All ticks stand on one grid, so that lateness never adds up. After a late wake-up every deadline
+that the drives' answers would still run into is counted and left out, never made up for: two ticks
+in a burst would tell the drives that time ran twice as fast.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from daemon.cycle import Cycle, Wakeup
 
-# Share of the period in which the drives must have answered SYNC.
+# Share of the period in which the drives must have answered SYNC; no tick follows sooner.
 ANSWER_SHARE = 0.6
 
 
@@ -31,7 +33,8 @@ class Loop:
         self.work_max_s = 0.0
         self.wakeup = Wakeup()
         self._clock, self._period_s = clock, period_s
-        self._start_s = self._deadline_s = clock.now()
+        self._start_s = clock.now()
+        self._deadline_s = self._start_s + period_s  # of the next tick
         self._work_s = 0.0
 
     @property
@@ -48,16 +51,15 @@ class Loop:
     def tick(self) -> None:
         """Wait for the next deadline and do one tick."""
         clock, period = self._clock, self._period_s
-        self._deadline_s += period
-        clock.sleep_until(self._deadline_s)
+        deadline = self._deadline_s
+        clock.sleep_until(deadline)
         woken = clock.now()
-        lateness = woken - self._deadline_s
-        late = lateness > period
-        if late:
-            left_out = int(lateness / period)
-            self.missed += left_out
-            self._deadline_s += left_out * period
-        self.wakeup = Wakeup(woken, lateness, self._work_s, self.missed, late)
+        lateness = woken - deadline
+        # The first deadline of the grid that leaves this tick its time.
+        left_out = max(math.ceil(lateness / period + ANSWER_SHARE) - 1, 0)
+        self.missed += left_out
+        self._deadline_s = deadline + (1 + left_out) * period
+        self.wakeup = Wakeup(woken, lateness, self._work_s, self.missed, left_out > 0)
         self.cycle.begin(woken - self._start_s)
         self.cycle.finish(woken + ANSWER_SHARE * period, self.wakeup)
         self._work_s = clock.now() - woken

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bench.lockstep import Rig, lockstep_rig
+from daemon.cycle import LONGEST_STEP
 from daemon.messages import Snapshot, State
 from daemon.modes import Event, Mode
 from daemon.recorder import _LogWriter, _Stamp
@@ -275,10 +276,34 @@ def test_a_touch_that_begins_while_the_arm_stops_is_yielded_to(rig: Rig) -> None
     rig.enable()
     assert rig.cycle.controller.arm("the test") == []
     rig.request(Event.START)
-    rig.run(2.5)
+    rig.run(4.3)
     rig.request(Event.PAUSE)
     rig.arm.external_torque[ELBOW] = 1.5
     rig.run(0.05)
     assert rig.mode is Mode.STOPPING
     rig.run(0.6)
     assert rig.mode is Mode.ADMITTANCE
+
+
+def references(rig: Rig, times_s: list[float]) -> list[float]:
+    """Of the moving joint, in ticks at these times from now [s]."""
+    found = []
+    for time_s in times_s:
+        rig.cycle.begin(rig.time_s + time_s)
+        rig.lockstep.pump()
+        rig.cycle.finish(0.0)
+        assert rig.cycle.decision is not None
+        found.append(float(rig.cycle.decision.reference[0]))
+    return found
+
+
+def test_the_trajectory_keeps_to_the_clock_when_ticks_are_late_but_never_jumps(rig: Rig) -> None:
+    rig.enable()
+    rig.request(Event.START)
+    rig.run(4.3)  # past the ramp, where the speed hardly changes
+    before = rig.cycle.state().reference[0]
+    late = references(rig, [T * k for k in (0.0, 1.4, 2.0, 3.0, 8.0)])
+    speed = late[0] - before
+    assert abs(speed) > 1e-4
+    # One that came 0.4 T late moves on by as much more, and the one after it by as much less.
+    assert np.diff(late) / speed == pytest.approx([1.4, 0.6, 1.0, LONGEST_STEP], abs=0.02)
