@@ -19,9 +19,45 @@ _PRIORITY = {
 }
 
 
-class _JournalFormatter(logging.Formatter):
+# Lines that may wait for the writer; beyond, they are counted instead of kept.
+MOST_WAITING = 1000
+
+
+class _Formatter(logging.Formatter):
+    """`[mode tick=812] off -> enabling: ...` for what happened in a tick, else the bare text."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:
+        kind = getattr(record, "kind", "")
+        if kind:
+            record.message = f"[{kind} tick={record.__dict__['tick']}] {record.message}"
+        return super().formatMessage(record)
+
+
+class _JournalFormatter(_Formatter):
     def format(self, record: logging.LogRecord) -> str:
         return f"<{_PRIORITY.get(record.levelno, 6)}>{super().format(record)}"
+
+
+class _BoundedHandler(logging.handlers.QueueHandler):
+    """Hands lines to the writer, as long as it keeps up."""
+
+    queue: queue.SimpleQueue[logging.LogRecord]
+    lost = 0
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        if self.queue.qsize() >= MOST_WAITING:
+            self.lost += 1
+            return
+        if self.lost:
+            record.msg = f"{record.msg} ({self.lost} lines before this one were lost)"
+            self.lost = 0
+        self.queue.put_nowait(record)
+
+
+def stderr_is_journal() -> bool:
+    """Whether systemd's journal reads stderr (systemd.exec(5), $JOURNAL_STREAM)."""
+    about = os.fstat(2)
+    return os.environ.get("JOURNAL_STREAM") == f"{about.st_dev}:{about.st_ino}"
 
 
 @contextmanager
@@ -29,12 +65,12 @@ def log_to_stderr() -> Iterator[None]:
     """Everything logged under `contactd` goes to stderr while the block lasts."""
     lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
     stderr = logging.StreamHandler(sys.stderr)
-    if os.environ.get("JOURNAL_STREAM"):
+    if stderr_is_journal():
         stderr.setFormatter(_JournalFormatter("%(message)s"))
     else:
-        stderr.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
+        stderr.setFormatter(_Formatter("%(asctime)s %(levelname)-7s %(message)s"))
     listener = logging.handlers.QueueListener(lines, stderr)
-    handler = logging.handlers.QueueHandler(lines)
+    handler = _BoundedHandler(lines)
     logger = logging.getLogger("contactd")
     logger.setLevel(logging.INFO)
     logger.propagate = False

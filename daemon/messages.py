@@ -125,6 +125,14 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     program: str  # name and version
 
 
+class Grant(msgspec.Struct, frozen=True):
+    """One part of the real-time set-up: whether the machine granted it, and in words."""
+
+    name: str
+    achieved: bool
+    text: str
+
+
 class Status(msgspec.Struct, frozen=True, kw_only=True):
     """What `contactctl status` shows."""
 
@@ -140,7 +148,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     missed: int
     lateness_max_us: float
     work_max_us: float
-    realtime: list[str]  # what was achieved of the real-time set-up, and what not
+    realtime: list[Grant]  # what was achieved of the real-time set-up, and what not
     readers: int
     joints: list[str]
     drives: list[str]

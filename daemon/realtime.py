@@ -1,39 +1,75 @@
-"""What this machine grants of a real-time set-up; each step reported as achieved or not."""
+"""What this machine grants of a real-time set-up; each step is reported as achieved or not.
+
+A machine without the rights works all the same. Imports nothing that may start threads.
+"""
 
 import ctypes
 import gc
 import os
+import threading
+from pathlib import Path
 
-# A robot's loop goes before everything of the user, after the kernel's own interrupt threads.
+from daemon.messages import Grant
+
+# A robot's loop goes before everything of the user, after the kernel's own interrupt threads (50).
 FIFO_PRIORITY = 40
+
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
+_THREAD_COUNTS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def go_realtime() -> list[str]:
-    """Lock memory, take a real-time priority, freeze what the garbage collector would walk.
+def single_threaded() -> None:
+    """Have the numeric libraries, which read this when they are loaded, start no threads: on
+    matrices of seven rows these cost more than they give, and spin beside the loop."""
+    for name in _THREAD_COUNTS:
+        os.environ[name] = "1"
 
-    A machine without the rights works all the same; each line says what was achieved.
-    """
-    return [_lock_memory(), _schedule(), _freeze()]
+
+def go_realtime() -> list[Grant]:
+    """Lock memory, give this thread a real-time priority, freeze what the garbage collector would
+    walk, and look at the rest. For the loop's thread, when all that it needs is loaded."""
+    return [_lock_memory(), _schedule(), _freeze(), _cpus(), _threads()]
 
 
-def _lock_memory() -> str:
+def _lock_memory() -> Grant:
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0:
-        return "memory locked"
-    return f"memory not locked ({os.strerror(ctypes.get_errno())})"
+        return Grant("memory", True, "memory locked")
+    return Grant("memory", False, f"memory not locked ({os.strerror(ctypes.get_errno())})")
 
 
-def _schedule() -> str:
+def _schedule() -> Grant:
+    # This thread alone: what it starts later (the log's writer has started) is in no hurry.
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
+        os.sched_setscheduler(0, policy, os.sched_param(FIFO_PRIORITY))
     except OSError as error:
-        return f"no real-time priority ({error.strerror})"
-    return f"real-time priority {FIFO_PRIORITY} (FIFO)"
+        return Grant("priority", False, f"no real-time priority ({error.strerror})")
+    return Grant("priority", True, f"real-time priority {FIFO_PRIORITY} (FIFO)")
 
 
-def _freeze() -> str:
+def _freeze() -> Grant:
     gc.collect()
     gc.freeze()
     gc.disable()
-    return "garbage collector frozen"
+    return Grant("garbage collector", True, "garbage collector frozen")
+
+
+def _cpus() -> Grant:
+    """Which CPU the loop may have is the administrator's to say (`CPUAffinity=`, `taskset`)."""
+    mine, there_are = sorted(os.sched_getaffinity(0)), os.cpu_count() or 1
+    if len(mine) < there_are:
+        names = ", ".join(map(str, mine))
+        return Grant("cpu", True, f"bound to CPU {names} of {there_are}")
+    if there_are == 1:
+        return Grant("cpu", True, "bound to the only CPU")
+    return Grant("cpu", False, f"not bound to a CPU (free to move among {there_are})")
+
+
+def _threads() -> Grant:
+    """Count what the kernel runs for this process beside Python's own threads."""
+    there_are = len(list(Path("/proc/self/task").iterdir()))
+    strange = there_are - threading.active_count()
+    if strange <= 0:
+        return Grant("threads", True, "numeric libraries single-threaded")
+    return Grant("threads", False, f"numeric libraries run {strange} threads of their own")

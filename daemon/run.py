@@ -4,6 +4,7 @@ import logging
 import os
 import signal
 import time
+from contextlib import closing
 from pathlib import Path
 
 import can
@@ -14,6 +15,7 @@ from daemon.config.load import Robot
 from daemon.control import ControlSocket, default_socket_path
 from daemon.journal import log_to_stderr
 from daemon.loop import Clock, Loop
+from daemon.notify import Notifier, notifier_of
 from daemon.realtime import go_realtime
 from daemon.service import Service
 from drivers.boot_up import boot_up, forget_master
@@ -29,30 +31,47 @@ def run_daemon(robot: Robot, socket: Path | None) -> None:
     with log_to_stderr():
         signals = _Signals()
         # The socket comes first: of two daemons for one arm only one gets as far as the bus.
-        with ControlSocket(socket or default_socket_path()) as control:
+        with (
+            ControlSocket(socket or default_socket_path()) as control,
+            closing(notifier_of(os.environ, os.getpid())) as notifier,
+        ):
             bus = open_bus(robot.configuration.bus)
             try:
-                _serve(robot, bus, control, signals)
+                _serve(robot, bus, control, notifier, signals)
             finally:
                 bus.shutdown()
 
 
-def _serve(robot: Robot, bus: can.BusABC, control: ControlSocket, signals: "_Signals") -> None:
+def _serve(
+    robot: Robot,
+    bus: can.BusABC,
+    control: ControlSocket,
+    notifier: Notifier,
+    signals: "_Signals",
+) -> None:
     c = robot.configuration
     setups = build_setups(robot)
-    realtime = go_realtime()
-    _log.info("real time: %s", ", ".join(realtime))
-    boot_up(bus, setups, period_ms=c.period_ms, master_node=c.bus.master_node, progress=_log.info)
+
+    def progress(line: str) -> None:
+        _log.info(line)
+        notifier.status(f"starting: {line}")
+
+    boot_up(bus, setups, period_ms=c.period_ms, master_node=c.bus.master_node, progress=progress)
     if signals.received:
         return
     cycle = build_cycle(robot, bus, time.monotonic)
     _warm_up(robot)
-    loop = Loop(cycle, Clock(time.monotonic, _sleep_until), c.period_s)
-    service = Service(robot, loop, control, realtime, os.getpid())
+    realtime = go_realtime()
+    for grant in realtime:
+        _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
+    loop = Loop(cycle, Clock(time.monotonic, sleep_until), c.period_s)
+    service = Service(robot, loop, control, realtime, os.getpid(), notifier)
     # From the first heartbeat on the drives expect the next.
     cycle.arm.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)
-    service.loop.run(service.doors, lambda: not signals.received)
+    notifier.ready(service.summary())
+    loop.run(service.doors, lambda: not signals.received)
+    notifier.stopping(f"stopping: {signals.received}")
     stragglers = service.wind_down(signals.received)
     if not stragglers and not cycle.controller.faulted:
         # At rest for good, the drives need not miss us.
@@ -79,7 +98,8 @@ def _ending(robot: Robot) -> str:
     return "; ".join(f"{end}: {', '.join(names)}" for end, names in ends.items())
 
 
-def _sleep_until(deadline: float) -> None:
+def sleep_until(deadline: float) -> None:
+    """Wait until CLOCK_MONOTONIC shows `deadline` [s]."""
     if (left := deadline - time.monotonic()) > 0.0:
         time.sleep(left)
 

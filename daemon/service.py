@@ -11,8 +11,9 @@ from daemon.config.load import Robot
 from daemon.control import ControlSocket, Peer
 from daemon.cycle import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
 from daemon.loop import Loop
-from daemon.messages import Reply, Request, Snapshot, Status
+from daemon.messages import Grant, Reply, Request, Snapshot, Status
 from daemon.modes import Event, Mode, ModeMachine
+from daemon.notify import Notifier
 from drivers.cia402 import reached
 from errors import ControlError
 
@@ -43,8 +44,9 @@ class Service:
     robot: Robot
     loop: Loop
     control: ControlSocket
-    realtime: list[str]
+    realtime: list[Grant]
     pid: int
+    notifier: Notifier
 
     # --- after every tick -------------------------------------------------------------------
 
@@ -54,8 +56,17 @@ class Service:
         if self.control.readers and cycle.decision is not None:
             self.control.publish(cycle.state(self.loop.wakeup))
         for event in cycle.events:
-            _log.log(_LEVELS[event.kind], "%s", event.text)
+            place = {"kind": event.kind, "tick": cycle.tick}
+            _log.log(_LEVELS[event.kind], "%s", event.text, extra=place)
+            if event.kind == "mode":
+                self.notifier.status(self.summary())
         self.control.poll(self.handle)
+        self.notifier.ticked(self.loop.wakeup.monotonic_s)
+
+    def summary(self) -> str:
+        """The mode and its cause, in one line."""
+        machine = self.loop.cycle.controller.machine
+        return f"{_outcome(machine)}: {machine.cause}"
 
     def handle(self, request: Request, peer: Peer) -> Reply:
         """Carry out one request; a refusal gives every reason."""

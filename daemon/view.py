@@ -12,7 +12,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from daemon.messages import Snapshot, State, Status
+from daemon.messages import Grant, Snapshot, State, Status
 
 WINDOW_TICKS = 1000
 EVENTS_KEPT = 12
@@ -191,7 +191,7 @@ def status_view(status: Status) -> RenderableType:
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
     work = f"work at most {status.work_max_us / 1e3:.2f} ms"
     table.add_row("loop", f"{status.cycles} cycles, {missed}, {work}")
-    table.add_row("real time", Text("\n".join(status.realtime) or "nothing was asked for"))
+    table.add_row("real time", _grants(status.realtime))
     uptime = _duration(status.uptime_s)
     table.add_row("process", f"pid {status.pid}, up {uptime}, {status.readers} readers")
     frame = Table.grid()
@@ -199,6 +199,12 @@ def status_view(status: Status) -> RenderableType:
     frame.add_row("")
     frame.add_row(_status_joints(status))
     return frame
+
+
+def _grants(grants: list[Grant]) -> Text:
+    """One line each; what was not achieved stands out."""
+    lines = [Text(grant.text, "" if grant.achieved else "yellow") for grant in grants]
+    return Text("\n").join(lines)
 
 
 def _status_joints(status: Status) -> RenderableType:

@@ -30,8 +30,11 @@ class _Group(click.Group):
         try:
             return super().invoke(ctx)
         except ContactdError as error:
+            from daemon.journal import stderr_is_journal
+
+            head = "<3>" if stderr_is_journal() else "contactd: "
             for line in str(error).splitlines():
-                click.echo(f"contactd: {line}", err=True)
+                click.echo(head + line, err=True)
             ctx.exit(error.exit_code)
 
 
@@ -54,6 +57,10 @@ def main() -> None:
 @PORT
 def run(config: Path, socket: Path | None, port: int | None) -> None:
     """Run the daemon: set the drives up, then feel. Energises and moves nothing by itself."""
+    from daemon.realtime import single_threaded
+
+    single_threaded()  # before anything loads numpy
+
     from daemon.config.load import load_robot
     from daemon.run import run_daemon
 
@@ -93,6 +100,10 @@ def simulate(
     Where the configuration says socketcand, this serves it over TCP; where it says socketcan, the
     simulated drives join that bus. What happens to the arm is printed as lines of JSON.
     """
+    from daemon.realtime import single_threaded
+
+    single_threaded()
+
     from daemon.commands.simulate import run_simulation
     from daemon.config.load import load_robot
 

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from daemon.control import ControlSocket, Peer
-from daemon.messages import Contact, Event, Reply, Request, Snapshot, State, Status, Timing
+from daemon.messages import Contact, Event, Grant, Reply, Request, Snapshot, State, Status, Timing
 
 JOINTS = [f"L{part}" for part in ("ShoulderPitch", "ShoulderYaw", "ElbowRoll", "ElbowYaw")]
 JOINTS += ["LWristRoll", "LWristYaw", "LWristPitch"]
@@ -133,7 +133,10 @@ class FakeDaemon:
             missed=3,
             lateness_max_us=412.0,
             work_max_us=3120.0,
-            realtime=["FIFO 80", "memory not locked: not permitted"],
+            realtime=[
+                Grant("priority", True, "real-time priority 40 (FIFO)"),
+                Grant("memory", False, "memory not locked (Cannot allocate memory)"),
+            ],
             readers=0,
             joints=JOINTS,
             drives=state.drives,

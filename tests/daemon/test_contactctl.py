@@ -115,7 +115,13 @@ def test_json_of_a_command(run: Run, fake_daemon: Any) -> None:
 def test_status(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     result = run("status")
     assert result.exit_code == 0
-    for word in ("OFF", "not armed", "LWristYaw: motor position unknown", "FIFO 80", "3 missed"):
+    for word in (
+        "OFF",
+        "not armed",
+        "LWristYaw: motor position unknown",
+        "memory not locked",
+        "3 missed",
+    ):
         assert word in result.stdout
     assert "\x1b" not in result.stdout
     assert json.loads(run("--json", "status").stdout)["pid"] == 4711

@@ -151,7 +151,13 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
     )
     lines = text_of(status_view(status), 100, 40)
     report = "\n".join(lines)
-    for word in ("HOLDING", "[bold]not markup[/bold]", "Romeo left arm", "1:02:05.0", "FIFO 80"):
+    for word in (
+        "HOLDING",
+        "[bold]not markup[/bold]",
+        "Romeo left arm",
+        "1:02:05.0",
+        "memory not locked",
+    ):
         assert word in report
     assert ("LWristYaw: motor position unknown" in report) is not armed
     assert ("not armed" in report) is not armed

@@ -1,0 +1,94 @@
+"""Telling systemd how the service is, as sd_notify(3) says: datagrams to $NOTIFY_SOCKET.
+
+Nothing here waits. What the socket does not take is kept, and tried again after the next tick.
+"""
+
+import logging
+import math
+import os
+import socket
+from collections.abc import Mapping
+
+# The watchdog is fed this many times in the time that systemd allows.
+FEEDS_PER_TIMEOUT = 4
+
+_FEED = b"WATCHDOG=1"
+_log = logging.getLogger("contactd")
+
+
+class Notifier:
+    """One service's line to its manager; without one (`address` empty) nothing is sent."""
+
+    def __init__(self, address: str = "", watchdog_s: float = 0.0) -> None:
+        """`address` as in $NOTIFY_SOCKET: a path, or @ and an abstract name."""
+        self.feed_every_s = watchdog_s / FEEDS_PER_TIMEOUT
+        self._fed_s = -math.inf
+        self._address = _socket_address(address)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        # What the socket has not taken yet; a later status overrides an earlier one.
+        self._state = self._status = b""
+        self._failing = False
+
+    def ready(self, status: str) -> None:
+        """The start is over: whoever waited for this service may begin."""
+        self._tell(b"READY=1\n", status)
+
+    def status(self, text: str) -> None:
+        """One line for `systemctl status`."""
+        self._tell(self._state, text)
+
+    def stopping(self, status: str) -> None:
+        """The end has begun."""
+        self._tell(b"STOPPING=1\n", status)
+
+    def ticked(self, now_s: float) -> None:
+        """A tick was completed: feed the watchdog if it is time (`now_s` monotonic)."""
+        if self._status:
+            self._flush()
+        if 0.0 < self.feed_every_s <= now_s - self._fed_s and self._send(_FEED):
+            self._fed_s = now_s
+
+    def close(self) -> None:
+        """Hang up."""
+        self._socket.close()
+
+    def _tell(self, state: bytes, status: str) -> None:
+        # A line break in a status would begin another assignment.
+        self._state, self._status = state, f"STATUS={' '.join(status.split())}".encode()
+        self._flush()
+
+    def _flush(self) -> None:
+        if self._send(self._state + self._status):
+            self._state = self._status = b""
+
+    def _send(self, message: bytes) -> bool:
+        """Whether it is out, or there is nobody to send it to."""
+        if not self._address:
+            return True
+        try:
+            self._socket.sendto(message, self._address)
+        except OSError as error:
+            if not self._failing:
+                _log.warning("systemd takes no notification: %s", error.strerror)
+            self._failing = True
+            return False
+        self._failing = False
+        return True
+
+
+def notifier_of(environment: Mapping[str, str], pid: int) -> Notifier:
+    """The line that systemd offers process `pid` in its environment, if it does."""
+    address = environment.get("NOTIFY_SOCKET", "")
+    watched = environment.get("WATCHDOG_PID", str(pid)) == str(pid)
+    usec = environment.get("WATCHDOG_USEC", "")
+    return Notifier(address, int(usec) / 1e6 if watched and usec.isdecimal() else 0.0)
+
+
+def _socket_address(address: str) -> bytes:
+    """For an AF_UNIX socket; empty for none, and for what is none (vsock:...)."""
+    if address.startswith("@"):
+        return b"\0" + os.fsencode(address[1:])
+    if address.startswith("/") or not address:
+        return os.fsencode(address)
+    _log.warning("NOTIFY_SOCKET=%s is not a local socket: systemd is not notified", address)
+    return b""

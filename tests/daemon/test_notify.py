@@ -1,0 +1,141 @@
+"""What systemd would receive, on sockets of our own; time is made up."""
+
+import contextlib
+import os
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from daemon.notify import Notifier, notifier_of
+
+T = 0.01
+Connect = Callable[..., Notifier]
+
+
+@pytest.fixture(params=["path", "abstract"])
+def manager(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[socket.socket]:
+    """A receiving socket; `address_of` says how $NOTIFY_SOCKET would name it."""
+    name = str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as receiver:
+        receiver.bind("\0" + name if request.param == "abstract" else name)
+        yield receiver
+
+
+@pytest.fixture
+def connect() -> Iterator[Connect]:
+    """Makes Notifiers, and closes them after the test."""
+    with contextlib.ExitStack() as stack:
+        yield lambda *given, **named: stack.enter_context(closing(Notifier(*given, **named)))
+
+
+def address_of(manager: socket.socket) -> str:
+    name = manager.getsockname()
+    return f"@{name[1:].decode()}" if isinstance(name, bytes) else str(name)
+
+
+def received(manager: socket.socket) -> list[bytes]:
+    messages = []
+    while True:
+        try:
+            messages.append(manager.recv(4096))
+        except BlockingIOError:
+            return messages
+
+
+def test_ready_status_and_stopping(manager: socket.socket, connect: Connect) -> None:
+    notifier = connect(address_of(manager))
+    notifier.ready("off, not armed")
+    notifier.status("holding: enable\nMAINPID=1")
+    notifier.stopping("SIGTERM")
+    assert received(manager) == [
+        b"READY=1\nSTATUS=off, not armed",
+        b"STATUS=holding: enable MAINPID=1",
+        b"STOPPING=1\nSTATUS=SIGTERM",
+    ]
+
+
+def test_the_watchdog_is_fed_by_ticks_alone_and_four_times_per_timeout(
+    manager: socket.socket, connect: Connect
+) -> None:
+    notifier = connect(address_of(manager), watchdog_s=0.4)
+    notifier.ready("")
+    received(manager)
+    for k in range(1001):  # ten seconds
+        notifier.ticked(500.0 + k * T)
+    fed = received(manager)
+    assert set(fed) == {b"WATCHDOG=1"}
+    assert 90 < len(fed) <= 101
+    # No tick, no food; the first tick after a pause feeds at once, and only once.
+    assert received(manager) == []
+    notifier.ticked(600.0)
+    notifier.ticked(600.0 + T)
+    assert received(manager) == [b"WATCHDOG=1"]
+
+
+def test_without_a_watchdog_ticks_say_nothing(manager: socket.socket, connect: Connect) -> None:
+    notifier = connect(address_of(manager))
+    for k in range(100):
+        notifier.ticked(k * T)
+    assert received(manager) == []
+
+
+def test_a_manager_that_takes_nothing_is_never_waited_for(
+    manager: socket.socket, connect: Connect, caplog: pytest.LogCaptureFixture
+) -> None:
+    notifier = connect(address_of(manager), watchdog_s=4 * T)
+    sent = 0
+    while not caplog.records:  # a datagram socket of Linux holds some ten messages
+        notifier.ticked(sent * 10 * T)
+        sent += 1
+        assert sent < 10_000
+    for k in range(100):
+        notifier.status(f"status {k}")
+        notifier.ticked((sent + k) * 10 * T)
+    assert len(caplog.records) == 1  # told once, not every tick
+    received(manager)
+    notifier.ticked(2000.0)
+    # Of the lines that did not get through only the last is still true; the watchdog is fed.
+    assert received(manager) == [b"STATUS=status 99", b"WATCHDOG=1"]
+    notifier.ticked(2000.0 + T)
+    assert received(manager) == []
+
+
+def test_ready_is_not_lost_when_the_socket_was_full(
+    manager: socket.socket, connect: Connect
+) -> None:
+    other = connect(address_of(manager))
+    for k in range(1000):
+        other.status(str(k))
+    notifier = connect(address_of(manager))
+    notifier.ready("off")
+    notifier.status("enabling")
+    received(manager)
+    notifier.ticked(1.0)
+    assert received(manager) == [b"READY=1\nSTATUS=enabling"]
+
+
+@pytest.mark.parametrize("address", ["", "vsock:2:1234", "/nowhere/at/all", "@contactd-nobody"])
+def test_without_a_manager_nothing_happens(address: str, connect: Connect) -> None:
+    notifier = connect(address, watchdog_s=1.0)
+    notifier.ready("")
+    notifier.ticked(0.0)
+
+
+@pytest.mark.parametrize(
+    ("environment", "feed_every_s"),
+    [
+        ({}, 0.0),
+        ({"WATCHDOG_USEC": "2000000"}, 0.5),
+        ({"WATCHDOG_USEC": "2000000", "WATCHDOG_PID": str(os.getpid())}, 0.5),
+        ({"WATCHDOG_USEC": "2000000", "WATCHDOG_PID": "1"}, 0.0),  # meant for another process
+        ({"WATCHDOG_USEC": "soon"}, 0.0),
+    ],
+)
+def test_the_timeout_comes_from_the_environment(
+    environment: dict[str, str], feed_every_s: float
+) -> None:
+    with closing(notifier_of(environment, os.getpid())) as notifier:
+        assert notifier.feed_every_s == feed_every_s

@@ -1,0 +1,89 @@
+"""What is claimed of the real-time set-up, held against what the kernel says; in a process of its
+own, for most of it cannot be taken back."""
+
+import json
+import os
+import subprocess
+import sys
+
+PROGRAM = """
+import json, os, resource, sys, threading
+sys.argv = json.loads(sys.argv[1])
+mode, cpus = sys.argv
+if mode == "no rights":
+    resource.setrlimit(resource.RLIMIT_MEMLOCK, (0, 0))
+    resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+from daemon.realtime import go_realtime, single_threaded
+if mode != "many threads":
+    single_threaded()
+else:
+    os.environ["OPENBLAS_NUM_THREADS"] = "3"
+import numpy as np
+np.ones((300, 300)) @ np.ones((300, 300))
+if mode == "no rights" and os.getuid() == 0:
+    os.setuid(65534)
+if cpus:
+    os.sched_setaffinity(0, cpus)
+report = {grant.name: (grant.achieved, grant.text) for grant in go_realtime()}
+status = dict(line.split(":", 1) for line in open("/proc/self/status").read().splitlines())
+late = []
+thread = threading.Thread(target=lambda: late.append(os.sched_getscheduler(0)))
+thread.start()
+thread.join()
+print(json.dumps({
+    "report": report,
+    "locked_kB": int(status["VmLck"].split()[0]),
+    "policy": os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK,
+    "policy_of_later_threads": late[0],
+    "threads": int(status["Threads"]),
+}))
+"""
+
+
+def outcome(mode: str, cpus: tuple[int, ...] = ()) -> dict:
+    program = [sys.executable, "-c", PROGRAM, json.dumps([mode, cpus])]
+    done = subprocess.run(program, stdout=subprocess.PIPE, check=True)
+    return json.loads(done.stdout)
+
+
+def test_what_is_reported_is_what_the_kernel_says() -> None:
+    found = outcome("as it is")
+    report = found["report"]
+    assert report["memory"][0] is (found["locked_kB"] > 10_000)
+    assert report["priority"][0] is (found["policy"] == os.SCHED_FIFO)
+    assert found["policy_of_later_threads"] == os.SCHED_OTHER
+    assert report["garbage collector"][0]
+    assert report["threads"] == [True, "numeric libraries single-threaded"]
+    assert found["threads"] == 1
+    assert report["cpu"][0] is ((os.cpu_count() or 1) == 1)
+
+
+def test_without_rights_it_works_and_says_so() -> None:
+    found = outcome("no rights")
+    report = found["report"]
+    assert report["memory"] == [False, "memory not locked (Cannot allocate memory)"] or report[
+        "memory"
+    ] == [False, "memory not locked (Operation not permitted)"]
+    assert report["priority"] == [False, "no real-time priority (Operation not permitted)"]
+    assert found["locked_kB"] == 0
+    assert found["policy"] == os.SCHED_OTHER
+
+
+def test_threads_that_the_numeric_libraries_run_are_seen() -> None:
+    found = outcome("many threads")
+    achieved, text = found["report"]["threads"]
+    # OpenBLAS starts no more than there are CPUs.
+    assert achieved is (found["threads"] == 1)
+    assert achieved or text == (
+        f"numeric libraries run {found['threads'] - 1} threads of their own"
+    )
+
+
+def test_one_cpu_of_many_is_named() -> None:
+    there_are = os.cpu_count() or 1
+    first = min(os.sched_getaffinity(0))
+    achieved, text = outcome("as it is", (first,))["report"]["cpu"]
+    assert achieved
+    assert text == (
+        f"bound to CPU {first} of {there_are}" if there_are > 1 else "bound to the only CPU"
+    )
