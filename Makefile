@@ -1,19 +1,39 @@
 # `make demo`, `make test`, `make check` each build .venv when it is missing or out of date.
+# `make install` builds another environment, the service's own, at PREFIX.
 PYTHON ?= python3
-VENV   := .venv
+VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.complete
 
-.PHONY: help demo test check verify lock clean
+# Where `make install` puts things; DESTDIR in front of it all, for packages and images.
+PREFIX  ?= /opt/contactd
+DESTDIR ?=
+LIB     := $(DESTDIR)/usr/local/lib
+UNITS   := $(LIB)/systemd/system
+SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
+# Not empty where it is this machine's own systemd that gets the service.
+HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
+
+.PHONY: help demo test check units system install install-env install-files uninstall verify lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
+define check-python
+@$(PYTHON) -c 'import sys; sys.exit("contactd needs Python 3.11 or newer, not " + sys.version.split()[0] + \
+  " (choose another: make PYTHON=python3.12 ...)" if sys.version_info < (3, 11) else 0)'
+@$(PYTHON) -c 'import ensurepip' || { echo "this Python has no venv: apt install python3-venv"; exit 1; }
+endef
+
+# An environment of contactd's own is replaced and removed as a whole: PREFIX=/usr/local would be a pity.
+define refuse-strange-prefix
+@test ! -e $(DESTDIR)$(PREFIX) || test -e $(DESTDIR)$(PREFIX)/bin/contactd -a -e $(DESTDIR)$(PREFIX)/pyvenv.cfg || \
+  { echo "$(DESTDIR)$(PREFIX) is there and is no environment of contactd: choose another PREFIX"; exit 1; }
+endef
+
 $(STAMP): requirements.lock requirements-dev.lock pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit("contactd needs Python 3.11 or newer, not " + sys.version.split()[0] + \
-	  " (choose another: make PYTHON=python3.12 ...)" if sys.version_info < (3, 11) else 0)'
-	@$(PYTHON) -c 'import ensurepip' || { echo "this Python has no venv: apt install python3-venv"; exit 1; }
+	$(check-python)
 	$(PYTHON) -m venv --clear $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock -r requirements-dev.lock
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
@@ -25,11 +45,78 @@ demo: $(STAMP)  ## the paper's third experiment on a simulated arm, about 30 s
 test: $(STAMP)  ## all tests, under 3 minutes
 	$(BIN)/python -m pytest -q
 
-check: $(STAMP)  ## ruff, mypy (strict), import layers
+check: $(STAMP) units  ## ruff, mypy (strict), import layers, systemd units
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# As installed, but with this environment's contactd. systemd-analyze exits 0 on unknown keys, so it
+# must not say a word, either.
+units: STAGE := $(abspath build/units)
+units: SERVICE := $(STAGE)/usr/local/lib/systemd/system/contactd.service
+units: $(STAMP)
+	@if ! command -v systemd-analyze >/dev/null; then \
+	  echo "units: not checked, there is no systemd-analyze here (apt install systemd)"; exit 0; fi; \
+	set -e; rm -rf $(STAGE); $(MAKE) -s install-files DESTDIR=$(STAGE) >/dev/null; \
+	sed -i 's|=/opt/contactd|=$(abspath $(VENV))|' $(SERVICE); \
+	for conf in systemd/contactd.service.d/bus.conf systemd/examples/*.conf; do \
+	  cp $$conf $(SERVICE).d/$$(basename $$conf | sed 's/bus-.*/bus.conf/'); \
+	  said=$$(systemd-analyze verify --man=no $(SERVICE) 2>&1) && [ -z "$$said" ] || \
+	    { echo "systemd-analyze verify, with $$conf:"; echo "$$said"; exit 1; }; \
+	  systemd-analyze security --no-pager --offline=true --threshold=20 $(SERVICE) >$(STAGE)/security || \
+	    { cat $(STAGE)/security; exit 1; }; \
+	  echo "units: verified with $$conf: $$(tail -1 $(STAGE)/security)"; \
+	done
+
+system: $(STAMP)  ## the installed service under systemd on a virtual CAN bus (root; a test machine)
+	$(BIN)/python -m pytest -q -rs tests/system --system
+
+install: install-env install-files  ## into PREFIX=/opt/contactd, as a service (root; honours DESTDIR)
+ifneq ($(HERE),)
+	systemd-sysusers /usr/local/lib/sysusers.d/contactd.conf
+	systemctl daemon-reload
+endif
+	@cat systemd/next-steps
+
+# Built beside the old environment and put in its place at the end. Nothing in it may know $(DESTDIR).
+install-env: NEW := $(DESTDIR)$(PREFIX).new
+install-env:
+	$(check-python)
+	$(refuse-strange-prefix)
+	rm -rf $(NEW)
+	$(PYTHON) -m venv $(NEW)
+	$(NEW)/bin/pip install --quiet --disable-pip-version-check --no-compile --no-deps -r requirements.lock .
+	grep -rlIF $(NEW) $(NEW)/bin $(NEW)/pyvenv.cfg | xargs sed -i 's|$(NEW)|$(PREFIX)|g'
+	$(NEW)/bin/python -m compileall -qq -s $(NEW) -p $(PREFIX) $(NEW)/lib || true
+	rm -rf $(DESTDIR)$(PREFIX)
+	mv $(NEW) $(DESTDIR)$(PREFIX)
+
+install-files:
+	install -d $(addprefix $(DESTDIR),/etc /usr/local/bin) $(SHARE)
+	ln -sf $(PREFIX)/bin/contactd $(PREFIX)/bin/contactctl $(DESTDIR)/usr/local/bin/
+	cp -R --no-preserve=ownership docs configs systemd/examples $(SHARE)/
+	install -d $(UNITS)/contactd.service.d
+	sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd.service >$(UNITS)/contactd.service
+	install -m 644 systemd/contactd.service.d/bus.conf $(UNITS)/contactd.service.d/
+	install -D -m 644 systemd/can0.network $(LIB)/systemd/network/can0.network
+	install -D -m 644 systemd/contactd.sysusers $(LIB)/sysusers.d/contactd.conf
+	@if [ -e $(DESTDIR)/etc/contactd ]; then echo "/etc/contactd is there already: kept as it is"; else \
+	  set -x; cp -R --no-preserve=ownership configs/romeo_left_arm $(DESTDIR)/etc/contactd && \
+	  sed -i 's|^bus:.*|bus: {interface: socketcan, channel: can0, bitrate: 1000000}|' $(DESTDIR)/etc/contactd/config.yaml; fi
+
+uninstall:  ## stop the service and take it out again; configuration and recordings stay (root)
+	$(refuse-strange-prefix)
+ifneq ($(HERE),)
+	-systemctl disable --now contactd.service
+endif
+	rm -rf $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(DESTDIR)$(PREFIX)
+	rm -f $(LIB)/systemd/network/can0.network $(LIB)/sysusers.d/contactd.conf
+	rm -f $(addprefix $(DESTDIR)/usr/local/bin/,contactd contactctl)
+ifneq ($(HERE),)
+	systemctl daemon-reload
+endif
+	@echo "kept: /etc/contactd, /var/lib/contactd, the user contactd and the group contact"
 
 verify: $(STAMP)  ## compare our URDF with the public Romeo description (downloads 400 MB)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps example-robot-data
