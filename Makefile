@@ -18,7 +18,7 @@ HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 .DEFAULT_GOAL := help
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 define check-python
 @$(PYTHON) -c 'import sys; sys.exit("contactd needs Python 3.11 or newer, not " + sys.version.split()[0] + \
@@ -76,19 +76,21 @@ install: install-env install-files  ## into PREFIX=/opt/contactd, as a service (
 ifneq ($(HERE),)
 	systemd-sysusers /usr/local/lib/sysusers.d/contactd.conf
 	systemctl daemon-reload
+	@sed 's|/opt/contactd|$(PREFIX)|' systemd/next-steps
 endif
-	@cat systemd/next-steps
 
 # Built beside the old environment and put in its place at the end. Nothing in it may know $(DESTDIR).
 install-env: NEW := $(DESTDIR)$(PREFIX).new
 install-env:
 	$(check-python)
+	@$(PYTHON) -c 'import sys; p = sys.base_prefix; sys.exit(p.startswith(("/home/", "/root/")) and \
+	  f"{p} is in a home folder, which the service cannot see: make install PYTHON=/usr/bin/python3")'
 	$(refuse-strange-prefix)
 	rm -rf $(NEW)
 	$(PYTHON) -m venv $(NEW)
 	$(NEW)/bin/pip install --quiet --disable-pip-version-check --no-compile --no-deps -r requirements.lock .
 	grep -rlIF $(NEW) $(NEW)/bin $(NEW)/pyvenv.cfg | xargs sed -i 's|$(NEW)|$(PREFIX)|g'
-	$(NEW)/bin/python -m compileall -qq -s $(NEW) -p $(PREFIX) $(NEW)/lib || true
+	-$(NEW)/bin/python -m compileall -qq -s $(NEW) -p $(PREFIX) $(NEW)/lib
 	rm -rf $(DESTDIR)$(PREFIX)
 	mv $(NEW) $(DESTDIR)$(PREFIX)
 
@@ -96,6 +98,7 @@ install-files:
 	install -d $(addprefix $(DESTDIR),/etc /usr/local/bin) $(SHARE)
 	ln -sf $(PREFIX)/bin/contactd $(PREFIX)/bin/contactctl $(DESTDIR)/usr/local/bin/
 	cp -R --no-preserve=ownership docs configs systemd/examples $(SHARE)/
+	chmod -R a+rX $(SHARE)
 	install -d $(UNITS)/contactd.service.d
 	sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd.service >$(UNITS)/contactd.service
 	install -m 644 systemd/contactd.service.d/bus.conf $(UNITS)/contactd.service.d/
@@ -103,7 +106,8 @@ install-files:
 	install -D -m 644 systemd/contactd.sysusers $(LIB)/sysusers.d/contactd.conf
 	@if [ -e $(DESTDIR)/etc/contactd ]; then echo "/etc/contactd is there already: kept as it is"; else \
 	  set -x; cp -R --no-preserve=ownership configs/romeo_left_arm $(DESTDIR)/etc/contactd && \
-	  sed -i 's|^bus:.*|bus: {interface: socketcan, channel: can0, bitrate: 1000000}|' $(DESTDIR)/etc/contactd/config.yaml; fi
+	  sed -i 's|^bus:.*|bus: {interface: socketcan, channel: can0, bitrate: 1000000}|' $(DESTDIR)/etc/contactd/config.yaml && \
+	  chmod -R a+rX $(DESTDIR)/etc/contactd; fi
 
 uninstall:  ## stop the service and take it out again; configuration and recordings stay (root)
 	$(refuse-strange-prefix)
