@@ -12,7 +12,8 @@ from daemon.config.schema import Configuration, Joint
 from daemon.controller import Controller, Tuning
 from daemon.cycle import Cycle
 from daemon.limits import Limits
-from daemon.observation import Observer
+from daemon.observation import Observer, Patience
+from daemon.plausibility import Bounds, Plausibility
 from daemon.trajectory import Follower, JointPath
 from drivers.arm import Arm
 from drivers.drive_setup import DriveSetup, load_data_sheet
@@ -35,8 +36,12 @@ def build_cycle(robot: Robot, bus: can.BusABC, clock: Callable[[], float]) -> Cy
         clock,
         c.bus.master_node,
     )
-    observer = Observer(c.joint_names, c.supervisor.stale_ticks, c.supervisor.overrun_ticks)
-    return Cycle(arm, build_estimator(c, robot.urdf), build_controller(c), observer, c.period_s)
+    estimator, controller, observer = (
+        build_estimator(c, robot.urdf),
+        build_controller(c),
+        build_observer(c),
+    )
+    return Cycle(arm, estimator, controller, observer, c.period_s)
 
 
 def build_setups(robot: Robot) -> list[DriveSetup]:
@@ -89,6 +94,30 @@ def build_transmission(c: Configuration) -> Transmission:
         contact_damping=_row(c, lambda j: j.gap_spring.damping),
         sign_width=c.estimator.sign_width,
     )
+
+
+def build_observer(c: Configuration) -> Observer:
+    """What is watched beside the contacts, and how long a nuisance may last."""
+    s = c.supervisor
+    patience = Patience(
+        c.period_s,
+        s.stale_ticks,
+        s.overrun_ticks,
+        min(c.drives[joint.wiring.profile].master_timeout_ms for joint in c.joints) / 1000.0,
+    )
+    bounds = Bounds(
+        lower=_row(c, lambda j: j.limits.lower),
+        upper=_row(c, lambda j: j.limits.upper),
+        speed=s.speed_margin * _row(c, lambda j: j.limits.velocity),
+        half_gap=_row(c, lambda j: j.half_gap),
+        position_margin=s.position_margin,
+        current=_row(c, lambda j: j.wiring.max_current_A),
+        residual=s.residual_margin * _row(c, lambda j: j.thresholds.collision),
+        saturated_ticks=s.saturated_ticks,
+        motor_drift=c.estimator.gap.velocity_bias,
+        motor_scale_error=c.estimator.gap.velocity_scale_error,
+    )
+    return Observer(c.joint_names, patience, Plausibility(bounds))
 
 
 def build_controller(c: Configuration) -> Controller:

@@ -66,6 +66,9 @@ class Cycle:
         self._estimate: Estimate | None = None
         self._decision: Decision | None = None
         self._told: frozenset[Finding] = frozenset()
+        self._nothing = np.zeros(len(arm.names))
+        self.fatal: Finding | None = None
+        """What the program must end for, once the drives are told to stop."""
 
     @property
     def samples(self) -> Samples | None:
@@ -95,8 +98,18 @@ class Cycle:
         estimate = self._estimated(samples)
         machine = self.controller.machine
         mode = machine.mode
-        finite = estimate is None or Flag.INVALID not in estimate.flags
-        findings = self._observer.findings(samples, mode, wakeup.late, finite)
+        finite = estimate is None or self._finite(estimate)
+        used = estimate if self._updated and finite else None
+        findings = self._observer.findings(
+            samples,
+            mode,
+            lateness_s=wakeup.lateness_s,
+            residual=None if used is None else used.residual,
+            interval_s=self._interval_s,
+            finite=finite,
+        )
+        fatal = (f for f in findings if f.reaction is Reaction.FAULT_EXIT)
+        self.fatal = self.fatal or (next(fatal, None) if findings else None)
         if estimate is None:
             self.controller.doubt(self._time_s, findings)
         else:
@@ -130,6 +143,17 @@ class Cycle:
                 time_s=self._time_s,
             )
         return self._estimate
+
+    def _finite(self, estimate: Estimate) -> bool:
+        """Whether there is a number in everything that the next setpoint may come from."""
+        if Flag.INVALID in estimate.flags:
+            return False
+        nothing, decision = self._nothing, self._decision
+        # A product with zero is zero, or NaN.
+        zero = estimate.residual @ nothing + estimate.theta @ nothing
+        if decision is not None:
+            zero += decision.reference @ nothing
+        return bool(zero == 0.0)
 
     def _observe(
         self, samples: Samples, estimate: Estimate, findings: tuple[Finding, ...]

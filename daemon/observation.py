@@ -1,19 +1,26 @@
 """From one tick's samples and estimate to the supervisor's findings. No I/O."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from daemon.modes import SENSING, Mode
+from daemon.plausibility import Plausibility, Vector
 from daemon.supervisor import Condition, Finding
 from drivers.cia402 import DriveState
 from drivers.events import (
+    AdapterGone,
     BadSetpoint,
+    BusOff,
     BusTrouble,
     Emergency,
+    ErrorPassive,
     Event,
     ForeignMaster,
     HeartbeatLost,
+    LateAnswer,
     NotOperational,
     Rebooted,
 )
@@ -26,55 +33,103 @@ CONDITION_OF: dict[type[Event], Condition] = {
     NotOperational: Condition.DRIVE_DROPPED,
     ForeignMaster: Condition.FOREIGN_MASTER,
     BadSetpoint: Condition.NOT_FINITE,
+    ErrorPassive: Condition.ERROR_PASSIVE,
+    BusOff: Condition.BUS_OFF,
+    AdapterGone: Condition.ADAPTER_GONE,
 }
+# These may be over at once: it counts how many ticks they last.
+DISTURBANCES = (BusTrouble, LateAnswer)
 FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+# A late machine excuses stale samples for so many times `stale_ticks`.
+STARVED_FACTOR = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long a nuisance may last before it becomes a doubt."""
+
+    period_s: float
+    stale_ticks: int
+    overrun_ticks: int
+    master_timeout_s: float  # how long the drives wait for our heartbeat
 
 
 class Observer:
-    """Counts what takes several ticks to become a doubt: stale samples, bus trouble, overruns."""
+    """Names what holds; counts what takes several ticks to become a doubt."""
 
-    def __init__(self, names: Sequence[str], stale_ticks: int, overrun_ticks: int) -> None:
+    def __init__(
+        self, names: Sequence[str], patience: Patience, plausibility: Plausibility
+    ) -> None:
         self._names = tuple(names)
-        self._stale_ticks, self._overrun_ticks = stale_ticks, overrun_ticks
-        self._late_in_row = 0
-        self._trouble_in_row = 0
+        self._patience = patience
+        self._plausibility = plausibility
+        self._missed_in_row = 0  # deadlines
+        self._disturbed_in_row = 0
+        self._since_late = patience.stale_ticks  # ticks
+        self._mode = Mode.OFF
+        self._enabled = [DriveState.OPERATION_ENABLED] * len(names)
 
     def findings(
-        self, samples: Samples, mode: Mode, late: bool, finite: bool
+        self,
+        samples: Samples,
+        mode: Mode,
+        *,
+        lateness_s: float = 0.0,
+        residual: Vector | None = None,
+        interval_s: float = 0.0,
+        finite: bool = True,
     ) -> tuple[Finding, ...]:
-        """Every condition that holds in this tick; empty in an undisturbed one."""
-        self._late_in_row = self._late_in_row + 1 if late else 0
-        trouble = [event for event in samples.events if isinstance(event, BusTrouble)]
-        self._trouble_in_row = self._trouble_in_row + 1 if trouble else 0
-        return (
-            *self._of_events(samples.events, trouble),
-            *self._of_samples(samples),
-            *self._of_drives(samples, mode),
-            *self._of_time(late),
-            *(() if finite else (Finding(Condition.NOT_FINITE, "in the drives' samples"),)),
-        )
+        """Every condition that holds in this tick; empty in an undisturbed one.
 
-    def _of_events(
-        self, events: Sequence[Event], trouble: Sequence[BusTrouble]
-    ) -> Iterator[Finding]:
+        residual: the estimate's (n,) [Nm], None unless the samples are complete and were used;
+        interval_s: since those before. finite: whether estimate and reference are.
+        """
+        missed = int(lateness_s / self._patience.period_s)
+        self._missed_in_row = self._missed_in_row + missed if missed else 0
+        self._since_late = 0 if missed else self._since_late + 1
+        if self._mode is Mode.FAULTED and mode is not Mode.FAULTED:
+            # A person has looked at it: what is now is the truth.
+            self._plausibility.restart()
+        self._mode = mode
+        found: list[Finding] = []
+        found += self._of_events(samples.events)
+        if not samples.fresh.all():
+            found += self._of_samples(samples)
+        if samples.states != self._enabled:
+            found += self._of_drives(samples, mode)
+        if missed:
+            found += self._of_time(lateness_s)
+        if not finite:
+            found.append(Finding(Condition.NOT_FINITE, "in the estimate"))
+        if residual is not None:
+            found += self._of_values(samples, mode, residual, interval_s)
+        return tuple(found)
+
+    def _of_events(self, events: Sequence[Event]) -> Iterator[Finding]:
+        disturbances = [event for event in events if isinstance(event, DISTURBANCES)]
+        self._disturbed_in_row = self._disturbed_in_row + 1 if disturbances else 0
         for event in events:
             # Code 0 says that an earlier emergency is over.
             over = isinstance(event, Emergency) and event.code == 0
             if not over and (condition := CONDITION_OF.get(type(event))):
                 yield Finding(condition, str(event))
-        if self._trouble_in_row >= self._stale_ticks:
-            yield Finding(Condition.BUS_TROUBLE, str(trouble[0]))
+        if disturbances:
+            lasts = self._disturbed_in_row >= self._patience.stale_ticks
+            condition = Condition.BUS_TROUBLE if lasts else Condition.BUS_DISTURBED
+            yield Finding(condition, str(disturbances[0]))
 
     def _of_samples(self, samples: Samples) -> Iterator[Finding]:
-        if samples.fresh.all():
+        ticks = self._patience.stale_ticks
+        stale = samples.age_ticks >= ticks
+        if not stale.any():
+            yield Finding(Condition.SAMPLE_MISSING, self._named(~samples.fresh))
             return
-        stale = np.flatnonzero(samples.age_ticks >= self._stale_ticks)
-        if stale.size:
-            names = ", ".join(self._names[i] for i in stale)
-            yield Finding(Condition.STALE, f"nothing from {names} for {self._stale_ticks} ticks")
-        else:
-            names = ", ".join(self._names[i] for i in np.flatnonzero(~samples.fresh))
-            yield Finding(Condition.SAMPLE_MISSING, names)
+        text = f"nothing from {self._named(stale)} for {ticks} ticks"
+        starved = self._since_late < ticks and samples.age_ticks.max() < STARVED_FACTOR * ticks
+        yield Finding(Condition.STARVED if starved else Condition.STALE, text)
+
+    def _named(self, joints: NDArray[np.bool_]) -> str:
+        return ", ".join(self._names[i] for i in np.flatnonzero(joints))
 
     def _of_drives(self, samples: Samples, mode: Mode) -> Iterator[Finding]:
         energised = mode in SENSING
@@ -87,8 +142,28 @@ class Observer:
                 words = state.name.lower().replace("_", " ")
                 yield Finding(Condition.DRIVE_DROPPED, f"{name} is in {words}")
 
-    def _of_time(self, late: bool) -> Iterator[Finding]:
-        if self._late_in_row >= self._overrun_ticks:
-            yield Finding(Condition.OVERRUN, f"{self._late_in_row} in a row")
-        elif late:
-            yield Finding(Condition.LATE, "")
+    def _of_time(self, lateness_s: float) -> Iterator[Finding]:
+        figures = f"{1000 * lateness_s:.0f} ms late, {self._missed_in_row} deadlines missed"
+        if lateness_s >= self._patience.master_timeout_s:
+            yield Finding(Condition.SUSPENDED, figures=figures)
+        elif self._missed_in_row >= self._patience.overrun_ticks:
+            yield Finding(Condition.OVERRUN, figures=figures)
+        else:
+            yield Finding(Condition.LATE, figures=figures)
+
+    def _of_values(
+        self, samples: Samples, mode: Mode, residual: Vector, interval_s: float
+    ) -> Iterator[Finding]:
+        doubts = self._plausibility.step(
+            samples.link_position,
+            samples.motor_velocity,
+            samples.motor_position,
+            samples.current,
+            residual,
+            interval_s,
+            mode in SENSING,
+        )
+        for doubt in doubts:
+            if doubt.condition is Condition.TORQUE_SATURATED and mode is Mode.ADMITTANCE:
+                continue  # the hand that leads the arm is stronger than the motor
+            yield Finding(doubt.condition, self._names[doubt.joint], doubt.figures)

@@ -14,15 +14,16 @@ import can
 import numpy as np
 
 from drivers.bus import BUS_FAILURES
-from drivers.cia402 import DriveState, PowerTarget, controlword, drive_state
+from drivers.cia402 import QUICK_STOP, DriveState, PowerTarget, controlword, drive_state
 from drivers.codec import Joint, SampleDecoder, SetpointEncoder, Vector, receive_pdos
 from drivers.events import (
     BadSetpoint,
-    BusTrouble,
     Emergency,
     Event,
     ForeignMaster,
-    error_frame_text,
+    LateAnswer,
+    bus_failure,
+    error_frame,
 )
 from drivers.heartbeat import OPERATIONAL, PATIENCE, HeartbeatWatch
 from drivers.samples import Samples
@@ -110,6 +111,10 @@ class Arm:
             self._joint_bits[joint] |= 1 << bit
         self._all = (1 << len(self._tpdos)) - 1
         self._missing = 0
+        # TPDOs that had come when the tick before this one ended: another before the next SYNC
+        # says that the first was old.
+        self._answered = 0
+        self._backlog = False
         self._all_fresh = False
         self._heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
         # All setpoints of a tick; their data is written anew by every command.
@@ -117,6 +122,11 @@ class Arm:
             (setpoint.cob_id, setpoint.data)
             for drive in self._drives
             for setpoint in drive.setpoints
+        ]
+        # Ready beforehand, so that nothing that breaks can be in their way.
+        self._quick_stops = [
+            *_quick_stops(self._drives, self._encoder.standstill),
+            SYNC_FRAME,
         ]
         setpoint_ids = {cob_id for cob_id, _ in self._setpoints}
         self._masters_own = {NMT, SYNC, HEARTBEAT + master_node} | setpoint_ids
@@ -152,7 +162,8 @@ class Arm:
         self._now = now
         # A TPDO that is here before its SYNC is a late answer to the one before.
         self._missing = 0
-        self._receive_queued()
+        self._backlog = not self._receive_queued()
+        self._answered = 0
         for watch in self._watches.values():
             self._tell(watch.check(now))
         self._missing = self._all
@@ -165,9 +176,14 @@ class Arm:
     def collect(self, deadline: float) -> Samples:
         """Read until every TPDO of this SYNC is in, or `deadline` on the arm's clock has passed.
 
-        Frames that are queued already are read even when it has.
+        Frames that are queued already are read even when it has. After a SYNC before which not
+        all could be read (the bus has come back, somebody floods it), nothing counts as its answer.
         """
         frames_left = FRAMES_PER_PASS
+        if self._backlog:
+            self._missing = 0
+            self._receive_queued()
+            self._missing, frames_left = self._all, 0
         try:
             while self._missing and frames_left:
                 frame = self._wire.receive(max(deadline - self._clock(), 0.0))
@@ -176,7 +192,8 @@ class Arm:
                 self._take(*frame)
                 frames_left -= 1
         except BUS_FAILURES as error:
-            self._tell(BusTrouble(f"receiving failed: {error}"))
+            self._tell(bus_failure("receiving", error))
+        self._answered = self._all & ~self._missing
         self.counters.missing_frames += self._missing.bit_count()
         return self._publish()
 
@@ -209,6 +226,10 @@ class Arm:
                 setpoint.layout.pack_into(setpoint.data, 0, *chosen)
         self._send(self._setpoints)
 
+    def quick_stop(self) -> None:
+        """Tell all drives to quick-stop and hold, now, whatever else is broken or unknown."""
+        self._send(self._quick_stops)
+
     def end(self) -> None:
         """Take leave: drives pre-operational, so that no late setpoint acts; heartbeat last.
 
@@ -225,17 +246,20 @@ class Arm:
             self._wire.send(frames)
         except BUS_FAILURES as error:
             self.counters.send_errors += 1
-            self._tell(BusTrouble(f"sending failed: {error}"))
+            self._tell(bus_failure("sending", error))
 
-    def _receive_queued(self) -> None:
+    def _receive_queued(self) -> bool:
+        """Read what is there; False if there was more than a pass reads."""
         try:
             for _ in range(FRAMES_PER_PASS):
                 frame = self._wire.receive(0.0)
                 if frame is None:
-                    return
+                    return True
                 self._take(*frame)
         except BUS_FAILURES as error:
-            self._tell(BusTrouble(f"receiving failed: {error}"))
+            self._tell(bus_failure("receiving", error))
+            return True
+        return False
 
     def _take(self, can_id: int, data: bytes | bytearray) -> None:
         slot = self._tpdos.get(can_id)
@@ -251,13 +275,15 @@ class Arm:
             self._missing ^= bit
         else:
             self.counters.late_frames += 1
+            if self._answered & bit:
+                self._tell(LateAnswer(can_id & 0x7F))
 
     def _take_other(self, can_id: int, data: bytes | bytearray) -> None:
         watch = self._watches.get(can_id & 0x7F)
         service = can_id & ~0x7F  # 11-bit identifiers only: a flag makes it another number
         if can_id & ERROR:
             self.counters.error_frames += 1
-            self._tell(BusTrouble(error_frame_text(can_id & ~ERROR)))
+            self._tell(error_frame(can_id & ~ERROR, data))
         elif can_id in self._masters_own:
             self._tell(ForeignMaster(can_id))
         elif watch is None or service not in (HEARTBEAT, EMERGENCY):
@@ -303,3 +329,12 @@ def _drive(node: int, profile: DriveProfile) -> _Drive:
         setpoints.append(_Setpoint(pdo.cob_id, bytearray(pdo.layout.size), pdo.layout, picks))
     watch = HeartbeatWatch(node, PATIENCE * profile.heartbeat_ms / 1000.0)
     return _Drive(watch, tuple(setpoints))
+
+
+def _quick_stops(drives: Sequence[_Drive], standstill: Sequence[int]) -> list[Frame]:
+    """The setpoints that stop each drive in any state: quick stop, target velocity zero."""
+    return [
+        (rpdo.cob_id, rpdo.layout.pack(*((QUICK_STOP, counts)[pick] for pick in rpdo.picks)))
+        for drive, counts in zip(drives, standstill, strict=True)
+        for rpdo in drive.setpoints
+    ]

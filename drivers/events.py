@@ -1,7 +1,10 @@
 """What may happen on the bus beside samples: typed facts, judged elsewhere."""
 
+import errno
 from dataclasses import dataclass
 from typing import Final
+
+from drivers.emergency import emergency_words
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,8 +16,10 @@ class Emergency:
     register: int
 
     def __str__(self) -> str:
+        words = emergency_words(self.code)
         return (
-            f"node {self.node}: emergency 0x{self.code:04X}, error register 0x{self.register:02X}"
+            f"node {self.node}: emergency 0x{self.code:04X}{words and f' ({words})'}, "
+            f"error register 0x{self.register:02X}"
         )
 
 
@@ -70,8 +75,35 @@ class BadSetpoint:
 
 
 @dataclass(frozen=True, slots=True)
-class BusTrouble:
-    """Sending or receiving failed, the connection is gone, or the controller reports errors."""
+class LateAnswer:
+    """A drive answered one SYNC twice: what was taken for the answer was that to the SYNC before,
+    a whole period old."""
+
+    node: int
+
+    def __str__(self) -> str:
+        return f"node {self.node} answers later than a whole period"
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorPassive:
+    """The CAN controller has counted 128 errors: the bus still works, but badly."""
+
+    def __str__(self) -> str:
+        return "the controller is error-passive (cable, termination, bitrate?)"
+
+
+@dataclass(frozen=True, slots=True)
+class BusOff:
+    """The CAN controller has taken itself off the bus."""
+
+    def __str__(self) -> str:
+        return "the controller has taken itself off the bus"
+
+
+@dataclass(frozen=True, slots=True)
+class AdapterGone:
+    """The adapter, or the connection to it, is gone for good: this bus must be opened anew."""
 
     text: str
 
@@ -79,25 +111,58 @@ class BusTrouble:
         return self.text
 
 
+@dataclass(frozen=True, slots=True)
+class BusTrouble:
+    """Sending or receiving failed, or the controller reports an error; it may be over at once."""
+
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+BusEvent = LateAnswer | ErrorPassive | BusOff | AdapterGone | BusTrouble
 Event = (
-    Emergency | HeartbeatLost | NotOperational | Rebooted | ForeignMaster | BadSetpoint | BusTrouble
+    Emergency | HeartbeatLost | NotOperational | Rebooted | ForeignMaster | BadSetpoint | BusEvent
 )
 
-# Classes of Linux' error frames (linux/can/error.h).
+# A socket that said one of these does not come back, whatever becomes of the adapter. ENETDOWN is
+# not among them: an interface that is set up again serves the sockets it had.
+_GONE: Final = frozenset({errno.ENODEV, errno.ENXIO, errno.EBADF, errno.EIO, errno.ESHUTDOWN})
+
+
+def bus_failure(doing: str, error: Exception) -> AdapterGone | BusTrouble:
+    """What a failure of the bus means; `doing` is "sending" or "receiving"."""
+    number = getattr(error, "errno", None) or getattr(error, "error_code", None)
+    # ValueError is what select() says of a socket that was closed.
+    gone = isinstance(error, ConnectionError | ValueError) or number in _GONE
+    text = f"{doing} failed: {error}"
+    return AdapterGone(text) if gone else BusTrouble(text)
+
+
+# Classes of Linux' error frames (linux/can/error.h), and where class 4 says what it means.
+_CONTROLLER: Final = 0x004
+_BUS_OFF: Final = 0x040
+_PASSIVE: Final = 0x30  # data[1]: receiving or transmitting
 _ERROR_CLASSES: Final = (
     (0x001, "transmission timed out"),
     (0x002, "arbitration lost"),
-    (0x004, "controller problem"),
+    (_CONTROLLER, "controller problem"),
     (0x008, "protocol violation"),
     (0x010, "transceiver trouble"),
     (0x020, "nobody acknowledges (is a drive powered, the bus terminated?)"),
-    (0x040, "bus off"),
+    (_BUS_OFF, "bus off"),
     (0x080, "bus error"),
     (0x100, "controller restarted"),
 )
 
 
-def error_frame_text(error_class: int) -> str:
-    """Words for an error frame; `error_class` is its identifier."""
+def error_frame(error_class: int, data: bytes | bytearray) -> BusOff | ErrorPassive | BusTrouble:
+    """What an error frame means; `error_class` is its identifier. An adapter that reports trouble
+    of the controller without saying which (socketcand) is believed to mean error-passive."""
+    if error_class & _BUS_OFF:
+        return BusOff()
+    if error_class & _CONTROLLER and (len(data) < 2 or data[1] & _PASSIVE):
+        return ErrorPassive()
     found = [text for bit, text in _ERROR_CLASSES if error_class & bit]
-    return "error frame: " + (", ".join(found) or f"class 0x{error_class:X}")
+    return BusTrouble("error frame: " + (", ".join(found) or f"class 0x{error_class:X}"))

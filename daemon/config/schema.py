@@ -108,6 +108,11 @@ class SupervisorSettings(Settings, frozen=True):
     overrun_ticks: Ticks = 5  # deadlines missed in a row
     enable_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0
     stop_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0
+    saturated_ticks: Ticks = 20  # ticks in a row at the current limit
+    # What the measurements are believed beyond what the joint can do by itself.
+    position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, and a bent gear [rad]
+    speed_margin: Annotated[float, Meta(gt=1, le=10)] = 2.0  # times limits.velocity
+    residual_margin: Annotated[float, Meta(gt=1, le=100)] = 4.0  # times thresholds.collision
 
 
 class Configuration(Settings, frozen=True):

@@ -1,5 +1,6 @@
 """The arm on a bus: ticks with the simulated drives, and with everything that may go wrong."""
 
+import errno
 import struct
 
 import can
@@ -12,11 +13,15 @@ from drivers.arm import EVENTS_PER_TICK, FRAMES_PER_PASS, Arm
 from drivers.boot_up import boot_up, forget_master
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.events import (
+    AdapterGone,
     BadSetpoint,
+    BusOff,
     BusTrouble,
     Emergency,
+    ErrorPassive,
     ForeignMaster,
     HeartbeatLost,
+    LateAnswer,
     NotOperational,
     Rebooted,
 )
@@ -316,7 +321,6 @@ def test_short_frames_are_counted_and_not_believed(scripted, arm):
         (frame(0x000, b"\1\0"), ForeignMaster(0x000)),
         (frame(0x77F, b"\5"), ForeignMaster(0x77F)),
         (frame(0x203, bytes(6)), ForeignMaster(0x203)),
-        (frame(0x040, bytes(8), is_error_frame=True), BusTrouble("error frame: bus off")),
     ],
 )
 def test_what_happens_beside_samples_is_an_event(scripted, arm, message, event):
@@ -344,6 +348,58 @@ def test_what_is_none_of_our_business_is_no_event(scripted, arm, message):
     assert samples.statuswords == [-1] * N
 
 
+def test_an_answer_that_comes_twice_for_one_sync_was_old(scripted, arm):
+    tick(arm, scripted, everything())
+    tick(arm, scripted, everything()[1:], 2 * PERIOD_S)  # the first comes more than a period late
+    late = tick(arm, scripted, everything(), 3 * PERIOD_S)  # here it is, taken for the third
+    assert late.events == ()
+    scripted.incoming += everything()[:1]  # and here is the third
+    assert tick(arm, scripted, everything(), 4 * PERIOD_S).events == (LateAnswer(1),)
+    assert tick(arm, scripted, everything(), 5 * PERIOD_S).events == ()
+
+
+def test_what_came_before_the_first_sync_is_nobodys_late_answer(scripted, arm):
+    scripted.incoming += everything()
+    assert tick(arm, scripted, everything()).events == ()
+    assert arm.counters.late_frames == 2 * N
+
+
+def test_a_bus_that_returns_with_old_frames_gives_no_sample_of_before(scripted, arm):
+    tick(arm, scripted, everything())
+    scripted.incoming += 40 * everything(0x27)  # more than one pass reads
+    samples = tick(arm, scripted, everything(0x08), 2 * PERIOD_S)
+    assert not samples.fresh.any(), "all that was read may be old"
+    samples = tick(arm, scripted, everything(0x08), 3 * PERIOD_S)
+    assert samples.fresh.all()
+    assert set(samples.states) == {DriveState.FAULT}
+    assert arm.counters.late_frames == 40 * 2 * N + 2 * N
+
+
+def test_the_quick_stop_needs_neither_samples_nor_state(scripted, arm):
+    arm.quick_stop()
+    stops = [(0x200 + node, bytes([0x02, 0, 0, 0, 0, 0])) for node in range(1, N + 1)]
+    assert scripted.sent == [*stops, (0x080, b"")]
+
+
+@pytest.mark.parametrize(
+    ("message", "event"),
+    [
+        (frame(0x040, is_error_frame=True), BusOff()),
+        (frame(0x044, b"\0\x20" + bytes(6), is_error_frame=True), BusOff()),
+        (frame(0x004, b"\0\x10" + bytes(6), is_error_frame=True), ErrorPassive()),  # receiving
+        (frame(0x004, b"\0\x20" + bytes(6), is_error_frame=True), ErrorPassive()),  # sending
+        (frame(0x004, is_error_frame=True), ErrorPassive()),  # socketcand says no more
+        (
+            frame(0x004, b"\0\x08" + bytes(6), is_error_frame=True),  # a warning
+            BusTrouble("error frame: controller problem"),
+        ),
+        (frame(0x080, bytes(8), is_error_frame=True), BusTrouble("error frame: bus error")),
+    ],
+)
+def test_error_frames_in_words(scripted, arm, message, event):
+    assert tick(arm, scripted, [message]).events == (event,)
+
+
 def test_a_drive_that_falls_silent(scripted, arm):
     for k in range(1, 40):
         beats = [frame(0x700 + node, b"\5") for node in range(1, N + 1) if node != 4 or k < 10]
@@ -357,23 +413,29 @@ def test_a_drive_that_leaves_operational(scripted, arm):
     assert tick(arm, scripted, [frame(0x702, b"\x7f")]).events == (NotOperational(2, 127),)
 
 
+# What python-can and the sockets below it raise.
 @pytest.mark.parametrize(
-    "failure",
+    ("failure", "event"),
     [
-        can.CanOperationError("No buffer space available", 105),
-        can.CanOperationError("Network is down", 100),
-        BrokenPipeError(32, "Broken pipe"),
-        ValueError("file descriptor cannot be a negative integer (-1)"),
+        (can.CanOperationError("No buffer space available", errno.ENOBUFS), BusTrouble),
+        (OSError(errno.ENOBUFS, "No buffer space available"), BusTrouble),
+        (can.CanOperationError("Network is down", errno.ENETDOWN), BusTrouble),
+        (OSError(errno.ENETDOWN, "Network is down"), BusTrouble),
+        (OSError(errno.ENODEV, "No such device"), AdapterGone),
+        (can.CanOperationError("No such device or address", errno.ENXIO), AdapterGone),
+        (BrokenPipeError(errno.EPIPE, "Broken pipe"), AdapterGone),
+        (ConnectionError("the peer has closed the connection"), AdapterGone),
+        (ValueError("file descriptor cannot be a negative integer (-1)"), AdapterGone),
     ],
 )
-def test_a_bus_that_fails_is_an_event(scripted, arm, failure):
+def test_a_bus_that_fails_is_an_event(scripted, arm, failure, event):
     tick(arm, scripted, everything())
     scripted.failure = failure
     arm.command(PowerTarget.ON, STILL)
     arm.sync(2 * PERIOD_S)
     samples = arm.collect(2 * PERIOD_S)
     arm.end()
-    assert {type(event) for event in samples.events} == {BusTrouble}
+    assert {type(found) for found in samples.events} == {event}
     assert len(samples.events) == 2, "once for sending, once for receiving"
     assert not samples.fresh.any()
     assert arm.counters.send_errors == 3, "setpoints, SYNC, and the farewell"
