@@ -1,7 +1,7 @@
 """The one exception tree. Every error that a user may meet derives from `ContactdError`.
 
 Exit codes follow sysexits.h, so that systemd and scripts can tell a bad configuration (78, never
-restarted) from a bus that is not there (69, worth another try).
+restarted) from a bus that is not there (69, worth another try) and from a fault of ours (70).
 """
 
 
@@ -49,6 +49,12 @@ class UnreachableError(ControlError):
     """There is no daemon, it may not be asked, or it fell silent."""
 
     exit_code = 69
+
+
+class ProgramError(ContactdError):
+    """Something broke in the running loop that never should; the log has the traceback."""
+
+    exit_code = 70
 
 
 class LogError(ContactdError):

@@ -100,7 +100,6 @@ def build_observer(c: Configuration) -> Observer:
     """What is watched beside the contacts, and how long a nuisance may last."""
     s = c.supervisor
     patience = Patience(
-        c.period_s,
         s.stale_ticks,
         s.overrun_ticks,
         min(c.drives[joint.wiring.profile].master_timeout_ms for joint in c.joints) / 1000.0,

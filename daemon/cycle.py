@@ -15,7 +15,7 @@ from daemon.modes import Mode
 from daemon.observation import Observer
 from daemon.supervisor import Finding, Reaction
 from drivers.arm import Arm
-from drivers.cia402 import DriveState
+from drivers.cia402 import DriveState, PowerTarget
 from drivers.samples import Samples
 from estimator.estimator import Estimate, Estimator, Flag
 from estimator.motor_position import Side
@@ -33,7 +33,7 @@ class Wakeup:
     lateness_s: float = 0.0
     work_s: float = 0.0  # of the tick before
     missed: int = 0  # deadlines, since the start
-    late: bool = False  # by so much that a deadline was left out
+    left_out: int = 0  # deadlines that this tick came too late for
 
 
 ON_TIME = Wakeup()
@@ -104,6 +104,7 @@ class Cycle:
             samples,
             mode,
             lateness_s=wakeup.lateness_s,
+            left_out=wakeup.left_out,
             residual=None if used is None else used.residual,
             interval_s=self._interval_s,
             finite=finite,
@@ -112,6 +113,8 @@ class Cycle:
         self.fatal = self.fatal or (next(fatal, None) if findings else None)
         if estimate is None:
             self.controller.doubt(self._time_s, findings)
+            if self.controller.faulted:
+                self.arm.command(PowerTarget.QUICK_STOP, self._nothing)
         else:
             observed = self._observe(samples, estimate, findings)
             decision = self.controller.step(self._time_s, self._step_s(), observed)

@@ -35,7 +35,9 @@ class _Formatter(logging.Formatter):
 
 class _JournalFormatter(_Formatter):
     def format(self, record: logging.LogRecord) -> str:
-        return f"<{_PRIORITY.get(record.levelno, 6)}>{super().format(record)}"
+        priority = _PRIORITY.get(record.levelno, 6)
+        # A traceback has many lines, and each is an entry of its own.
+        return "\n".join(f"<{priority}>{line}" for line in super().format(record).splitlines())
 
 
 class _BoundedHandler(logging.handlers.QueueHandler):

@@ -59,7 +59,7 @@ class Loop:
         left_out = max(math.ceil(lateness / period + ANSWER_SHARE) - 1, 0)
         self.missed += left_out
         self._deadline_s = deadline + (1 + left_out) * period
-        self.wakeup = Wakeup(woken, lateness, self._work_s, self.missed, left_out > 0)
+        self.wakeup = Wakeup(woken, lateness, self._work_s, self.missed, left_out)
         self.cycle.begin(woken - self._start_s)
         self.cycle.finish(woken + ANSWER_SHARE * period, self.wakeup)
         self._work_s = clock.now() - woken

@@ -48,7 +48,6 @@ STARVED_FACTOR = 3
 class Patience:
     """How long a nuisance may last before it becomes a doubt."""
 
-    period_s: float
     stale_ticks: int
     overrun_ticks: int
     master_timeout_s: float  # how long the drives wait for our heartbeat
@@ -75,18 +74,19 @@ class Observer:
         mode: Mode,
         *,
         lateness_s: float = 0.0,
+        left_out: int = 0,
         residual: Vector | None = None,
         interval_s: float = 0.0,
         finite: bool = True,
     ) -> tuple[Finding, ...]:
         """Every condition that holds in this tick; empty in an undisturbed one.
 
+        lateness_s, left_out: how late the tick began, and the deadlines that this cost.
         residual: the estimate's (n,) [Nm], None unless the samples are complete and were used;
         interval_s: since those before. finite: whether estimate and reference are.
         """
-        missed = int(lateness_s / self._patience.period_s)
-        self._missed_in_row = self._missed_in_row + missed if missed else 0
-        self._since_late = 0 if missed else self._since_late + 1
+        self._missed_in_row = self._missed_in_row + left_out if left_out else 0
+        self._since_late = 0 if left_out else self._since_late + 1
         if self._mode is Mode.FAULTED and mode is not Mode.FAULTED:
             # A person has looked at it: what is now is the truth.
             self._plausibility.restart()
@@ -97,7 +97,7 @@ class Observer:
             found += self._of_samples(samples)
         if samples.states != self._enabled:
             found += self._of_drives(samples, mode)
-        if missed:
+        if left_out:
             found += self._of_time(lateness_s)
         if not finite:
             found.append(Finding(Condition.NOT_FINITE, "in the estimate"))

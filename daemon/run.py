@@ -14,13 +14,14 @@ from daemon.assembly import build_cycle, build_estimator, build_setups
 from daemon.config.load import Robot
 from daemon.control import ControlSocket, default_socket_path
 from daemon.journal import log_to_stderr
+from daemon.last_resort import stop_on_error
 from daemon.loop import Clock, Loop
 from daemon.notify import Notifier, notifier_of
 from daemon.realtime import go_realtime
 from daemon.service import Service
 from drivers.boot_up import boot_up, forget_master
 from drivers.bus import open_bus
-from errors import DriveError
+from errors import BusError, DriveError
 
 _log = logging.getLogger("contactd")
 
@@ -70,9 +71,13 @@ def _serve(
     cycle.arm.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)
     notifier.ready(service.summary())
-    loop.run(service.doors, lambda: not signals.received)
-    notifier.stopping(f"stopping: {signals.received}")
-    stragglers = service.wind_down(signals.received)
+    with stop_on_error(cycle.arm, c.period_s):
+        loop.run(service.doors, lambda: not (signals.received or cycle.fatal))
+        why = signals.received or str(cycle.fatal)
+        notifier.stopping(f"stopping: {why}")
+        stragglers = [] if cycle.fatal else service.wind_down(why)
+    if cycle.fatal:
+        raise BusError(f"{cycle.fatal}; the drives stop by themselves")
     if not stragglers and not cycle.controller.faulted:
         # At rest for good, the drives need not miss us.
         forget_master(bus, setups)

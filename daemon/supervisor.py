@@ -165,7 +165,7 @@ REACTIONS: Final[dict[Condition, Row]] = {
     ),
     _C.TORQUE_STUCK: Row(
         _R.QUICK_STOP,
-        "the current repeats one value while the motor turns by half a radian",
+        "the current repeats one value for 20 ticks, while the motor turns by 0.2 rad",
         "the arm feels nothing, so it must not move",
     ),
     _C.TORQUE_SATURATED: Row(
@@ -194,8 +194,8 @@ REACTIONS: Final[dict[Condition, Row]] = {
     # --- time ---------------------------------------------------------------------------------
     _C.LATE: Row(
         _R.CONTINUE,
-        "a tick begins more than a period late",
-        "the deadline is left out, and the true interval used",
+        "a tick begins so late that the next deadline has to be left out",
+        "one is left out, and the true interval used",
     ),
     _C.OVERRUN: Row(
         _R.HOLD,

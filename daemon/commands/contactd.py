@@ -47,7 +47,7 @@ def main() -> None:
 
     The program is no certified safety function: an arm needs a hardware emergency stop within
     reach. Exit status: 0 done, 1 failed, 2 usage, 65 damaged recording, 69 bus or daemon not
-    there, 78 wrong configuration.
+    there, 70 error in the program, 78 wrong configuration.
     """
 
 

@@ -110,9 +110,19 @@ def test_disable_is_heard_everywhere_but_in_a_fault(mode: Mode) -> None:
     assert next_mode(mode, Event.DISABLE) in (Mode.OFF, Mode.STOPPING)
 
 
-@pytest.mark.parametrize("mode", [Mode.HOLDING, Mode.TRACKING, Mode.ADMITTANCE])
-def test_doubt_stops_whatever_may_move(mode: Mode) -> None:
+@pytest.mark.parametrize("mode", [Mode.TRACKING, Mode.ADMITTANCE])
+def test_doubt_stops_whatever_moves(mode: Mode) -> None:
     assert next_mode(mode, Event.DOUBT) is Mode.STOPPING
+
+
+@pytest.mark.parametrize("mode", [Mode.HOLDING, Mode.STOPPING])
+def test_a_doubt_that_lasts_only_disarms_what_stands_or_stops(mode: Mode) -> None:
+    assert next_mode(mode, Event.DOUBT) is mode
+    machine = ModeMachine()
+    machine.mode = mode
+    machine.arm("the test")
+    assert machine.apply(Event.DOUBT, "the test", 0.0)
+    assert not machine.armed
 
 
 @pytest.mark.parametrize("mode", set(Mode) - ENERGISED)

@@ -4,22 +4,28 @@ import numpy as np
 import pytest
 
 from daemon.modes import SENSING, Mode
-from daemon.observation import Observer
-from daemon.supervisor import Condition, Reaction
+from daemon.observation import Observer, Patience
+from daemon.plausibility import Bounds, Plausibility
+from daemon.supervisor import Condition, Finding, Reaction
 from drivers.cia402 import DriveState
 from drivers.events import (
+    AdapterGone,
     BadSetpoint,
+    BusOff,
     BusTrouble,
     Emergency,
+    ErrorPassive,
     Event,
     ForeignMaster,
     HeartbeatLost,
+    LateAnswer,
     NotOperational,
     Rebooted,
 )
 from drivers.samples import Samples
 
 NAMES = ("shoulder", "elbow")
+T = 0.01
 ON = DriveState.OPERATION_ENABLED
 
 
@@ -28,31 +34,51 @@ def samples(
     fresh: tuple[bool, bool] = (True, True),
     age: tuple[int, int] = (0, 0),
     states: tuple[DriveState, DriveState] = (ON, ON),
+    q: tuple[float, float] = (0.0, 0.0),
+    current: tuple[float, float] = (0.0, 0.0),
 ) -> Samples:
-    zero = np.zeros(2)
     return Samples(
-        zero, zero, zero, None, np.array(fresh), np.array(age), list(states), [0, 0], events
+        np.array(current),
+        np.array(q),
+        np.zeros(2),
+        None,
+        np.array(fresh),
+        np.array(age),
+        list(states),
+        [0, 0],
+        events,
     )
 
 
 def observe(
-    observer: Observer,
-    taken: Samples,
-    mode: Mode = Mode.TRACKING,
-    late: bool = False,
-    finite: bool = True,
+    observer: Observer, taken: Samples, mode: Mode = Mode.TRACKING, **seen: object
 ) -> list[tuple[Condition, str]]:
-    return [(f.condition, f.text) for f in observer.findings(taken, mode, late, finite)]
+    return [(f.condition, f.text) for f in observer.findings(taken, mode, **seen)]
 
 
 @pytest.fixture
 def observer() -> Observer:
-    return Observer(NAMES, stale_ticks=3, overrun_ticks=5)
+    two = np.ones(2)
+    bounds = Bounds(
+        lower=-2.0 * two,
+        upper=2.0 * two,
+        speed=two,
+        half_gap=0.0 * two,
+        position_margin=0.05,
+        current=two,
+        residual=5.0 * two,
+        saturated_ticks=3,
+        motor_drift=0.001,
+        motor_scale_error=0.002,
+    )
+    patience = Patience(stale_ticks=3, overrun_ticks=5, master_timeout_s=0.1)
+    return Observer(NAMES, patience, Plausibility(bounds))
 
 
 @pytest.mark.parametrize("mode", SENSING)
 def test_an_undisturbed_tick_finds_nothing(observer: Observer, mode: Mode) -> None:
-    assert observe(observer, samples(), mode) == []
+    for _ in range(3):
+        assert observe(observer, samples(), mode, residual=np.zeros(2), interval_s=T) == []
 
 
 @pytest.mark.parametrize(
@@ -60,10 +86,14 @@ def test_an_undisturbed_tick_finds_nothing(observer: Observer, mode: Mode) -> No
     [
         (HeartbeatLost(3), Condition.HEARTBEAT_LOST),
         (Emergency(3, 0x8130, 0x11), Condition.EMERGENCY),
+        (Emergency(3, 0x3220, 0x05), Condition.EMERGENCY),
         (Rebooted(3), Condition.REBOOTED),
         (NotOperational(3, 127), Condition.DRIVE_DROPPED),
         (ForeignMaster(0x080), Condition.FOREIGN_MASTER),
         (BadSetpoint("elbow: nan"), Condition.NOT_FINITE),
+        (ErrorPassive(), Condition.ERROR_PASSIVE),
+        (BusOff(), Condition.BUS_OFF),
+        (AdapterGone("sending failed: no such device"), Condition.ADAPTER_GONE),
     ],
 )
 def test_an_event_of_the_bus(observer: Observer, event: Event, condition: Condition) -> None:
@@ -74,12 +104,17 @@ def test_an_emergency_that_is_over_is_none(observer: Observer) -> None:
     assert observe(observer, samples(Emergency(3, 0, 0))) == []
 
 
-def test_bus_trouble_counts_when_it_lasts(observer: Observer) -> None:
-    trouble = samples(BusTrouble("error frame: bus error"))
-    assert observe(observer, trouble) == observe(observer, trouble) == []
-    assert observe(observer, trouble) == [(Condition.BUS_TROUBLE, "error frame: bus error")]
+@pytest.mark.parametrize(
+    "event", [BusTrouble("sending failed: No buffer space available"), LateAnswer(2)]
+)
+def test_a_disturbance_counts_when_it_lasts(observer: Observer, event: Event) -> None:
+    trouble = samples(event)
+    for _ in range(2):
+        assert observe(observer, trouble) == [(Condition.BUS_DISTURBED, str(event))]
+    for _ in range(2):
+        assert observe(observer, trouble) == [(Condition.BUS_TROUBLE, str(event))]
     assert observe(observer, samples()) == []
-    assert observe(observer, trouble) == []  # counted from the start again
+    assert observe(observer, trouble)[0][0] is Condition.BUS_DISTURBED  # counted anew
 
 
 def test_missing_samples_are_named_and_stale_after_a_while(observer: Observer) -> None:
@@ -87,6 +122,21 @@ def test_missing_samples_are_named_and_stale_after_a_while(observer: Observer) -
     assert observe(observer, missing) == [(Condition.SAMPLE_MISSING, "elbow")]
     stale = samples(fresh=(False, False), age=(1, 3))
     assert observe(observer, stale) == [(Condition.STALE, "nothing from elbow for 3 ticks")]
+
+
+def test_a_late_machine_excuses_stale_samples_for_a_while(observer: Observer) -> None:
+    starved = (Condition.STARVED, "nothing from elbow for 3 ticks")
+    stale = (Condition.STALE, "nothing from elbow for 3 ticks")
+
+    def found(age: int, left_out: int = 0) -> tuple[Condition, str]:
+        taken = samples(fresh=(True, False), age=(0, age))
+        return observe(observer, taken, left_out=left_out)[0]
+
+    assert found(3, left_out=1) == starved
+    assert found(4) == found(5) == starved  # it came late two ticks ago
+    assert found(6) == stale  # three
+    assert found(8, left_out=1) == starved
+    assert found(9, left_out=1) == stale  # three times as long as the drives alone may
 
 
 @pytest.mark.parametrize("mode", Mode)
@@ -108,24 +158,74 @@ def test_a_drive_that_drops_out_is_found_while_it_should_run(
     assert observe(observer, samples(states=(state, ON)), mode) == expected
 
 
-def test_late_ticks_become_an_overrun_in_a_row(observer: Observer) -> None:
+def test_missed_deadlines_become_an_overrun_in_a_row(observer: Observer) -> None:
+    late = {"lateness_s": 0.012, "left_out": 1}
     for _ in range(4):
-        assert observe(observer, samples(), late=True) == [(Condition.LATE, "")]
-    assert observe(observer, samples(), late=True) == [(Condition.OVERRUN, "5 in a row")]
-    assert observe(observer, samples(), late=True) == [(Condition.OVERRUN, "6 in a row")]
+        assert observe(observer, samples(), **late) == [(Condition.LATE, "")]
+    for _ in range(2):
+        assert observe(observer, samples(), **late) == [(Condition.OVERRUN, "")]
+    assert observe(observer, samples(), lateness_s=0.002) == []
+    assert observe(observer, samples(), **late) == [(Condition.LATE, "")]
+
+
+def test_deadlines_missed_at_once_are_an_overrun_too(observer: Observer) -> None:
+    assert observe(observer, samples(), lateness_s=0.042, left_out=4) == [(Condition.LATE, "")]
     assert observe(observer, samples()) == []
-    assert observe(observer, samples(), late=True) == [(Condition.LATE, "")]
+    assert observe(observer, samples(), lateness_s=0.052, left_out=5) == [(Condition.OVERRUN, "")]
 
 
-def test_samples_that_are_not_finite(observer: Observer) -> None:
-    assert observe(observer, samples(), finite=False)[0][0] is Condition.NOT_FINITE
+def test_a_daemon_that_stood_still_for_longer_than_the_drives_wait(observer: Observer) -> None:
+    assert observe(observer, samples(), lateness_s=0.0999, left_out=10)[0][0] is Condition.OVERRUN
+    found = observer.findings(samples(), Mode.TRACKING, lateness_s=0.1, left_out=10)
+    assert [str(f) for f in found] == ["the daemon stood still (100 ms late, 20 deadlines missed)"]
+
+
+def test_estimates_that_are_not_finite(observer: Observer) -> None:
+    assert observe(observer, samples(), finite=False) == [(Condition.NOT_FINITE, "in the estimate")]
+
+
+def test_what_cannot_be_true_is_found_with_its_figures(observer: Observer) -> None:
+    assert observe(observer, samples(), residual=np.zeros(2), interval_s=T) == []
+    found = observer.findings(
+        samples(), Mode.TRACKING, residual=np.array([0.0, -5.5]), interval_s=T
+    )
+    assert found == (Finding(Condition.RESIDUAL_LIMIT, "elbow"),)
+    assert str(found[0]) == "residual implausible: elbow (5.5 Nm, at most 5.0)"
+
+
+def test_samples_that_are_not_complete_are_not_compared(observer: Observer) -> None:
+    assert observe(observer, samples(), residual=np.zeros(2), interval_s=T) == []
+    assert observe(observer, samples(q=(0.0, 1.0))) == []
+
+
+def test_a_hand_that_leads_the_arm_may_be_stronger_than_a_motor(observer: Observer) -> None:
+    full = samples(current=(1.0, 0.0))
+
+    def ticks(mode: Mode) -> list[tuple[Condition, str]]:
+        for _ in range(5):
+            found = observe(observer, full, mode, residual=np.zeros(2), interval_s=T)
+        return found
+
+    assert ticks(Mode.ADMITTANCE) == []
+    assert ticks(Mode.TRACKING) == [(Condition.TORQUE_SATURATED, "shoulder")]
+
+
+def test_after_a_reset_what_is_now_is_believed(observer: Observer) -> None:
+    def at(q: float, mode: Mode) -> list[tuple[Condition, str]]:
+        return observe(observer, samples(q=(q, 0.0)), mode, residual=np.zeros(2), interval_s=T)
+
+    assert at(0.0, Mode.TRACKING) == []
+    assert (Condition.APART, "shoulder") in at(1.0, Mode.TRACKING)
+    assert at(1.0, Mode.FAULTED) == [(Condition.APART, "shoulder")]  # it stays until the reset
+    assert at(1.0, Mode.OFF) == []
+    assert at(1.0, Mode.OFF) == []
 
 
 def test_everything_at_once_is_listed(observer: Observer) -> None:
     taken = samples(
         HeartbeatLost(2), fresh=(True, False), age=(0, 9), states=(DriveState.FAULT, ON)
     )
-    findings = observer.findings(taken, Mode.TRACKING, late=True, finite=False)
+    findings = observer.findings(taken, Mode.TRACKING, lateness_s=0.012, left_out=1, finite=False)
     assert [f.condition for f in findings] == [
         Condition.HEARTBEAT_LOST,
         Condition.STALE,

@@ -7,14 +7,35 @@ import pytest
 from daemon.modes import Event
 from daemon.supervisor import EVENT_OF, REACTIONS, Condition, Finding, Reaction, strongest
 
-# Two nuisances that one tick gets over; everything else stops all drives.
-HARMLESS = {Condition.SAMPLE_MISSING, Condition.LATE}
+# What one tick gets over; where what is measured can still be trusted; what ends the program.
+# Everything else stops all drives until a person has looked.
+EXPECTED = {
+    Reaction.CONTINUE: {Condition.SAMPLE_MISSING, Condition.BUS_DISTURBED, Condition.LATE},
+    Reaction.HOLD: {
+        Condition.STARVED,
+        Condition.ERROR_PASSIVE,
+        Condition.TORQUE_SATURATED,
+        Condition.JOINT_LIMIT,
+        Condition.OVERRUN,
+    },
+    Reaction.FAULT_EXIT: {Condition.ADAPTER_GONE, Condition.PROGRAM_ERROR},
+}
+
+
+def expected(condition: Condition) -> Reaction:
+    found = [reaction for reaction, conditions in EXPECTED.items() if condition in conditions]
+    return found[0] if found else Reaction.QUICK_STOP
 
 
 @pytest.mark.parametrize("condition", Condition)
 def test_reaction(condition: Condition) -> None:
-    expected = Reaction.CONTINUE if condition in HARMLESS else Reaction.QUICK_STOP
-    assert REACTIONS[condition] is Finding(condition, "here").reaction is expected
+    assert REACTIONS[condition].reaction is Finding(condition, "here").reaction
+    assert REACTIONS[condition].reaction is expected(condition)
+
+
+def test_every_row_says_when_and_why() -> None:
+    assert list(REACTIONS) == list(Condition)
+    assert all(row.when and row.why for row in REACTIONS.values())
 
 
 def test_what_each_reaction_does_to_the_mode() -> None:
@@ -22,18 +43,20 @@ def test_what_each_reaction_does_to_the_mode() -> None:
         Reaction.CONTINUE: None,
         Reaction.HOLD: Event.DOUBT,
         Reaction.QUICK_STOP: Event.FAULT,
+        Reaction.FAULT_EXIT: Event.FAULT,
     }
 
 
 def test_the_order_of_strength() -> None:
-    assert Reaction.CONTINUE < Reaction.HOLD < Reaction.QUICK_STOP
+    assert Reaction.CONTINUE < Reaction.HOLD < Reaction.QUICK_STOP < Reaction.FAULT_EXIT
 
 
 def test_the_strongest_wins_wherever_it_stands() -> None:
-    late, missing = Finding(Condition.LATE, ""), Finding(Condition.SAMPLE_MISSING, "a")
+    late, hold = Finding(Condition.LATE), Finding(Condition.OVERRUN)
     fault = Finding(Condition.DRIVE_FAULT, "b")
-    for findings in permutations((late, missing, fault)):
+    for findings in permutations((late, hold, fault)):
         assert strongest(findings) is fault
+    assert strongest((late, hold)) is strongest((hold, late)) is hold
 
 
 def test_the_first_of_equals_wins() -> None:
@@ -48,4 +71,13 @@ def test_nothing_found() -> None:
 
 def test_words() -> None:
     assert str(Finding(Condition.DRIVE_FAULT, "LElbowRoll")) == "drive fault: LElbowRoll"
-    assert str(Finding(Condition.LATE, "")) == "late tick"
+    assert str(Finding(Condition.LATE)) == "late tick"
+    assert str(Finding(Condition.LATE, "", "12 ms")) == "late tick (12 ms)"
+    assert str(Finding(Condition.JUMP, "elbow", "by 1 rad")) == "encoder jump: elbow (by 1 rad)"
+
+
+def test_figures_that_change_make_no_new_finding() -> None:
+    before, after = (Finding(Condition.JUMP, "elbow", figures) for figures in ("1", "2"))
+    assert before == after
+    assert len({before, after}) == 1
+    assert before != Finding(Condition.JUMP, "wrist", "1")

@@ -1,0 +1,68 @@
+"""docs/faults.md shows the table of `daemon.supervisor`, row by row, and the bounds as they are."""
+
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from daemon import plausibility
+from daemon.config.schema import SupervisorSettings
+from daemon.observation import STARVED_FACTOR
+from daemon.supervisor import REACTIONS, Condition, Reaction
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
+WORDS = {
+    Reaction.CONTINUE: "continue",
+    Reaction.HOLD: "hold",
+    Reaction.QUICK_STOP: "quick stop",
+    Reaction.FAULT_EXIT: "fault exit",
+}
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return PAGE.read_text(encoding="utf-8")
+
+
+def rows() -> list[str]:
+    """The table as it should be on the page."""
+    return [
+        f"| {condition} | {row.when} | **{WORDS[row.reaction]}** | {row.why} |"
+        for condition, row in REACTIONS.items()
+    ]
+
+
+def test_the_table_is_the_one_the_program_runs_on(page: str) -> None:
+    shown = re.findall(r"^\| .+ \| .+ \| \*\*.+\*\* \| .+ \|$", page, re.MULTILINE)
+    assert shown == rows()
+    assert len(shown) == len(Condition)
+
+
+def test_every_reaction_is_explained(page: str) -> None:
+    explained = re.findall(r"^- \*\*(.+?)\*\*:", page, re.MULTILINE)
+    assert explained == list(WORDS.values())
+
+
+def test_every_bound_and_its_default(page: str) -> None:
+    shown = re.findall(r"^\| `(\w+)` \| ([\d.]+) \|", page, re.MULTILINE)
+    defaults = msgspec.structs.asdict(SupervisorSettings())
+    assert {name: float(value) for name, value in shown} == defaults
+
+
+@pytest.mark.parametrize(
+    ("constant", "value", "words"),
+    [
+        (plausibility.STUCK_TRAVEL, 0.2, "while the motor turns by 0.2 rad"),
+        (plausibility.STUCK_TICKS, 20, "one value for 20 ticks"),
+        (plausibility.SATURATED_SHARE, 0.95, "(95 %)"),
+        (plausibility.OVERSPEED_TICKS, 3, "for three ticks"),
+        (plausibility.GAP_TOLERANCE, 1.1, "beside the gap and 10 % of it"),
+        (STARVED_FACTOR, 3, "up to three times as long"),
+    ],
+)
+def test_the_figures_that_are_no_configuration(
+    page: str, constant: float, value: float, words: str
+) -> None:
+    assert constant == value
+    assert words in page
