@@ -70,6 +70,8 @@ class SimulatedArm:
         self._by_node = {drive.node: drive for drive in self.drives}
         if len(self._by_node) != n:
             raise ConfigurationError("simulated arm: two joints share a node number")
+        # Drives by the identifier of an RPDO; found out anew after SDO and NMT, which change them.
+        self._hearers: dict[int, tuple[Drive, ...]] = {}
         self._steps = self._sampled_at = 0
         self._sample()
 
@@ -107,6 +109,7 @@ class SimulatedArm:
         if cob == SYNC:
             self._sync()
         elif cob == NMT:
+            self._hearers.clear()
             if len(data) >= 2:
                 for drive in self.drives:
                     if data[1] in (0, drive.node):
@@ -115,11 +118,16 @@ class SimulatedArm:
             node = self._by_node.get(cob & 0x7F)
             if node is not None:
                 node.on_sdo(data)
+                self._hearers.clear()
         elif cob & 0x780 == HEARTBEAT:
             for drive in self.drives:
                 drive.on_heartbeat(cob & 0x7F, self.now)
         else:
-            for drive in self.drives:
+            hearers = self._hearers.get(cob)
+            if hearers is None:
+                hearers = tuple(drive for drive in self.drives if drive.listens(cob))
+                self._hearers[cob] = hearers
+            for drive in hearers:
                 drive.on_pdo(cob, data)
 
     def _sync(self) -> None:

@@ -175,6 +175,10 @@ class Drive:
             self._show_state()
             self._sdo.on_request(self._sdo.rx_cobid, data, 0.0)
 
+    def listens(self, cob_id: int) -> bool:
+        """Whether one of its RPDOs has this identifier, as configured now."""
+        return any(pdo.cob_id == cob_id for pdo in self.receive_pdos)
+
     def on_pdo(self, cob_id: int, data: bytes) -> None:
         """A frame that may be one of this drive's RPDOs."""
         if self.nmt is not Nmt.OPERATIONAL:
