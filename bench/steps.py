@@ -28,13 +28,13 @@ def delay_of(rig: Rig, joint: int, torque: float) -> tuple[float | None, bool]:
     """Put `torque` [Nm] on one joint until it is felt; (delay [s] or None, the gap was crossed)."""
     plant, period = rig.arm.plant, rig.robot.configuration.period_s
     begun = rig.arm.now
-    side = np.sign(plant.q[joint] - plant.theta[joint])
+    side = np.sign(plant.phi[joint])
     rig.arm.external_torque[joint] = torque
     felt: float | None = None
     crossed = False
     for _ in range(round(PATIENCE_S / period)):
         rig.tick()
-        crossed |= bool(np.sign(plant.q[joint] - plant.theta[joint]) != side)
+        crossed |= bool(np.sign(plant.phi[joint]) != side)
         estimate = rig.cycle.estimate
         assert estimate is not None
         if estimate.thresholded[joint] * torque > 0.0:
@@ -42,7 +42,7 @@ def delay_of(rig: Rig, joint: int, torque: float) -> tuple[float | None, bool]:
             break
     rig.arm.external_torque[joint] = 0.0
     rig.run(REST_S)
-    return felt, crossed
+    return felt, crossed and plant.parameters.half_gap[joint] > 0.0
 
 
 def steps(seed: int, friction: str, *, in_motion: bool) -> list[dict[str, Any]]:
