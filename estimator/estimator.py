@@ -4,21 +4,24 @@ Samples are first brought to one common instant (`link_velocity`); everything af
 motor position to the residual, belongs to that instant, `Estimator.delay_s` before the samples.
 """
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from enum import IntFlag
 from typing import Any
 
+import msgspec
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from errors import ModelError
 from estimator import memory
 from estimator.contact import Contact, ContactDetector, Thresholds, dead_band
-from estimator.link_velocity import Alignment
+from estimator.interval import ROW, Interval
+from estimator.link_velocity import ALIGNED, Alignment
 from estimator.model import Model
-from estimator.motor_position import MotorPosition
-from estimator.residual import IMPULSES, Residual
+from estimator.motor_position import Motion, MotorPosition
+from estimator.residual import Residual
 from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, coulomb_viscous, penetration, resting
 from estimator.types import Matrix, Vector
@@ -37,8 +40,7 @@ class Flag(IntFlag):
     """Not enough samples yet for a link velocity: the residual is zero."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
+class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Result of one tick; arrays of shape (n,), never changed afterwards."""
 
     q: Vector
@@ -68,17 +70,24 @@ class Estimate:
     flags: Flag
 
 
+# Sums of an interval's terms that the motor position needs; the residual's forms follow them.
+_TURNED = {"integrated": {"velocity": 1.0}, "measured": {"position": 1.0}}
+_ROTOR = {"rotor": 1.0}
+_TRANSMITTED = {"motor": 1.0, "rotor": -1.0, "motor_rub": -1.0}
+_OWN_FORMS = 3
+
+# Rows of the rubbing terms, and at which of theta_dot, q_dot and phi_dot each of them rubs.
+_RUBBING = slice(ROW["motor_rub"], ROW["gap_rub"] + 1)
+
+
 class Estimator:
     """The whole chain from samples to contact for one arm.
 
     Raises ModelError if the parts do not fit each other.
     """
 
-    _MEMORY = (
-        *("elapsed", "pending", "_started"),
-        *("_momentum", "_ends", "_gap", "_shown"),
-    )
-    _PARTS = ("alignment", "motor_position", "residual", "detector")
+    _MEMORY = ("elapsed", "pending", "_started", "_shown")
+    _PARTS = ("alignment", "interval", "motor_position", "residual", "detector")
 
     def __init__(
         self,
@@ -107,9 +116,12 @@ class Estimator:
             link_delay=settings.link_position_delay_ms / 1000,
             motor_delay=settings.motor_velocity_delay_ms / 1000,
         )
-        self.motor_position = MotorPosition(transmission, settings.gap)
+        self._measured = settings.motor_position == "measured"
+        self.motor_position = MotorPosition(transmission, settings.gap, measured=self._measured)
         variants = (settings.residual, *settings.beside)
         self.residual = Residual(variants, settings.gain, period_s, n)
+        own = (_TURNED[settings.motor_position], _ROTOR, _TRANSMITTED)
+        self.interval = Interval([*own, *self.residual.forms()], n)
         self.detector = ContactDetector(
             model.names,
             thresholds,
@@ -118,24 +130,19 @@ class Estimator:
             debounce=settings.debounce,
         )
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
-        self._corrected = bool(
-            np.any(transmission.contact_stiffness) or np.any(transmission.contact_damping)
-        )
-        self._measured = settings.motor_position == "measured"
+        t = transmission
+        # What a fit adds to tau_M while engaged, for the variants that know of engagement.
+        self._corrected = np.array([[v.kind == "backlash"] for v in variants], dtype=np.float64)
+        self._correcting = bool(np.any(t.contact_stiffness) or np.any(t.contact_damping))
         # current, motor velocity, motor position (zero where it is not used), link position
         self._samples: Matrix = np.zeros((4, n))
-        self._impulses: Matrix = np.zeros((len(IMPULSES), n))
+        self._ones = np.ones(4 * n)
+        self._aligned: Matrix = np.zeros((len(ALIGNED), n))
         self._velocities: Matrix = np.zeros((4, n))
-        t = transmission
+        self._moved: Matrix = np.zeros((len(Motion._fields), n))
         self._coulomb = np.stack([t.motor_coulomb, t.link_coulomb, t.link_coulomb, t.gap_coulomb])
         self._viscous = np.stack([t.motor_viscous, t.link_viscous, t.link_viscous, t.gap_viscous])
-        # Values at the common instant of the last tick, and room for those of this one.
-        self._momentum = np.zeros(n)
-        self._ends: Matrix = np.zeros((8, n))  # tau_M, theta_dot, theta, beta, _rub's friction
-        self._next_ends: Matrix = np.zeros((8, n))
-        self._means: Matrix = np.zeros((8, n))  # integrals of these rows over the interval
-        self._gap = np.zeros(n, dtype=np.bool_)
-        self._shown = np.zeros((4, n))  # q, q_dot, tau_M, threshold
+        self._shown: Matrix = np.zeros((4, n))  # q, q_dot, tau_M, threshold
         self._started = False
         self.elapsed = 0.0
         self.pending = 0.0
@@ -166,8 +173,9 @@ class Estimator:
         samples[0], samples[1], samples[3] = current, motor_velocity, link_position
         if self._measured:
             samples[2] = np.nan if motor_position is None else motor_position
-        if not (np.isfinite(samples).all() and 0.0 < dt < np.inf):
-            self.pending += dt if 0.0 < dt < np.inf else self.period_s
+        # One sum tells: whatever is not finite makes it so.
+        if not (math.isfinite(samples.ravel() @ self._ones) and 0.0 < dt < math.inf):
+            self.pending += dt if 0.0 < dt < math.inf else self.period_s
             return replace(self._last, contacts=(), flags=Flag.INVALID)
 
         dt, self.pending = dt + self.pending, 0.0
@@ -210,24 +218,23 @@ class Estimator:
         self._last = self._estimate((), Flag(0))
 
     def _advance(self, dt: float, flags: Flag, time_s: float) -> Estimate:
-        q, qd = self.alignment.link()
-        ends = self._next_ends
-        self.alignment.motor(out=ends[:3])
-        tau_M, theta_dot = ends[0], ends[1]
-        tau_M *= self.transmission.torque_constant
-        momentum, ends[3] = self.model.dynamics(q, qd)
-        self._rub(qd, theta_dot, out=ends[4:])
+        t, (q, qd, current, theta_dot, theta) = self.transmission, self._aligned
+        self.alignment.aligned(out=self._aligned)
+        self.interval.begin()
+        now = self.interval.now
+        tau_M = now[ROW["motor"]]
+        np.multiply(t.torque_constant, current, out=tau_M)
+        np.multiply(t.rotor_inertia, theta_dot, out=now[ROW["rotor"]])
+        now[ROW["momentum"]], now[ROW["beta"]] = self.model.dynamics(q, qd)
+        now[ROW["velocity"]], now[ROW["position"]] = theta_dot, theta
+        self._rub(qd, theta_dot, out=now[_RUBBING])
         rest = resting(theta_dot)
         if self._started:
-            gap = self._balance(q, qd, momentum, rest, dt)
-            self.residual.step(self._impulses, dt)
-            self._gap[:] = gap
+            self._balance(q, qd, theta_dot, tau_M, rest, dt)
         else:
             self.motor_position.start(q)
             self._started = True
             flags |= Flag.STARTING
-        self._momentum[:] = momentum
-        self._ends, self._next_ends = ends, self._ends
         threshold = self.detector.thresholds(rest, dt)
         side = self.motor_position.side
         contacts = self.detector.step(self.residual.values[0], side, time_s)
@@ -243,46 +250,22 @@ class Estimator:
         out[:] = coulomb_viscous(self._coulomb, self._viscous, v, self.transmission.sign_width)
 
     def _balance(
-        self, q: Vector, qd: Vector, momentum: Vector, rest: Vector, dt: float
-    ) -> NDArray[np.bool_]:
-        """Fill the interval's impulses, in the order of IMPULSES; which joints are in their gap."""
-        t, impulses, means = self.transmission, self._impulses, self._means
-        ends, before = self._next_ends, self._ends
-        np.add(ends, before, out=means)
-        np.multiply(means, 0.5 * dt, out=means)
-        pushed, turned, _, beta, motor_rub, link_rub_together, link_rub, gap_rub = means
-
-        np.subtract(momentum, self._momentum, out=impulses[0])
-        impulses[0] -= beta
-        impulses[1] = pushed
-        np.subtract(ends[1], before[1], out=impulses[2])
-        impulses[2] *= t.rotor_inertia
-        np.add(motor_rub, link_rub_together, out=impulses[3])
-        np.add(motor_rub, link_rub, out=impulses[4])
-
-        advance = ends[2] - before[2] if self._measured else turned
-        gap = self._locate(q, qd, advance, motor_rub, rest, dt)
-        apart = gap & self._gap
-        np.multiply(impulses[1:3], ~apart, out=impulses[5:7])
-        impulses[7] = impulses[3]
-        np.copyto(impulses[7], link_rub + gap_rub, where=apart)
-        if self._corrected:
+        self, q: Vector, qd: Vector, theta_dot: Vector, tau_M: Vector, rest: Vector, dt: float
+    ) -> None:
+        """Motor position and residual over the interval that ends now."""
+        impulses = self.interval.step(dt)
+        moved = self._moved
+        moved[0], moved[1], moved[2], moved[3], moved[4] = q, qd, theta_dot, rest, tau_M
+        moved[5] = impulses[0]
+        np.divide(impulses[1:_OWN_FORMS], dt, out=moved[6:])
+        engaged = self.motor_position.step(moved, dt)
+        errors = impulses[_OWN_FORMS:]
+        if self._correcting:
+            t = self.transmission
             delta = penetration(q - self.motor_position.theta, t.half_gap)
-            correction = t.contact_stiffness * delta + t.contact_damping * (qd - ends[1])
-            impulses[5] += dt * correction * ~apart
-        return gap
-
-    def _locate(
-        self, q: Vector, qd: Vector, advance: Vector, motor_rub: Vector, rest: Vector, dt: float
-    ) -> NDArray[np.bool_]:
-        """Move theta; which joints are in their gap now. motor_rub: motor friction's impulse."""
-        tau_M, theta_dot = self._next_ends[:2]
-        _, pushed, rotor = self._impulses[:3]
-        transmitted = (pushed - rotor - motor_rub) / dt
-        doubt = self.motor_position.uncertainty(tau_M, rotor / dt, theta_dot, rest)
-        return self.motor_position.step(
-            q, qd, theta_dot, advance, transmitted, doubt, dt, measured=self._measured
-        )
+            correction = t.contact_stiffness * delta + t.contact_damping * (qd - theta_dot)
+            errors[len(self._corrected) :] -= dt * self._corrected * correction
+        self.residual.step(errors, engaged, dt)
 
     def _still(self, q: Vector, flags: Flag) -> Estimate:
         """No velocity yet: no residual."""

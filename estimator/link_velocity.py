@@ -43,6 +43,10 @@ def parabola(last_interval: float, interval_before: float, delay: float) -> Matr
     )
 
 
+ALIGNED = ("position", "velocity", "current", "motor_velocity", "motor_position")
+"""Rows of what `Alignment.aligned` gives."""
+
+
 class Alignment:
     """The last samples, and their values at one common instant `delay` seconds ago.
 
@@ -50,7 +54,7 @@ class Alignment:
     drive's filter, the link position by its encoder's latency.
     """
 
-    _MEMORY = ("count", "interval", "interval_before", "position", "linear")
+    _MEMORY = ("count", "interval", "interval_before", "history")
 
     def __init__(
         self,
@@ -65,14 +69,15 @@ class Alignment:
         self._back = DELAY_PERIODS[method] * period
         self.delay = self._back + link_delay
         """The common instant lies this long before the newest sample arrived [s]."""
-        # Rows of `linear`: current, motor velocity, motor position.
-        self._age = self.delay - np.array([[current_delay], [motor_delay], [motor_delay]])
-        self._change = np.zeros((3, n))
+        self._current_age = self.delay - current_delay
+        self._motor_age = self.delay - motor_delay
         self.count = 0
         self.interval = period
         self.interval_before = period
-        self.position = np.zeros((SAMPLES, n))
-        self.linear = np.zeros((2, 3, n))
+        # Rows of a sample: current, motor velocity, motor position, link position; newest first.
+        self.history: Matrix = np.zeros((SAMPLES * 4, n))
+        # All that is aligned is linear in all that was sampled.
+        self._weights: Matrix = np.zeros((len(ALIGNED), SAMPLES * 4))
 
     @property
     def ready(self) -> bool:
@@ -83,26 +88,19 @@ class Alignment:
 
         samples: shape (4, n): current, motor velocity, motor position, link position.
         """
-        newest, before, oldest = self.position
-        oldest[:] = before
-        before[:] = newest
-        newest[:] = samples[3]
-        self.linear[1] = self.linear[0]
-        self.linear[0] = samples[:3]
+        self.history[4:] = self.history[:-4]
+        self.history[:4] = samples
         self.interval_before, self.interval = self.interval, dt
         self.count = min(self.count + 1, SAMPLES)
 
-    def link(self) -> Matrix:
-        """q and q_dot at the common instant, shape (2, n)."""
-        aligned: Matrix = parabola(self.interval, self.interval_before, self._back) @ self.position
-        return aligned
-
-    def motor(self, out: Matrix) -> None:
-        """Current, motor velocity and motor position at the common instant into out (3, n)."""
-        newest, before = self.linear
-        np.subtract(before, newest, out=self._change)
-        np.multiply(self._change, self._age / self.interval, out=self._change)
-        np.add(newest, self._change, out=out)
+    def aligned(self, out: Matrix) -> None:
+        """The rows of ALIGNED at the common instant into out (5, n)."""
+        weights = self._weights
+        weights[:2, 3::4] = parabola(self.interval, self.interval_before, self._back)
+        current, motor = self._current_age / self.interval, self._motor_age / self.interval
+        weights[2, 0], weights[2, 4] = 1.0 - current, current
+        weights[3, 1], weights[3, 5] = weights[4, 2], weights[4, 6] = 1.0 - motor, motor
+        np.dot(weights, self.history, out=out)
 
     def restart(self) -> None:
         """Forget all samples."""

@@ -12,17 +12,17 @@ from the residual: a hand that moves the link to the other border of its gap is 
 and is not explained away.
 """
 
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from estimator import memory
 from estimator.transmission import Transmission
-from estimator.types import Vector
+from estimator.types import Matrix, Vector
 
 
 class Side(IntEnum):
@@ -49,124 +49,190 @@ class GapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 _LINK_REST = 0.01  # [rad/s]; a link encoder's noise stays below it
 _PULL = 0.2  # share of a border's error that is corrected in one tick
-_UNKNOWN = np.int8(Side.UNKNOWN)
 _FLOOR = 0.05  # of alpha: standard uncertainty at an engaged border
+_LEFT, _GAP, _RIGHT, _UNKNOWN = Side.LEFT, Side.GAP, Side.RIGHT, Side.UNKNOWN
 
 
-class MotorPosition:
-    """Estimate of theta [rad], standard uncertainty of phi [rad] and side, each of shape (n,)."""
+class Motion(NamedTuple):
+    """One joint in one interval, at the link side."""
 
-    _MEMORY = ("theta", "sigma", "side", "streak")
+    q: float
+    """link position at its end [rad]"""
+    q_dot: float
+    """[rad/s]"""
+    theta_dot: float
+    """[rad/s]"""
+    resting: float
+    """`transmission.resting` of theta_dot"""
+    tau_M: float
+    """K_c * current [Nm]"""
+    advance: float
+    """change of theta, integrated or measured [rad]"""
+    rotor: float
+    """mean B theta_ddot [Nm]"""
+    transmitted: float
+    """mean torque that the rotor gives to the link [Nm]"""
 
-    def __init__(self, transmission: Transmission, settings: GapSettings) -> None:
-        n = transmission.n
-        self._t = transmission
-        self._s = settings
-        self._alpha = transmission.half_gap
-        self._rigid = self._alpha == 0.0
-        self._unknown_from = np.where(self._rigid, np.inf, self._alpha)
-        self._compliance = np.where(self._rigid, 0.0, 1.0 / transmission.gear_stiffness)
-        self._doubtful_coulomb = settings.friction_error * transmission.motor_coulomb
-        self._doubtful_viscous = settings.friction_error * transmission.motor_viscous
-        self._floor = _FLOOR * self._alpha
-        self._margin = settings.margin * self._alpha
-        self.theta = np.zeros(n)
-        self.sigma = np.array(self._alpha)
-        self.side = np.full(n, Side.UNKNOWN, dtype=np.int8)
-        # Ticks in a row in which the transmitted torque clearly had one sign; signed as that.
-        self.streak = np.zeros(n)
 
-    def start(self, q: Vector) -> None:
+class Known(NamedTuple):
+    """What is known of one rotor."""
+
+    theta: float
+    """[rad]"""
+    sigma: float
+    """standard uncertainty of phi [rad]"""
+    streak: int
+    """ticks in a row in which the transmitted torque clearly had one sign; signed as that"""
+    side: int
+    """`Side`"""
+    gap: bool
+    """sure to be in the gap: unlike `side`, never in doubt"""
+
+
+@dataclass(frozen=True, slots=True)
+class JointGap:
+    """The gap of one joint. Plain numbers: a branch costs less than a mask over seven joints."""
+
+    settings: GapSettings
+    alpha: float
+    compliance: float  # of the gear [rad/Nm]
+    coulomb: float  # of the motor's side [Nm]
+    viscous: float  # [Nm s/rad]
+    measured: bool  # theta follows the drive's motor position
+
+    def start(self, q: float) -> Known:
         """Nothing is known but that phi is somewhere in the gap."""
-        self.theta[:] = q
-        self.sigma[:] = self._alpha
-        self.side[:] = Side.UNKNOWN
-        self.streak[:] = 0
+        return Known(q, self.alpha, 0, _UNKNOWN, gap=False)
 
-    def uncertainty(
-        self, tau_M: Vector, rotor: Vector, theta_dot: Vector, resting: Vector
-    ) -> tuple[Vector, Vector]:
-        """How wrong the torque transmitted by the gear may be [Nm]: in motion, and as it is now.
+    def doubt(self, moved: Motion) -> float:
+        """How wrong the transmitted torque may be in motion [Nm]. Near rest, where Coulomb
+        friction may have any value, it may be wrong by that too."""
+        s = self.settings
+        return (
+            s.friction_error * (self.coulomb + self.viscous * abs(moved.theta_dot))
+            + s.rotor_error * abs(moved.rotor)
+            + s.current_error * abs(moved.tau_M)
+        )
 
-        tau_M and rotor = B theta_ddot [Nm]. They differ by `transmission.resting`: near rest
-        Coulomb friction may have any value.
-        """
-        s = self._s
-        moving = self._doubtful_viscous * np.abs(theta_dot)
-        moving += self._doubtful_coulomb
-        moving += s.rotor_error * np.abs(rotor)
-        moving += s.current_error * np.abs(tau_M)
-        return moving, moving + self._t.motor_coulomb * resting
-
-    def step(
-        self,
-        q: Vector,
-        qd: Vector,
-        theta_dot: Vector,
-        advance: Vector,
-        transmitted: Vector,
-        uncertainty: tuple[Vector, Vector],
-        dt: float,
-        *,
-        measured: bool,
-    ) -> NDArray[np.bool_]:
-        """Advance by dt seconds; returns which joints are in their gap.
-
-        advance: change of theta in the interval [rad], integrated or measured.
-        transmitted: torque that the rotor gives to the link in the interval [Nm], and its
-        `uncertainty` [Nm].
-        """
-        self.theta += advance if measured else self._integrated(qd, theta_dot, advance, dt)
+    def step(self, known: Known, moved: Motion, dt: float) -> Known:
+        """Advance by dt seconds."""
+        s, alpha = self.settings, self.alpha
+        load, doubt = abs(moved.transmitted), self.doubt(moved)
+        theta, sigma = self._advanced(known, moved, dt)
 
         # A torque that may be friction does not tell the side; but it may as well be a load, and
         # dropping a load is worse than keeping a friction.
-        small, doubtful = uncertainty
-        load = np.abs(transmitted)
-        clear = np.copysign(load > doubtful, transmitted)
-        streak = self.streak
-        streak *= streak * clear > 0.0
-        streak += clear
-        engaged = np.abs(streak) >= self._s.hold_ticks
-        phi = self._correct(q, engaged, load)
-
-        gap = np.abs(phi) < self._alpha - np.maximum(self._margin, self.sigma)
-        gap &= load < small
-        gap &= ~engaged
-        np.copyto(phi, -transmitted, where=engaged | self._rigid)
-        np.copysign(~gap, phi, out=self.side, casting="unsafe")
-        np.copyto(self.side, _UNKNOWN, where=self.sigma >= self._unknown_from)
-        return gap
-
-    def _integrated(self, qd: Vector, theta_dot: Vector, advance: Vector, dt: float) -> Vector:
-        """The integrated advance, none at standstill; sigma grows by the velocity's error."""
-        s, speed = self._s, np.abs(theta_dot)
-        moving = (speed > s.standstill) | (np.abs(qd) > _LINK_REST)
-        speed *= s.velocity_scale_error * dt
-        speed += s.velocity_bias * dt
-        self.sigma += speed * moving
-        return advance * moving
-
-    def _correct(self, q: Vector, engaged: NDArray[np.bool_], load: Vector) -> Vector:
-        """Pull phi to the engaged border, and never let it go further than the load bends the gear.
-
-        Returns phi.
-        """
-        alpha, sigma = self._alpha, self.sigma
-        beyond = alpha + load * self._compliance
-        phi = q - self.theta
-        # The torque pushes the link up where phi is at its lower border, and the other way round.
-        border = np.copysign(1.0, -self.streak)
-        outward = border * phi
-        lowest = np.where(engaged, alpha, -beyond)
-        error = border * (outward - np.minimum(np.maximum(outward, lowest), beyond))
-        # What is not known at all is taken at once, what is known a little at a time.
-        pull = 1.0 - (1.0 - _PULL) * (engaged & (sigma < alpha))
-        np.minimum(sigma, alpha, out=sigma)
-        sigma += pull * engaged * (self._floor - sigma)
-        error *= pull
-        self.theta += error
+        sign = 0
+        if load > doubt + self.coulomb * moved.resting:
+            sign = 1 if moved.transmitted > 0.0 else -1
+        streak = known.streak + sign if known.streak * sign > 0 else sign
+        engaged = abs(streak) >= s.hold_ticks
+        phi = moved.q - theta
+        error, sigma = self._error(phi, sigma, engaged, streak, load)
+        theta += error
         phi -= error
-        return phi
+
+        clear = abs(phi) < alpha - max(s.margin * alpha, sigma)
+        gap = clear and load < doubt and not engaged
+        if sigma >= alpha > 0.0:
+            side = _UNKNOWN
+        elif gap:
+            side = _GAP
+        else:
+            towards = -moved.transmitted if engaged or alpha == 0.0 else phi
+            side = _LEFT if towards < 0.0 else _RIGHT
+        return Known(theta, sigma, streak, side, gap)
+
+    def _advanced(self, known: Known, moved: Motion, dt: float) -> tuple[float, float]:
+        """Theta and sigma after the motion: none at standstill, and then nothing is lost either."""
+        if self.measured:
+            return known.theta + moved.advance, known.sigma
+        s, speed = self.settings, abs(moved.theta_dot)
+        if speed <= s.standstill and abs(moved.q_dot) <= _LINK_REST:
+            return known.theta, known.sigma
+        lost = (s.velocity_scale_error * speed + s.velocity_bias) * dt
+        return known.theta + moved.advance, known.sigma + lost
+
+    def _error(
+        self, phi: float, sigma: float, engaged: bool, streak: int, load: float
+    ) -> tuple[float, float]:
+        """What phi is beyond where it can be, and sigma after correcting it.
+
+        While engaged phi is at its border; it never goes further than the load bends the gear.
+        """
+        alpha = self.alpha
+        beyond = alpha + load * self.compliance
+        # The torque pushes the link up where phi is at its lower border, and the other way round.
+        border = -1.0 if streak > 0 else 1.0
+        outward = border * phi
+        lowest = alpha if engaged else -beyond
+        error = border * (outward - min(max(outward, lowest), beyond))
+        if not engaged:
+            return error, min(sigma, alpha)
+        # What is not known at all is taken at once, what is known a little at a time.
+        pull = _PULL if sigma < alpha else 1.0
+        sigma = min(sigma, alpha)
+        return pull * error, sigma + pull * (_FLOOR * alpha - sigma)
+
+
+class MotorPosition:
+    """The rotors of an arm: theta [rad], sigma [rad], side; each of shape (n,)."""
+
+    _MEMORY = ("theta", "sigma", "streak", "side", "gap")
+
+    def __init__(
+        self, transmission: Transmission, settings: GapSettings, *, measured: bool = False
+    ) -> None:
+        t, n = transmission, transmission.n
+        self.joints = tuple(
+            JointGap(
+                settings=settings,
+                alpha=float(t.half_gap[i]),
+                compliance=float(1.0 / t.gear_stiffness[i] if t.half_gap[i] else 0.0),
+                coulomb=float(t.motor_coulomb[i]),
+                viscous=float(t.motor_viscous[i]),
+                measured=measured,
+            )
+            for i in range(n)
+        )
+        self.theta = np.zeros(n)
+        self.sigma = np.zeros(n)
+        self.streak = np.zeros(n, dtype=np.int64)
+        self.side = np.zeros(n, dtype=np.int8)
+        self.gap = np.zeros(n, dtype=np.bool_)
+        self.start(self.theta)
+
+    def start(self, q: Vector) -> None:
+        """Link positions (n,) are all that is known."""
+        self._keep([joint.start(x) for joint, x in zip(self.joints, q.tolist(), strict=True)])
+
+    def step(self, moved: Matrix, dt: float) -> Vector:
+        """Advance by dt seconds; moved: rows of `Motion`, shape (8, n).
+
+        Returns 0 where a joint was in its gap at both ends of the interval and else 1, (n,).
+        """
+        known = [
+            joint.step(Known(*before), Motion(*motion), dt)
+            for joint, motion, *before in zip(
+                self.joints,
+                moved.T.tolist(),
+                self.theta.tolist(),
+                self.sigma.tolist(),
+                self.streak.tolist(),
+                self.side.tolist(),
+                self.gap.tolist(),
+                strict=True,
+            )
+        ]
+        apart = self.gap.copy()
+        self._keep(known)
+        apart &= self.gap
+        return np.subtract(1.0, apart)
+
+    def _keep(self, known: list[Known]) -> None:
+        theta, sigma, streak, side, gap = zip(*known, strict=True)
+        self.theta[:], self.sigma[:], self.streak[:] = theta, sigma, streak
+        self.side[:], self.gap[:] = side, gap
 
     def memory(self) -> dict[str, Any]:
         return memory.dump(self, self._MEMORY)

@@ -6,9 +6,9 @@ that act on them, and what is left over is the impulse of the external torque:
     e(k) = Delta(M q_dot) - T beta - T tau_L + T tau_mu
     r(k) = [(2 - T K) r(k-1) + 2 K e(k)] / (2 + T K)
 
-which is (13) by increments: no integral grows, and it starts from r = 0 whatever the momentum. An
-interval's torques are the mean of both ends (Tustin's rule); the rotor's B theta_ddot enters as the
-increment B Delta theta_dot, so that nothing is differentiated twice.
+which is (13) by increments: no integral grows, and it starts from r = 0 whatever the momentum. The
+rotor's B theta_ddot enters as the increment B Delta theta_dot, so that nothing is differentiated
+twice; `interval` makes increments and integrals.
 
 An interval counts as gap only if the joint is in the gap at both ends. When the rotor meets the
 link within an interval, tau_M, friction and B Delta theta_dot of the whole interval must be taken
@@ -16,7 +16,7 @@ together: what the rotor won in the gap is what it gives to the link.
 """
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -24,7 +24,8 @@ from msgspec import Meta
 
 from errors import ModelError
 from estimator import memory
-from estimator.types import Matrix
+from estimator.interval import Form
+from estimator.types import Matrix, Vector
 
 Kind = Literal["classical", "backlash", "two_mass"]
 
@@ -47,36 +48,46 @@ class Variant(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         return self.kind + "-friction" * (not self.friction) + "-rotor" * (not self.rotor_inertia)
 
 
-# Rows of the impulses [Nm s] of one interval, shape (len(IMPULSES), n).
-IMPULSES = (
-    "inertial",  # Delta(M q_dot) - T beta
-    "motor",  # T tau_M
-    "rotor",  # B Delta theta_dot
-    "rubbing",  # T tau_mu, engaged: motor and link friction at the motor's velocity
-    "two_sided",  # T tau_mu: motor friction at the motor's, link friction at the link's velocity
-    "engaged_motor",  # T (tau_M + correction), zero in the gap
-    "engaged_rotor",  # B Delta theta_dot, zero in the gap
-    "switched",  # T tau_mu of (6)
-)
-_ROW = {name: row for row, name in enumerate(IMPULSES)}
+class _Sides(NamedTuple):
+    """A form in two parts: what always acts, and what acts only while rotor and link touch."""
 
-# Sign and name of the impulses that make up e, by kind: always, with friction, with rotor inertia.
-_FORMS: dict[Kind, tuple[str, str, str]] = {
-    "classical": ("motor", "rubbing", "rotor"),
-    "backlash": ("engaged_motor", "switched", "engaged_rotor"),
-    "two_mass": ("motor", "two_sided", "rotor"),
+    always: Form
+    engaged: Form
+
+
+# What makes up e beside momentum and beta: drive, friction and rotor inertia, by kind.
+_BELIEFS: dict[Kind, tuple[_Sides, _Sides, _Sides]] = {
+    "classical": (
+        _Sides({"motor": -1.0}, {}),
+        _Sides({"motor_rub": 1.0, "link_rub_together": 1.0}, {}),
+        _Sides({"rotor": 1.0}, {}),
+    ),
+    "backlash": (
+        _Sides({}, {"motor": -1.0}),
+        _Sides(  # (6): K_theta while engaged; K_phi and K_q inside the gap
+            {"link_rub": 1.0, "gap_rub": 1.0},
+            {"motor_rub": 1.0, "link_rub_together": 1.0, "link_rub": -1.0, "gap_rub": -1.0},
+        ),
+        _Sides({}, {"rotor": 1.0}),
+    ),
+    "two_mass": (
+        _Sides({"motor": -1.0}, {}),
+        _Sides({"motor_rub": 1.0, "link_rub": 1.0}, {}),
+        _Sides({"rotor": 1.0}, {}),
+    ),
 }
 
 
-def coefficients(variant: Variant) -> list[float]:
-    """e = coefficients @ impulses."""
-    drive, friction, rotor = _FORMS[variant.kind]
-    row = [0.0] * len(IMPULSES)
-    row[_ROW["inertial"]] = 1.0
-    row[_ROW[drive]] = -1.0
-    row[_ROW[friction]] = float(variant.friction)
-    row[_ROW[rotor]] = float(variant.rotor_inertia)
-    return row
+def forms(variant: Variant) -> tuple[Form, Form]:
+    """e(k) of a variant: the sum of terms that always counts, and that while engaged."""
+    drive, friction, rotor = _BELIEFS[variant.kind]
+    believed = [drive, *[friction] * variant.friction, *[rotor] * variant.rotor_inertia]
+    always: dict[str, float] = {"momentum": 1.0, "beta": -1.0}
+    engaged: dict[str, float] = {}
+    for sides in believed:
+        always.update(sides.always)
+        engaged.update(sides.engaged)
+    return always, engaged
 
 
 class Residual:
@@ -100,23 +111,30 @@ class Residual:
         self.variants = tuple(variants)
         self.gain = gain
         self.values: Matrix = np.zeros((len(variants), n))
-        self._coefficients = np.array([coefficients(variant) for variant in variants])
         self._error = np.zeros_like(self.values)
 
-    def step(self, impulses: Matrix, dt: float) -> Matrix:
+    def forms(self) -> list[Form]:
+        """What an `Interval` must sum for `step`: every variant's part that always acts, then
+        every variant's part that acts while engaged."""
+        always, engaged = zip(*map(forms, self.variants), strict=True)
+        return [*always, *engaged]
+
+    def step(self, impulses: Matrix, engaged: Vector, dt: float) -> Matrix:
         """Advance by one interval of dt seconds; returns `values`, overwritten by the next step.
 
-        impulses: rows of IMPULSES, shape (8, n) [Nm s], finite. With dt beyond 2 / gain the pole
-        is clamped at zero: the residual is then the mean external torque of the interval.
+        impulses: those of `forms`, shape (2 * variants, n) [Nm s], finite; engaged: (n,), 1 where
+        rotor and link touched, 0 where they were apart. With dt beyond 2 / gain the pole is
+        clamped at zero: the residual is then the mean external torque of the interval.
         """
-        TK = self.gain * dt
-        np.dot(self._coefficients, impulses, out=self._error)
+        variants, error, TK = len(self.variants), self._error, self.gain * dt
+        np.multiply(impulses[variants:], engaged, out=error)
+        np.add(error, impulses[:variants], out=error)
         if TK < 2.0:
             self.values *= (2.0 - TK) / (2.0 + TK)
-            self._error *= 2.0 * self.gain / (2.0 + TK)
-            self.values += self._error
+            error *= 2.0 * self.gain / (2.0 + TK)
+            self.values += error
         else:
-            np.divide(self._error, dt, out=self.values)
+            np.divide(error, dt, out=self.values)
         return self.values
 
     def reset(self) -> None:

@@ -285,7 +285,7 @@ def test_a_restored_estimator_still_holds_its_last_value(make_estimator, sine_mo
         (lambda m: m.pop("residual"), "memory of an estimator"),
         (lambda m: m["residual"].pop("values"), "memory of Residual"),
         (lambda m: m["residual"]["values"].pop(), "shape"),
-        (lambda m: m["alignment"]["position"][0].__setitem__(0, float("nan")), "not finite"),
+        (lambda m: m["alignment"]["history"][0].__setitem__(0, float("nan")), "not finite"),
         (lambda m: m["detector"]["raised"].__setitem__(0, "much"), "memory of ContactDetector"),
     ],
 )

@@ -1,0 +1,71 @@
+"""What acts over one interval, from the values at both of its ends: one matrix product.
+
+Momenta change by an increment; torques and velocities are integrated by Tustin's rule, the mean of
+both ends. Every sum of such impulses is linear in the stacked values of both ends, so all of them
+come out of one product, however many residuals run side by side.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from estimator import memory
+from estimator.types import Matrix
+
+# What is known at an instant, one row each, in this order. Kinds of friction: see `residual`.
+TERMS = (
+    "momentum",  # M q_dot [kg m2/s]
+    "rotor",  # B theta_dot [kg m2/s]
+    "position",  # theta, where it is measured [rad]
+    "velocity",  # theta_dot [rad/s]
+    "beta",  # C^T q_dot - g [Nm]
+    "motor",  # tau_M [Nm]
+    "motor_rub",  # friction of the motor's side at theta_dot [Nm]
+    "link_rub_together",  # friction of the link's side at theta_dot: rotor and link move as one
+    "link_rub",  # friction of the link's side at q_dot
+    "gap_rub",  # friction between rotor and link at phi_dot
+)
+ROW = {name: row for row, name in enumerate(TERMS)}
+_INCREMENTS = frozenset({"momentum", "rotor", "position"})
+
+Form = Mapping[str, float]
+"""A sum of terms: weight by name."""
+
+
+class Interval:
+    """Values at both ends and the impulses of `forms`, shape (len(forms), n), of the last step.
+
+    Write the values of an instant to the rows of `now`, (len(TERMS), n), after `begin`.
+    """
+
+    _MEMORY = ("_ends",)
+
+    def __init__(self, forms: Sequence[Form], n: int) -> None:
+        terms = len(TERMS)
+        self._ends: Matrix = np.zeros((2 * terms, n))
+        self.now, self._before = self._ends[:terms], self._ends[terms:]
+        self.impulses: Matrix = np.zeros((len(forms), n))
+        self._fixed, self._per_second, self._weights = np.zeros((3, len(forms), 2 * terms))
+        for form, fixed, per_second in zip(forms, self._fixed, self._per_second, strict=True):
+            for name, weight in form.items():
+                if name in _INCREMENTS:
+                    fixed[[ROW[name], terms + ROW[name]]] = weight, -weight
+                else:
+                    per_second[[ROW[name], terms + ROW[name]]] = 0.5 * weight
+
+    def begin(self) -> None:
+        """What was now becomes the other end."""
+        self._before[:] = self.now
+
+    def step(self, dt: float) -> Matrix:
+        """Impulses over the last dt seconds; overwritten by the next step."""
+        np.multiply(self._per_second, dt, out=self._weights)
+        np.add(self._weights, self._fixed, out=self._weights)
+        return np.dot(self._weights, self._ends, out=self.impulses)
+
+    def memory(self) -> dict[str, Any]:
+        return memory.dump(self, self._MEMORY)
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        memory.load(self, self._MEMORY, state)
