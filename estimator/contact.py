@@ -113,7 +113,7 @@ class ContactDetector:
     def step(self, residual: Vector, side: NDArray[np.int8], time_s: float) -> tuple[Contact, ...]:
         """Contacts that begin in this tick, at most one per joint and level."""
         levels = self._levels + self.raised
-        if not np.greater(np.abs(residual), levels[0]).any():
+        if not np.count_nonzero(np.abs(residual) > levels[0]):
             self.streak[:] = 0
             return ()
         past = (residual > levels).astype(np.int64) - (residual < -levels)

@@ -20,7 +20,7 @@ from estimator.contact import Contact, ContactDetector, Thresholds, dead_band
 from estimator.interval import ROW, Interval
 from estimator.link_velocity import ALIGNED, Alignment
 from estimator.model import Model
-from estimator.motor_position import Motion, MotorPosition
+from estimator.motor_position import MOTION, MotorPosition
 from estimator.residual import Residual
 from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, coulomb_viscous, penetration, resting
@@ -139,7 +139,7 @@ class Estimator:
         self._ones = np.ones(4 * n)
         self._aligned: Matrix = np.zeros((len(ALIGNED), n))
         self._velocities: Matrix = np.zeros((4, n))
-        self._moved: Matrix = np.zeros((len(Motion._fields), n))
+        self._moved: Matrix = np.zeros((len(MOTION), n))
         self._coulomb = np.stack([t.motor_coulomb, t.link_coulomb, t.link_coulomb, t.gap_coulomb])
         self._viscous = np.stack([t.motor_viscous, t.link_viscous, t.link_viscous, t.gap_viscous])
         self._shown: Matrix = np.zeros((4, n))  # q, q_dot, tau_M, threshold
@@ -283,13 +283,14 @@ class Estimator:
         position = self.motor_position
         q, qd, tau_M, threshold = self._shown.copy()
         residuals = self.residual.values.copy()
+        theta = position.theta
         return Estimate(
             q=q,
             qd=qd,
-            theta=position.theta.copy(),
-            phi=q - position.theta,
-            sigma_phi=position.sigma.copy(),
-            side=position.side.copy(),
+            theta=theta,
+            phi=q - theta,
+            sigma_phi=position.sigma,
+            side=position.side,
             tau_M=tau_M,
             residual=residuals[0],
             beside={name: residuals[row] for row, name in self._beside},

@@ -12,13 +12,13 @@ from the residual: a hand that moves the link to the other border of its gap is 
 and is not explained away.
 """
 
-from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from estimator import memory
 from estimator.transmission import Transmission
@@ -50,192 +50,191 @@ class GapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 _LINK_REST = 0.01  # [rad/s]; a link encoder's noise stays below it
 _PULL = 0.2  # share of a border's error that is corrected in one tick
 _FLOOR = 0.05  # of alpha: standard uncertainty at an engaged border
-_LEFT, _GAP, _RIGHT, _UNKNOWN = Side.LEFT, Side.GAP, Side.RIGHT, Side.UNKNOWN
+# Looking a member up in its enumeration costs as much as five sums.
+_LEFT, _GAP, _RIGHT, _UNKNOWN = map(int, Side)
 
 
-class Motion(NamedTuple):
-    """One joint in one interval, at the link side."""
-
-    q: float
-    """link position at its end [rad]"""
-    q_dot: float
-    """[rad/s]"""
-    theta_dot: float
-    """[rad/s]"""
-    resting: float
-    """`transmission.resting` of theta_dot"""
-    tau_M: float
-    """K_c * current [Nm]"""
-    advance: float
-    """change of theta, integrated or measured [rad]"""
-    rotor: float
-    """mean B theta_ddot [Nm]"""
-    transmitted: float
-    """mean torque that the rotor gives to the link [Nm]"""
+MOTION = (
+    "q",  # link position at the end of the interval [rad]
+    "q_dot",  # [rad/s]
+    "theta_dot",  # [rad/s]
+    "resting",  # `transmission.resting` of theta_dot
+    "tau_M",  # K_c * current [Nm]
+    "advance",  # change of theta, integrated or measured [rad]
+    "rotor",  # mean B theta_ddot [Nm]
+    "transmitted",  # mean torque that the rotor gives to the link [Nm]
+)
+"""What one joint does in one interval, at the link side."""
 
 
-class Known(NamedTuple):
-    """What is known of one rotor."""
-
-    theta: float
-    """[rad]"""
-    sigma: float
-    """standard uncertainty of phi [rad]"""
-    streak: int
-    """ticks in a row in which the transmitted torque clearly had one sign; signed as that"""
-    side: int
-    """`Side`"""
-    gap: bool
-    """sure to be in the gap: unlike `side`, never in doubt"""
-
-
-@dataclass(frozen=True, slots=True)
 class JointGap:
-    """The gap of one joint. Plain numbers: a branch costs less than a mask over seven joints."""
+    """The rotor of one joint in its gap. Plain numbers, not arrays: over a handful of joints a
+    branch costs less than a mask."""
 
-    settings: GapSettings
-    alpha: float
-    compliance: float  # of the gear [rad/Nm]
-    coulomb: float  # of the motor's side [Nm]
-    viscous: float  # [Nm s/rad]
-    measured: bool  # theta follows the drive's motor position
+    def __init__(
+        self,
+        settings: GapSettings,
+        *,
+        alpha: float,
+        compliance: float = 0.0,
+        coulomb: float,
+        viscous: float,
+        measured: bool,
+    ) -> None:
+        """alpha [rad], compliance of the gear [rad/Nm], friction of the motor's side [Nm] and
+        [Nm s/rad]; measured: theta follows the drive's motor position."""
+        s = settings
+        self._alpha, self._compliance, self._coulomb = alpha, compliance, coulomb
+        self._doubt_coulomb = s.friction_error * coulomb
+        self._doubt_viscous = s.friction_error * viscous
+        self._doubt_rotor, self._doubt_current = s.rotor_error, s.current_error
+        self._margin, self._floor = s.margin * alpha, _FLOOR * alpha
+        self._scale_error, self._bias = s.velocity_scale_error, s.velocity_bias
+        self._standstill, self._hold_ticks, self._measured = s.standstill, s.hold_ticks, measured
+        self.start(0.0)
 
-    def start(self, q: float) -> Known:
+    def start(self, q: float) -> None:
         """Nothing is known but that phi is somewhere in the gap."""
-        return Known(q, self.alpha, 0, _UNKNOWN, gap=False)
+        self.theta = q
+        self.sigma = self._alpha
+        self.side = _UNKNOWN
+        # Ticks in a row in which the transmitted torque clearly had one sign; signed as that.
+        self.streak = 0
+        # Sure to be in the gap: unlike `side`, never in doubt.
+        self.gap = False
 
-    def doubt(self, moved: Motion) -> float:
-        """How wrong the transmitted torque may be in motion [Nm]. Near rest, where Coulomb
-        friction may have any value, it may be wrong by that too."""
-        s = self.settings
-        return (
-            s.friction_error * (self.coulomb + self.viscous * abs(moved.theta_dot))
-            + s.rotor_error * abs(moved.rotor)
-            + s.current_error * abs(moved.tau_M)
-        )
+    def step(
+        self,
+        q: float,
+        q_dot: float,
+        theta_dot: float,
+        resting: float,
+        tau_M: float,
+        advance: float,
+        rotor: float,
+        transmitted: float,
+        *,
+        dt: float,
+    ) -> None:
+        """Advance by dt seconds; arguments are those of MOTION."""
+        alpha, load, speed = self._alpha, abs(transmitted), abs(theta_dot)
+        if self._measured:
+            self.theta += advance
+        elif speed > self._standstill or abs(q_dot) > _LINK_REST:
+            # At standstill theta is held, and then nothing is lost either.
+            self.theta += advance
+            self.sigma += (self._scale_error * speed + self._bias) * dt
 
-    def step(self, known: Known, moved: Motion, dt: float) -> Known:
-        """Advance by dt seconds."""
-        s, alpha = self.settings, self.alpha
-        load, doubt = abs(moved.transmitted), self.doubt(moved)
-        theta, sigma = self._advanced(known, moved, dt)
-
-        # A torque that may be friction does not tell the side; but it may as well be a load, and
-        # dropping a load is worse than keeping a friction.
+        # How wrong the transmitted torque may be. A torque that may be friction, which near rest
+        # may have any value, does not tell the side; but it may as well be a load, and dropping a
+        # load is worse than keeping a friction.
+        doubt = self._doubt_coulomb + self._doubt_viscous * speed
+        doubt += self._doubt_rotor * abs(rotor) + self._doubt_current * abs(tau_M)
         sign = 0
-        if load > doubt + self.coulomb * moved.resting:
-            sign = 1 if moved.transmitted > 0.0 else -1
-        streak = known.streak + sign if known.streak * sign > 0 else sign
-        engaged = abs(streak) >= s.hold_ticks
-        phi = moved.q - theta
-        error, sigma = self._error(phi, sigma, engaged, streak, load)
-        theta += error
-        phi -= error
+        if load > doubt + self._coulomb * resting:
+            sign = 1 if transmitted > 0.0 else -1
+        self.streak = self.streak + sign if self.streak * sign > 0 else sign
+        engaged = abs(self.streak) >= self._hold_ticks
 
-        clear = abs(phi) < alpha - max(s.margin * alpha, sigma)
-        gap = clear and load < doubt and not engaged
-        if sigma >= alpha > 0.0:
-            side = _UNKNOWN
-        elif gap:
-            side = _GAP
+        phi = self._correct(q, engaged, alpha + load * self._compliance)
+        clear = abs(phi) < alpha - max(self._margin, self.sigma)
+        self.gap = clear and load < doubt and not engaged
+        if self.sigma >= alpha > 0.0:
+            self.side = _UNKNOWN
+        elif self.gap:
+            self.side = _GAP
         else:
-            towards = -moved.transmitted if engaged or alpha == 0.0 else phi
-            side = _LEFT if towards < 0.0 else _RIGHT
-        return Known(theta, sigma, streak, side, gap)
+            towards = -transmitted if engaged or alpha == 0.0 else phi
+            self.side = _LEFT if towards < 0.0 else _RIGHT
 
-    def _advanced(self, known: Known, moved: Motion, dt: float) -> tuple[float, float]:
-        """Theta and sigma after the motion: none at standstill, and then nothing is lost either."""
-        if self.measured:
-            return known.theta + moved.advance, known.sigma
-        s, speed = self.settings, abs(moved.theta_dot)
-        if speed <= s.standstill and abs(moved.q_dot) <= _LINK_REST:
-            return known.theta, known.sigma
-        lost = (s.velocity_scale_error * speed + s.velocity_bias) * dt
-        return known.theta + moved.advance, known.sigma + lost
-
-    def _error(
-        self, phi: float, sigma: float, engaged: bool, streak: int, load: float
-    ) -> tuple[float, float]:
-        """What phi is beyond where it can be, and sigma after correcting it.
-
-        While engaged phi is at its border; it never goes further than the load bends the gear.
-        """
-        alpha = self.alpha
-        beyond = alpha + load * self.compliance
+    def _correct(self, q: float, engaged: bool, beyond: float) -> float:
+        """Move theta to where phi = q - theta can be, and return that: at its border while
+        engaged, and never further than the load bends the gear, `beyond`."""
+        alpha, phi = self._alpha, q - self.theta
         # The torque pushes the link up where phi is at its lower border, and the other way round.
-        border = -1.0 if streak > 0 else 1.0
+        border = -1.0 if self.streak > 0 else 1.0
         outward = border * phi
         lowest = alpha if engaged else -beyond
         error = border * (outward - min(max(outward, lowest), beyond))
-        if not engaged:
-            return error, min(sigma, alpha)
-        # What is not known at all is taken at once, what is known a little at a time.
-        pull = _PULL if sigma < alpha else 1.0
-        sigma = min(sigma, alpha)
-        return pull * error, sigma + pull * (_FLOOR * alpha - sigma)
+        if engaged:
+            # What is not known at all is taken at once, what is known a little at a time.
+            pull = _PULL if self.sigma < alpha else 1.0
+            error *= pull
+            self.sigma = min(self.sigma, alpha)
+            self.sigma += pull * (self._floor - self.sigma)
+        elif self.sigma > alpha:
+            self.sigma = alpha
+        self.theta += error
+        return phi - error
 
 
 class MotorPosition:
-    """The rotors of an arm: theta [rad], sigma [rad], side; each of shape (n,)."""
+    """All rotors of an arm: theta [rad], sigma [rad], side, gap; new arrays of shape (n,)."""
 
-    _MEMORY = ("theta", "sigma", "streak", "side", "gap")
+    _STATE = ("theta", "sigma", "streak", "side", "gap")
 
     def __init__(
         self, transmission: Transmission, settings: GapSettings, *, measured: bool = False
     ) -> None:
-        t, n = transmission, transmission.n
+        t = transmission
         self.joints = tuple(
             JointGap(
-                settings=settings,
+                settings,
                 alpha=float(t.half_gap[i]),
                 compliance=float(1.0 / t.gear_stiffness[i] if t.half_gap[i] else 0.0),
                 coulomb=float(t.motor_coulomb[i]),
                 viscous=float(t.motor_viscous[i]),
                 measured=measured,
             )
-            for i in range(n)
+            for i in range(t.n)
         )
-        self.theta = np.zeros(n)
-        self.sigma = np.zeros(n)
-        self.streak = np.zeros(n, dtype=np.int64)
-        self.side = np.zeros(n, dtype=np.int8)
-        self.gap = np.zeros(n, dtype=np.bool_)
-        self.start(self.theta)
+
+    @property
+    def theta(self) -> Vector:
+        """Motor position at the link side [rad]."""
+        return np.array([joint.theta for joint in self.joints])
+
+    @property
+    def sigma(self) -> Vector:
+        """Standard uncertainty of phi [rad]."""
+        return np.array([joint.sigma for joint in self.joints])
+
+    @property
+    def side(self) -> NDArray[np.int8]:
+        """`Side` of each joint."""
+        return np.array([joint.side for joint in self.joints], dtype=np.int8)
 
     def start(self, q: Vector) -> None:
         """Link positions (n,) are all that is known."""
-        self._keep([joint.start(x) for joint, x in zip(self.joints, q.tolist(), strict=True)])
+        for joint, x in zip(self.joints, q.tolist(), strict=True):
+            joint.start(x)
 
-    def step(self, moved: Matrix, dt: float) -> Vector:
-        """Advance by dt seconds; moved: rows of `Motion`, shape (8, n).
+    def step(self, motion: Matrix, dt: float) -> Vector:
+        """Advance by dt seconds; motion: rows of MOTION, shape (8, n).
 
         Returns 0 where a joint was in its gap at both ends of the interval and else 1, (n,).
         """
-        known = [
-            joint.step(Known(*before), Motion(*motion), dt)
-            for joint, motion, *before in zip(
-                self.joints,
-                moved.T.tolist(),
-                self.theta.tolist(),
-                self.sigma.tolist(),
-                self.streak.tolist(),
-                self.side.tolist(),
-                self.gap.tolist(),
-                strict=True,
-            )
-        ]
-        apart = self.gap.copy()
-        self._keep(known)
-        apart &= self.gap
-        return np.subtract(1.0, apart)
-
-    def _keep(self, known: list[Known]) -> None:
-        theta, sigma, streak, side, gap = zip(*known, strict=True)
-        self.theta[:], self.sigma[:], self.streak[:] = theta, sigma, streak
-        self.side[:], self.gap[:] = side, gap
+        engaged = []
+        for joint, moved in zip(self.joints, motion.T.tolist(), strict=True):
+            before = joint.gap
+            joint.step(*moved, dt=dt)
+            engaged.append(0.0 if before and joint.gap else 1.0)
+        return np.array(engaged)
 
     def memory(self) -> dict[str, Any]:
-        return memory.dump(self, self._MEMORY)
+        return {name: [getattr(j, name) for j in self.joints] for name in self._STATE}
 
     def restore(self, state: dict[str, Any]) -> None:
-        memory.load(self, self._MEMORY, state)
+        read = _Rows(self.memory())
+        memory.load(read, self._STATE, state)
+        for name in self._STATE:
+            for joint, value in zip(self.joints, getattr(read, name).tolist(), strict=True):
+                setattr(joint, name, value)
+
+
+class _Rows:
+    """A memory as arrays, so that `memory.load` can check what comes back."""
+
+    def __init__(self, state: dict[str, list[Any]]) -> None:
+        for name, values in state.items():
+            setattr(self, name, np.array(values))

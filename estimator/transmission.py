@@ -111,14 +111,15 @@ class Transmission:
 
 def smooth_sign(velocity: Vector, width: float) -> Vector:
     """tanh(velocity / width): sign() without its chatter at rest."""
-    sign: Vector = np.tanh(velocity / width)
-    return sign
+    sign: Vector = velocity * (1.0 / width)
+    return np.tanh(sign, out=sign)
 
 
 def resting(velocity: Vector) -> Vector:
     """exp(-(velocity / 0.05)^2): 1 at rest, where Coulomb friction may have any value, else 0."""
-    at_rest: Vector = np.exp(-np.square(velocity * (1.0 / REST_VELOCITY)))
-    return at_rest
+    at_rest = velocity * (1.0 / REST_VELOCITY)
+    at_rest *= -at_rest
+    return np.exp(at_rest, out=at_rest)
 
 
 def penetration(phi: Vector, half_gap: Vector) -> Vector:
@@ -128,7 +129,10 @@ def penetration(phi: Vector, half_gap: Vector) -> Vector:
 
 def coulomb_viscous(coulomb: Vector, viscous: Vector, velocity: Vector, width: float) -> Vector:
     """Friction coulomb * sign(velocity) + viscous * velocity [Nm], positive along the velocity."""
-    return coulomb * smooth_sign(velocity, width) + viscous * velocity
+    friction = smooth_sign(velocity, width)
+    friction *= coulomb
+    friction += viscous * velocity
+    return friction
 
 
 def friction_torque(

@@ -123,12 +123,13 @@ class SimulatedArm:
             for drive in self.drives:
                 drive.on_heartbeat(cob & 0x7F, self.now)
         else:
-            hearers = self._hearers.get(cob)
-            if hearers is None:
-                hearers = tuple(drive for drive in self.drives if drive.listens(cob))
-                self._hearers[cob] = hearers
-            for drive in hearers:
+            for drive in self._hearers.get(cob) or self._hearers_of(cob):
                 drive.on_pdo(cob, data)
+
+    def _hearers_of(self, cob: int) -> tuple[Drive, ...]:
+        hearers = tuple(drive for drive in self.drives if drive.listens(cob))
+        self._hearers[cob] = hearers
+        return hearers
 
     def _sync(self) -> None:
         self._sample()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimator.link_velocity import DELAY_PERIODS, Alignment, parabola
+from estimator.link_velocity import ALIGNED, DELAY_PERIODS, Alignment, parabola
 
 T = 0.01
 METHODS = tuple(DELAY_PERIODS)
@@ -36,12 +36,11 @@ def test_everything_belongs_to_one_instant(method: str) -> None:
         late = np.array([t - 0.003, t - 0.0005, t - 0.0005, t - 0.001])
         a.push(np.repeat(late[:, None], 2, axis=1), dt)
     instant = times[-1] - a.delay
-    q, qd = a.link()
-    np.testing.assert_allclose(q, instant)
-    np.testing.assert_allclose(qd, 1.0)
-    motor = np.zeros((3, 2))
-    a.motor(out=motor)
-    np.testing.assert_allclose(motor, instant)
+    aligned = np.zeros((len(ALIGNED), 2))
+    a.aligned(out=aligned)
+    expected = dict.fromkeys(ALIGNED, instant) | {"velocity": 1.0}
+    for name, row in zip(ALIGNED, aligned, strict=True):
+        np.testing.assert_allclose(row, expected[name], err_msg=name)
     assert a.delay == pytest.approx(DELAY_PERIODS[method] * T + 0.001)
 
 
@@ -53,7 +52,9 @@ def test_noise_is_as_stated(method: str, factor: float) -> None:
     velocities = []
     for _ in range(4000):
         a.push(rng.normal(size=(4, 2)), T)
-        velocities.append(a.link()[1])
+        aligned = np.zeros((len(ALIGNED), 2))
+        a.aligned(out=aligned)
+        velocities.append(aligned[1])
     assert np.std(velocities[3:]) * T == pytest.approx(factor, rel=0.05)
 
 

@@ -1,11 +1,12 @@
 """Motor position in the gap: how it starts, drifts, is corrected, and when it says gap."""
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from estimator.motor_position import GapSettings, MotorPosition, Side
+from estimator.motor_position import MOTION, GapSettings, MotorPosition, Side
 from estimator.transmission import Transmission, resting
 
 T = 0.01
@@ -19,6 +20,7 @@ class Joint:
 
     settings: GapSettings = field(default_factory=GapSettings)
     stiffness: float = np.inf
+    measured: bool = False
     position: MotorPosition = field(init=False)
 
     def __post_init__(self) -> None:
@@ -33,19 +35,17 @@ class Joint:
             link_viscous=np.zeros(2),
             gear_stiffness=np.full(2, self.stiffness),
         )
-        self.position = MotorPosition(transmission, self.settings)
+        self.position = MotorPosition(transmission, self.settings, measured=self.measured)
         self.position.start(np.zeros(2))
 
     def step(
-        self, *, q: float = 0.0, qd: float = 0.0, w: float = 0.0, torque: float = 0.0,
-        measured: bool = False,
-    ) -> None:  # fmt: skip
-        tau = np.full(2, torque)
-        speed = np.full(2, w)
-        uncertainty = self.position.uncertainty(tau, np.zeros(2), speed, resting(speed))
-        self.position.step(
-            np.full(2, q), np.full(2, qd), speed, speed * T, tau, uncertainty, T, measured=measured
-        )
+        self, *, q: float = 0.0, qd: float = 0.0, w: float = 0.0, torque: float = 0.0
+    ) -> np.ndarray:
+        motion = {
+            "q": q, "q_dot": qd, "theta_dot": w, "resting": resting(np.array([w]))[0],
+            "tau_M": torque, "advance": w * T, "rotor": 0.0, "transmitted": torque,
+        }  # fmt: skip
+        return self.position.step(np.array([[motion[name]] * 2 for name in MOTION]), T)
 
     @property
     def phi(self) -> float:
@@ -109,6 +109,18 @@ def test_gap_only_when_clear_of_the_border_and_without_torque() -> None:
     assert {side for _, side in seen} == {Side.LEFT, Side.GAP, Side.RIGHT}
 
 
+def test_an_interval_counts_as_gap_only_if_both_its_ends_are() -> None:
+    joint = Joint()
+    joint.settle(2.0)
+    sides, engaged = [joint.side], []
+    for _ in range(40):
+        engaged.append(joint.step(w=-0.1)[0])
+        sides.append(joint.side)
+    both = [one == two == Side.GAP for one, two in pairwise(sides)]
+    assert engaged == [0.0 if apart else 1.0 for apart in both]
+    assert 5 < sum(both) < 35
+
+
 @pytest.mark.parametrize(("torque", "gap"), [(0.1, True), (-0.1, True), (0.4, False)])
 def test_a_load_in_the_middle_of_the_gap_is_never_dropped(torque: float, gap: bool) -> None:
     joint = Joint()
@@ -138,7 +150,7 @@ def test_no_gap_once_theta_is_as_uncertain_as_the_gap_is_wide() -> None:
 def test_theta_is_held_at_standstill() -> None:
     joint = Joint()
     joint.settle(2.0)
-    theta = joint.position.theta.copy()
+    theta = joint.position.theta
     for _ in range(10_000):
         joint.step(w=-0.0015)
     np.testing.assert_array_equal(joint.position.theta, theta)
@@ -155,7 +167,7 @@ def test_phi_never_leaves_the_gap_by_drift(bias: float) -> None:
 def test_drift_at_an_engaged_border_is_pulled_out_a_little_at_a_time() -> None:
     joint = Joint()
     joint.settle(2.0)
-    joint.position.theta[0] -= 0.5 * ALPHA
+    joint.position.joints[0].theta -= 0.5 * ALPHA
     errors = []
     for _ in range(30):
         joint.step(torque=2.0)
@@ -169,11 +181,13 @@ def test_drift_at_an_engaged_border_is_pulled_out_a_little_at_a_time() -> None:
 def test_a_load_may_bend_the_gear() -> None:
     joint = Joint(stiffness=1000.0)
     joint.settle(3.0)
-    joint.position.theta[0] = ALPHA + 0.002  # phi beyond the border by less than 3 Nm / stiffness
+    joint.position.joints[0].theta = (
+        ALPHA + 0.002
+    )  # phi beyond the border by less than 3 Nm / stiffness
     for _ in range(20):
         joint.step(torque=3.0)
     assert joint.phi == pytest.approx(-ALPHA - 0.002)
-    joint.position.theta[0] = ALPHA + 0.01
+    joint.position.joints[0].theta = ALPHA + 0.01
     for _ in range(60):
         joint.step(torque=3.0)
     assert joint.phi == pytest.approx(-ALPHA - 0.003, abs=1e-6)
@@ -194,11 +208,11 @@ def test_a_hand_that_moves_the_link_across_is_seen_not_explained_away() -> None:
 
 
 def test_a_measured_position_does_not_become_less_certain() -> None:
-    joint = Joint()
+    joint = Joint(measured=True)
     joint.settle(2.0)
     before = joint.sigma
     for k in range(1000):
-        joint.step(w=0.1 if k % 20 < 10 else -0.1, measured=True)
+        joint.step(w=0.1 if k % 20 < 10 else -0.1)
     assert joint.sigma == before
 
 

@@ -5,17 +5,16 @@ import numpy as np
 import pytest
 
 from errors import ModelError
-from estimator.residual import IMPULSES, Residual, Variant
+from estimator.residual import Residual, Variant, forms
 
 K, T = 25.0, 0.01
 BACKLASH = (Variant(),)
+ENGAGED = np.ones(2)
 
 
-def impulses(**rows: object) -> np.ndarray:
-    table = np.zeros((len(IMPULSES), 2))
-    for name, row in rows.items():
-        table[IMPULSES.index(name)] = row
-    return table
+def errors(always: object = 0.0, engaged: object = 0.0) -> np.ndarray:
+    """e(k) [Nm s] of one variant: the part that always acts, and that while engaged."""
+    return np.stack([np.broadcast_to(always, 2), np.broadcast_to(engaged, 2)]).astype(float)
 
 
 def test_step_response_is_tustins_first_order_filter() -> None:
@@ -25,69 +24,85 @@ def test_step_response_is_tustins_first_order_filter() -> None:
     tau = np.array([1.0, -3.0])
     pole = (2 - T * K) / (2 + T * K)
     for k in range(1, 60):
-        r = residual.step(impulses(inertial=tau * T), T)[0]
+        r = residual.step(errors(tau * T), ENGAGED, T)[0]
         np.testing.assert_allclose(r, tau * (1 - pole**k), rtol=1e-12)
         np.testing.assert_allclose(r, tau * (1 - np.exp(-K * k * T)), atol=0.01 * 3)
 
 
 def test_half_of_a_step_after_ln2_over_gain() -> None:
-    residual = Residual(BACKLASH, K, 0.001, 1)
+    residual = Residual(BACKLASH, K, 0.001, 2)
     k = 0
     while residual.values[0, 0] < 0.5:
-        residual.step(impulses(inertial=0.001)[:, :1], 0.001)
+        residual.step(errors(0.001), ENGAGED, 0.001)
         k += 1
     assert k * 0.001 == pytest.approx(np.log(2) / K, abs=0.001)
 
 
 def test_true_intervals_give_the_same_end() -> None:
     # One missed tick: the momentum of both intervals arrives at once, over twice the time.
-    even, uneven = Residual(BACKLASH, K, T, 1), Residual(BACKLASH, K, T, 1)
+    even, uneven = Residual(BACKLASH, K, T, 2), Residual(BACKLASH, K, T, 2)
     for _ in range(4):
-        even.step(impulses(inertial=T)[:, :1], T)
+        even.step(errors(T), ENGAGED, T)
     for dt in (T, 2 * T, T):
-        uneven.step(impulses(inertial=dt)[:, :1], dt)
+        uneven.step(errors(dt), ENGAGED, dt)
     assert uneven.values[0, 0] == pytest.approx(even.values[0, 0], abs=0.01)
     assert uneven.values[0, 0] != even.values[0, 0]
 
 
 def test_linear_in_what_acts() -> None:
     rng = np.random.default_rng(5)
-    series = rng.normal(size=(2, 40, len(IMPULSES), 2))
+    series = rng.normal(size=(2, 40, 6, 2))
     kinds = [Variant(kind=k, label=k) for k in ("classical", "backlash", "two_mass")]
     first, second, both = (Residual(kinds, K, T, 2) for _ in range(3))
     for a, b in zip(*series, strict=True):
-        first.step(a, T)
-        second.step(b, T)
-        both.step(2 * a - b, T)
+        first.step(a, ENGAGED, T)
+        second.step(b, ENGAGED, T)
+        both.step(2 * a - b, ENGAGED, T)
     np.testing.assert_allclose(both.values, 2 * first.values - second.values, atol=1e-12)
+
+
+def test_what_acts_while_engaged_is_left_out_in_the_gap() -> None:
+    residual = Residual(BACKLASH, K, T, 2)
+    r = residual.step(errors(T, 2 * T), np.array([1.0, 0.0]), T)[0]
+    np.testing.assert_allclose(r, np.array([3.0, 1.0]) * 2 * K * T / (2 + T * K))
 
 
 def test_an_interval_beyond_the_pole_is_its_mean() -> None:
     residual = Residual(BACKLASH, K, T, 2)
     residual.values[:] = 7.0
-    residual.step(impulses(inertial=0.3), 0.1)
+    residual.step(errors(0.3), ENGAGED, 0.1)
     np.testing.assert_allclose(residual.values, 3.0)
 
 
+ALWAYS = "+momentum -beta"
+TOGETHER = "+motor_rub +link_rub_together"
+APART = "+link_rub +gap_rub"
+
+
 @pytest.mark.parametrize(
-    ("variant", "acting"),
+    ("variant", "engaged", "apart"),
     [
-        (Variant(kind="classical", friction=False, rotor_inertia=False), "-motor"),
-        (Variant(kind="classical", rotor_inertia=False), "-motor +rubbing"),
-        (Variant(kind="classical"), "-motor +rubbing +rotor"),
-        (Variant(), "-engaged_motor +switched +engaged_rotor"),
-        (Variant(rotor_inertia=False), "-engaged_motor +switched"),
-        (Variant(friction=False), "-engaged_motor +engaged_rotor"),
-        (Variant(kind="two_mass"), "-motor +two_sided +rotor"),
-        (Variant(kind="two_mass", friction=False), "-motor +rotor"),
+        (Variant(kind="classical", friction=False, rotor_inertia=False), "-motor", "-motor"),
+        (Variant(kind="classical", rotor_inertia=False), f"-motor {TOGETHER}", None),
+        (Variant(kind="classical"), f"-motor +rotor {TOGETHER}", None),
+        (Variant(), f"-motor +rotor {TOGETHER}", APART),
+        (Variant(rotor_inertia=False), f"-motor {TOGETHER}", APART),
+        (Variant(friction=False), "-motor +rotor", ""),
+        (Variant(kind="two_mass"), "-motor +rotor +motor_rub +link_rub", None),
+        (Variant(kind="two_mass", friction=False), "-motor +rotor", None),
     ],
 )
-def test_what_each_variant_believes(variant: Variant, acting: str) -> None:
-    signs = {word[1:]: float(word[0] + "1") for word in acting.split()} | {"inertial": 1.0}
-    for name in IMPULSES:
-        residual = Residual([variant], K, T, 2)
-        r = residual.step(impulses(**{name: T}), T)[0]
-        np.testing.assert_allclose(r, signs.get(name, 0.0) * 2 * K * T / (2 + T * K))
+def test_what_each_variant_believes(variant: Variant, engaged: str, apart: str | None) -> None:
+    def signs(words: str) -> dict[str, float]:
+        return {word[1:]: float(word[0] + "1") for word in f"{ALWAYS} {words}".split()}
+
+    always, while_engaged = forms(variant)
+    together = {
+        name: always.get(name, 0.0) + while_engaged.get(name, 0.0)
+        for name in {**always, **while_engaged}
+    }
+    assert {name: weight for name, weight in together.items() if weight} == signs(engaged)
+    assert dict(always) == signs(engaged if apart is None else apart)
 
 
 def test_names() -> None:
