@@ -6,14 +6,16 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from daemon.admittance import AdmittanceLaw
+from daemon.admittance import AdmittanceLaw, Gains, GuidedBounds
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Joint
 from daemon.controller import Controller, Tuning
 from daemon.cycle import Cycle
 from daemon.limits import Limits
+from daemon.motion import Manner, Motion
 from daemon.observation import Observer, Patience
 from daemon.plausibility import Bounds, Plausibility
+from daemon.reactions import Reactions
 from daemon.trajectory import Follower, JointPath
 from drivers.arm import Arm
 from drivers.drive_setup import DriveSetup, load_data_sheet
@@ -120,15 +122,27 @@ def build_observer(c: Configuration) -> Observer:
 
 
 def build_controller(c: Configuration) -> Controller:
-    """Modes, trajectory, admittance and limits."""
-    n = len(c.joints)
+    """Modes and reactions over `build_motion`."""
     tuning = Tuning(
         joints=tuple(c.joint_names),
         ends=tuple(joint.end for joint in c.joints),
-        position_gain=c.control.position_gain,
+        reactions=Reactions(c.reactions.contact, c.reactions.collision),
         quiet_s=c.admittance.quiet_s,
+        after_quiet=c.admittance.after_quiet,
+        bounds=GuidedBounds(c.admittance.max_duration_s, c.admittance.max_excursion),
         enable_timeout_s=c.supervisor.enable_timeout_s,
         stop_timeout_s=c.supervisor.stop_timeout_s,
+    )
+    return Controller(tuning, build_motion(c))
+
+
+def build_motion(c: Configuration) -> Motion:
+    """Trajectory, admittance and limits."""
+    manner = Manner(
+        position_gain=c.control.position_gain,
+        return_velocity=c.admittance.return_velocity,
+        retract_velocity=c.reactions.retract_velocity,
+        retract_distance=c.reactions.retract_distance,
     )
     limits = Limits(
         lower=_row(c, lambda j: j.limits.lower),
@@ -138,15 +152,19 @@ def build_controller(c: Configuration) -> Controller:
         # A setpoint is latched by the next SYNC and approached over the period after that.
         reaction_s=1.5 * c.period_s + c.control.drive_lag_ms / 1000.0,
     )
+    usual = c.admittance.virtual_mass_s
     law = AdmittanceLaw(
-        gain=_row(c, lambda j: j.admittance_gain),
-        virtual_mass_s=c.admittance.virtual_mass_s,
-        velocity=np.full(n, c.admittance.velocity),
-        max_duration_s=c.admittance.max_duration_s,
-        max_excursion=c.admittance.max_excursion,
+        virtual_mass_s=_row(c, lambda j: usual if j.virtual_mass_s is None else j.virtual_mass_s),
+        velocity=np.full(len(c.joints), c.admittance.velocity),
     )
     path = JointPath.from_sinusoids(c.joint_names, c.trajectory.sinusoids)
-    return Controller(tuning, limits, law, Follower(path, c.trajectory.ramp_s))
+    return Motion(
+        manner=manner,
+        limits=limits,
+        law=law,
+        gains=Gains(_row(c, lambda j: j.admittance_gain)),
+        follower=Follower(path, c.trajectory.ramp_s),
+    )
 
 
 def _row(c: Configuration, of: Callable[[Joint], float]) -> Vector:

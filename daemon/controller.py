@@ -1,20 +1,20 @@
-"""What the arm does in each mode: one decision per tick, from what was measured and estimated.
+"""What the arm does and why: from requests and observations to events of the mode table.
 
 No I/O and no clock: time is an argument, requests come in between two ticks, and the decision is
-plain data. The mathematics of each motion is elsewhere (trajectory, admittance, limits).
+plain data. How the arm moves in a mode is elsewhere (motion), and so is what is too far or too fast
+(limits, admittance).
 """
 
 from dataclasses import dataclass
-from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
-from daemon.admittance import AdmittanceLaw
-from daemon.limits import Limits
-from daemon.modes import ARMABLE, REFUSALS, SENSING, Event, Mode, ModeMachine
+from daemon.admittance import MAX_GAIN, Allowance, GuidedBounds
+from daemon.modes import ARMABLE, GUIDED, REFUSALS, SENSING, Change, Event, Mode, ModeMachine
+from daemon.motion import Motion
+from daemon.reactions import ATTENTIVE, AfterQuiet, Reactions
 from daemon.supervisor import EVENT_OF, Condition, Finding, strongest
-from daemon.trajectory import Follower
 from drivers.cia402 import PowerTarget
 
 Vector = NDArray[np.float64]
@@ -52,12 +52,14 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """What the configuration says about motion."""
+    """What the configuration says about deciding."""
 
     joints: tuple[str, ...]
     ends: tuple[str, ...]  # hold, brake or limp, per joint
-    position_gain: float
+    reactions: Reactions
     quiet_s: float
+    after_quiet: AfterQuiet
+    bounds: GuidedBounds
     enable_timeout_s: float
     stop_timeout_s: float
 
@@ -65,16 +67,12 @@ class Tuning:
 class Controller:
     """Modes, references and setpoints of one arm."""
 
-    def __init__(
-        self, tuning: Tuning, limits: Limits, law: AdmittanceLaw, follower: Follower
-    ) -> None:
-        n = len(tuning.joints)
+    def __init__(self, tuning: Tuning, motion: Motion) -> None:
         self.machine = ModeMachine()
+        self.motion = motion
         self.quiet_s = 0.0
-        self._tuning, self._limits, self._law, self._follower = tuning, limits, law, follower
-        self._velocity = np.zeros(n)
-        self._reference = np.zeros(n)
-        self._entry = np.zeros(n)  # where admittance began
+        self._tuning = tuning
+        self._allowance = Allowance(tuning.bounds, len(tuning.joints))
         self._touched_s = 0.0  # last tick with a non-zero thresholded residual
         self._reset_until_s = -1.0
         self._observed: Observed | None = None
@@ -94,9 +92,12 @@ class Controller:
         return reasons
 
     def arm(self, who: str) -> list[str]:
-        """Allow contacts to lead to admittance; returns every reason why not."""
+        """Allow contacts to move the arm; returns every reason why not. A new arming renews what
+        contacts may do, a repeated one does not."""
         reasons = self.not_armable()
         if not reasons:
+            if not self.machine.armed:
+                self._allowance.renew()
             self.machine.arm(f"armed by {who}")
         return reasons
 
@@ -108,6 +109,18 @@ class Controller:
         modes = [] if mode in ARMABLE else [REFUSALS[mode]]
         return [*modes, *observed.not_armable]
 
+    def set_gain(self, joint: str, gain: float, who: str) -> list[str]:
+        """Let K_a [rad/s per Nm] of a joint move to `gain`, in any mode; returns why not."""
+        if joint not in self._tuning.joints:
+            return [f"no joint {joint!r}; there are: {', '.join(self._tuning.joints)}"]
+        if not 0.0 <= gain <= MAX_GAIN:
+            return [f"{gain:g} is not a gain: 0 to {MAX_GAIN:g} rad/s per Nm"]
+        i = self._tuning.joints.index(joint)
+        text = f"gain of {joint} {self.motion.gains.goal[i]:g} -> {gain:g} rad/s per Nm"
+        self.machine.changes.append(Change(text, f"gain by {who}"))
+        self.motion.gains.change(i, gain)
+        return []
+
     def _refusals(self, event: Event) -> list[str]:
         mode, observed = self.machine.mode, self._observed
         if not self.machine.can(event):
@@ -115,23 +128,25 @@ class Controller:
         if event in (Event.ENABLE, Event.START, Event.RESET) and observed is None:
             return ["no samples of the drives yet"]
         if event is Event.START and observed is not None:
-            self._follower.rewind()
+            self.motion.follower.rewind()
             return self._misfits(observed.q)
         if event is Event.ENABLE and observed is not None:
-            outside = self._limits.outside(observed.q)
+            limits = self.motion.limits
+            outside = limits.outside(observed.q)
             return [
                 f"{name} stands at {observed.q[i]:.3f} rad, outside its limits "
-                f"[{self._limits.lower[i]:g}, {self._limits.upper[i]:g}]: move it back by hand"
+                f"[{limits.lower[i]:g}, {limits.upper[i]:g}]: move it back by hand"
                 for i, name in enumerate(self._tuning.joints)
                 if outside[i]
             ]
         return []
 
     def _misfits(self, q: Vector) -> list[str]:
-        misfits = self._follower.misfits(q, self._limits.lower, self._limits.upper)
+        limits = self.motion.limits
+        misfits = self.motion.follower.misfits(q, limits.lower, limits.upper)
         return [
             f"from {q[i]:.3f} rad the path of {name} would leave its limits "
-            f"[{self._limits.lower[i]:g}, {self._limits.upper[i]:g}]"
+            f"[{limits.lower[i]:g}, {limits.upper[i]:g}]"
             for i, name in enumerate(self._tuning.joints)
             if misfits[i]
         ]
@@ -144,15 +159,11 @@ class Controller:
         self.doubt(time_s, observed.findings)
         if self.machine.mode in SENSING:
             self._feel(time_s, observed)
-        self._progress(time_s, observed)
-        desired = self._desired_velocity(dt, observed)
-        # A joint that was not heard of in this tick has moved on as it was told to.
-        q = observed.q + self._velocity * observed.age_s
-        self._velocity = self._limits.bound_velocity(q, desired, self._velocity, dt)
-        if self.machine.mode not in SENSING:
-            self._velocity = np.zeros_like(self._velocity)
+        self._progress(time_s, dt, observed)
+        motion = self.motion
+        motion.step(self.machine.mode, observed.q, observed.age_s, observed.thresholded, dt)
         resetting = time_s < self._reset_until_s
-        return Decision(self._power(), resetting, self._velocity, self._reference)
+        return Decision(self._power(), resetting, motion.velocity, motion.reference)
 
     def doubt(self, time_s: float, findings: tuple[Finding, ...]) -> None:
         """React to what the supervisor found; also before there is anything to decide on."""
@@ -167,77 +178,89 @@ class Controller:
         if observed.thresholded.any():
             self._touched_s = time_s
         self.quiet_s = time_s - self._touched_s
-        if observed.touched and self.machine.armed:
-            self._apply(Event.TOUCH, observed.touched, time_s)
-        elif observed.hit and not self.machine.armed:
-            self._apply(Event.COLLISION, observed.hit, time_s)
+        mode, armed, reactions = self.machine.mode, self.machine.armed, self._tuning.reactions
+        if observed.hit and (event := reactions.to_collision(armed)):
+            self._apply(event, observed.hit, time_s)
+        elif observed.touched and (event := reactions.to_contact(armed)):
+            backed_away = mode is Mode.RETRACTING and not self.motion.under_way
+            if mode in ATTENTIVE or backed_away:
+                self._apply(event, observed.touched, time_s)
 
-    def _progress(self, time_s: float, observed: Observed) -> None:
-        """Events of the arm's own: energised, at rest, quiet, at a bound, too late."""
-        elapsed = time_s - self.machine.entered_s
-        match self.machine.mode:
-            case Mode.ENABLING:
-                if observed.energised:
-                    self._apply(Event.ENERGISED, "drives enabled", time_s)
-                elif elapsed > self._tuning.enable_timeout_s:
-                    text = f"the drives were not enabled within {self._tuning.enable_timeout_s:g} s"
-                    self._apply(Event.TIMEOUT, text, time_s)
-            case Mode.STOPPING:
-                still = np.abs(observed.motor_velocity) < STANDSTILL_SPEED
-                if still.all() and not self._velocity.any():
-                    self._apply(Event.STANDSTILL, self.machine.cause, time_s)
-                elif elapsed > self._tuning.stop_timeout_s:
-                    text = f"the arm did not stop within {self._tuning.stop_timeout_s:g} s"
-                    self._apply(Event.TIMEOUT, text, time_s)
-            case Mode.ADMITTANCE:
-                self._progress_admittance(time_s, elapsed, observed)
+    def _progress(self, time_s: float, dt: float, observed: Observed) -> None:
+        """Events of the arm's own: energised, at rest, quiet, at a bound, arrived, too late."""
+        mode, elapsed = self.machine.mode, time_s - self.machine.entered_s
+        if mode is Mode.ADMITTANCE or mode is Mode.RETRACTING:
+            self._allowance.spend(dt)
+            self._progress_yielding(time_s, observed)
+            return
+        self._allowance.recover(dt)
+        if mode is Mode.ENABLING:
+            if observed.energised:
+                self._apply(Event.ENERGISED, "drives enabled", time_s)
+            elif elapsed > self._tuning.enable_timeout_s:
+                text = f"the drives were not enabled within {self._tuning.enable_timeout_s:g} s"
+                self._apply(Event.TIMEOUT, text, time_s)
+        elif mode is Mode.STOPPING:
+            still = np.abs(observed.motor_velocity) < STANDSTILL_SPEED
+            if still.all() and not self.motion.velocity.any():
+                self._apply(Event.STANDSTILL, self.machine.cause, time_s)
+            elif elapsed > self._tuning.stop_timeout_s:
+                text = f"the arm did not stop within {self._tuning.stop_timeout_s:g} s"
+                self._apply(Event.TIMEOUT, text, time_s)
+        elif mode is Mode.RETURNING:
+            if self.motion.arrived(observed.q):
+                self._apply(Event.ARRIVED, "back where the trajectory was left", time_s)
+            elif elapsed > self.motion.line_duration_s + self._tuning.stop_timeout_s:
+                text = f"the arm did not get back to its trajectory within {elapsed:.1f} s"
+                self._apply(Event.TIMEOUT, text, time_s)
 
-    def _progress_admittance(self, time_s: float, elapsed: float, observed: Observed) -> None:
-        if bound := self._law.bound_reached(elapsed, observed.q - self._entry):
+    def _progress_yielding(self, time_s: float, observed: Observed) -> None:
+        if bound := self._allowance.bound_reached(observed.q):
             self._apply(Event.BOUND, bound, time_s)
+        elif self.machine.mode is Mode.RETRACTING and self.motion.under_way:
+            if self.motion.opposed(observed.thresholded):
+                self._apply(Event.HALT, "pushed against while retracting", time_s)
         # Ticks are whole periods; half a millisecond keeps their sum's rounding out of it.
         elif self.quiet_s >= self._tuning.quiet_s - 5e-4:
-            quiet = f"quiet for {self.quiet_s:.2f} s"
-            misfits = self._misfits(observed.q)
-            if self.machine.moving and not misfits:
-                self._apply(Event.RESUME, quiet, time_s)
-            else:
-                self._apply(Event.SETTLE, "; ".join([quiet, *misfits]), time_s)
+            event, reasons = self._after_quiet(observed.q)
+            self._apply(event, "; ".join([f"quiet for {self.quiet_s:.2f} s", *reasons]), time_s)
+
+    def _after_quiet(self, q: Vector) -> tuple[Event, list[str]]:
+        if not self.machine.moving:
+            return Event.SETTLE, []
+        if self._tuning.after_quiet is AfterQuiet.RETURN:
+            return Event.RETURN, []
+        misfits = self._misfits(q)
+        return (Event.SETTLE if misfits else Event.RESUME), misfits
 
     def _apply(self, event: Event, cause: str, time_s: float) -> None:
-        """Follow the table, and set up what the new mode starts from: the measured pose."""
+        """Follow the table, and set up what the new mode starts from."""
         before = self.machine.mode
         if not self.machine.apply(event, cause, time_s) or self._observed is None:
             return
-        after = self.machine.mode
         if event is Event.RESET:
             self._reset_until_s = time_s + RESET_PATIENCE_S
-        if after is before:
-            return
-        self._reference = self._observed.q.copy()
-        if after is Mode.TRACKING:
-            self._follower.anchor(self._reference)
-        elif after is Mode.ADMITTANCE:
-            self._entry = self._reference
-            self._touched_s = time_s
-            self.quiet_s = 0.0
+        if self.machine.mode is not before:
+            self._set_up(event, self._observed, time_s)
 
-    def _desired_velocity(self, dt: float, observed: Observed) -> Vector:
-        match self.machine.mode:
-            case Mode.OFF | Mode.ENABLING | Mode.STOPPING | Mode.FAULTED:
-                return np.zeros_like(self._velocity)
-            case Mode.HOLDING:
-                return self._tuning.position_gain * (self._reference - observed.q)
-            case Mode.TRACKING:
-                reference = self._follower.step(dt)
-                self._reference = reference.q
-                error = reference.q - observed.q
-                return reference.velocity + self._tuning.position_gain * error
-            case Mode.ADMITTANCE:
-                pushed = self._law.velocity_after(self._velocity, observed.thresholded, dt)
-                return self._limits.soft_stop(observed.q, pushed, self._tuning.position_gain)
-            case mode:
-                assert_never(mode)
+    def _set_up(self, event: Event, observed: Observed, time_s: float) -> None:
+        motion, allowance, mode = self.motion, self._allowance, self.machine.mode
+        if mode in GUIDED:
+            allowance.take(motion.reference)
+            if self._tuning.after_quiet is AfterQuiet.HOLD:
+                self.machine.moving = False
+            self._touched_s, self.quiet_s = time_s, 0.0
+        home = motion.reference if allowance.home is None else allowance.home
+        if mode is Mode.RETRACTING:
+            motion.retract(observed.q, observed.thresholded)
+        elif mode is Mode.RETURNING:
+            motion.go_back(observed.q, home)
+        elif mode is Mode.TRACKING:
+            motion.follow(home if event is Event.ARRIVED else observed.q)
+        else:
+            motion.hold(observed.q)
+        if mode not in GUIDED and mode is not Mode.STOPPING:
+            allowance.leave(motion.reference)
 
     def _power(self) -> tuple[PowerTarget, ...]:
         match self.machine.mode:

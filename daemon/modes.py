@@ -1,6 +1,7 @@
 """Motion modes and the one table of transitions between them. Pure data: no I/O, no time.
 
-`armed` is a permission beside the mode: only when armed may a contact lead to admittance.
+`armed` is a permission beside the mode: only when armed may a contact lead to admittance or make
+the arm retract.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ class Mode(StrEnum):
     HOLDING = "holding"  # energised, standing where it stands
     TRACKING = "tracking"  # the trajectory
     ADMITTANCE = "admittance"  # yields to the residual, eq. (15)
+    RETRACTING = "retracting"  # backs away from what it met
+    RETURNING = "returning"  # goes back to where a contact took it from its trajectory
     STOPPING = "stopping"  # decelerating
     FAULTED = "faulted"  # all drives in quick stop, latched until `reset`
 
@@ -33,12 +36,15 @@ class Event(StrEnum):
     # what the arm does and feels
     ENERGISED = "energised"  # every drive reports operation enabled
     STANDSTILL = "standstill"
-    TOUCH = "touch"  # a contact while armed
-    COLLISION = "collision"  # beyond the collision level while not armed
+    TOUCH = "touch"  # a contact to yield to
+    RETRACT = "retract"  # a contact to back away from
+    HALT = "halt"  # a contact to stop at
     RESUME = "resume"  # quiet, and the trajectory goes on from here
+    RETURN = "return"  # quiet, and the trajectory goes on where it was left
     SETTLE = "settle"  # quiet, and nothing to go on with
-    BOUND = "bound"  # admittance reached its duration or its excursion
-    TIMEOUT = "timeout"  # enabling or stopping took too long
+    ARRIVED = "arrived"  # back where the trajectory was left
+    BOUND = "bound"  # contacts led the arm for as long or as far as is allowed
+    TIMEOUT = "timeout"  # enabling, stopping or returning took too long
     DOUBT = "doubt"  # the supervisor asks to stand still
     FAULT = "fault"  # the supervisor's quick stop
 
@@ -63,7 +69,8 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.HOLDING, _E.DISARM): _M.HOLDING,
     (_M.HOLDING, _E.DISABLE): _M.OFF,
     (_M.HOLDING, _E.TOUCH): _M.ADMITTANCE,
-    (_M.HOLDING, _E.COLLISION): _M.STOPPING,
+    (_M.HOLDING, _E.RETRACT): _M.RETRACTING,
+    (_M.HOLDING, _E.HALT): _M.HOLDING,
     (_M.HOLDING, _E.DOUBT): _M.HOLDING,
     (_M.HOLDING, _E.FAULT): _M.FAULTED,
     (_M.TRACKING, _E.PAUSE): _M.STOPPING,
@@ -71,19 +78,48 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.TRACKING, _E.DISARM): _M.TRACKING,
     (_M.TRACKING, _E.DISABLE): _M.STOPPING,
     (_M.TRACKING, _E.TOUCH): _M.ADMITTANCE,
-    (_M.TRACKING, _E.COLLISION): _M.STOPPING,
+    (_M.TRACKING, _E.RETRACT): _M.RETRACTING,
+    (_M.TRACKING, _E.HALT): _M.STOPPING,
     (_M.TRACKING, _E.DOUBT): _M.STOPPING,
     (_M.TRACKING, _E.FAULT): _M.FAULTED,
     (_M.ADMITTANCE, _E.PAUSE): _M.ADMITTANCE,
     (_M.ADMITTANCE, _E.STOP): _M.STOPPING,
     (_M.ADMITTANCE, _E.DISARM): _M.STOPPING,
     (_M.ADMITTANCE, _E.DISABLE): _M.STOPPING,
+    (_M.ADMITTANCE, _E.RETRACT): _M.RETRACTING,
+    (_M.ADMITTANCE, _E.HALT): _M.STOPPING,
     (_M.ADMITTANCE, _E.RESUME): _M.TRACKING,
+    (_M.ADMITTANCE, _E.RETURN): _M.RETURNING,
     (_M.ADMITTANCE, _E.SETTLE): _M.HOLDING,
     (_M.ADMITTANCE, _E.BOUND): _M.STOPPING,
     (_M.ADMITTANCE, _E.DOUBT): _M.STOPPING,
     (_M.ADMITTANCE, _E.FAULT): _M.FAULTED,
+    (_M.RETRACTING, _E.PAUSE): _M.RETRACTING,
+    (_M.RETRACTING, _E.STOP): _M.STOPPING,
+    (_M.RETRACTING, _E.DISARM): _M.STOPPING,
+    (_M.RETRACTING, _E.DISABLE): _M.STOPPING,
+    (_M.RETRACTING, _E.TOUCH): _M.ADMITTANCE,
+    (_M.RETRACTING, _E.HALT): _M.STOPPING,
+    (_M.RETRACTING, _E.RESUME): _M.TRACKING,
+    (_M.RETRACTING, _E.RETURN): _M.RETURNING,
+    (_M.RETRACTING, _E.SETTLE): _M.HOLDING,
+    (_M.RETRACTING, _E.BOUND): _M.STOPPING,
+    (_M.RETRACTING, _E.DOUBT): _M.STOPPING,
+    (_M.RETRACTING, _E.FAULT): _M.FAULTED,
+    (_M.RETURNING, _E.PAUSE): _M.STOPPING,
+    (_M.RETURNING, _E.STOP): _M.STOPPING,
+    (_M.RETURNING, _E.DISARM): _M.STOPPING,
+    (_M.RETURNING, _E.DISABLE): _M.STOPPING,
+    (_M.RETURNING, _E.TOUCH): _M.ADMITTANCE,
+    (_M.RETURNING, _E.RETRACT): _M.RETRACTING,
+    (_M.RETURNING, _E.HALT): _M.STOPPING,
+    (_M.RETURNING, _E.ARRIVED): _M.TRACKING,
+    (_M.RETURNING, _E.TIMEOUT): _M.STOPPING,
+    (_M.RETURNING, _E.DOUBT): _M.STOPPING,
+    (_M.RETURNING, _E.FAULT): _M.FAULTED,
     (_M.STOPPING, _E.STANDSTILL): _M.HOLDING,
+    (_M.STOPPING, _E.TOUCH): _M.ADMITTANCE,
+    (_M.STOPPING, _E.RETRACT): _M.RETRACTING,
     (_M.STOPPING, _E.PAUSE): _M.STOPPING,
     (_M.STOPPING, _E.STOP): _M.STOPPING,
     (_M.STOPPING, _E.DISARM): _M.STOPPING,
@@ -96,8 +132,10 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.FAULTED, _E.DISARM): _M.FAULTED,
 }
 
+# What a contact sets in motion; a trajectory that it interrupted goes on after these.
+GUIDED = frozenset({_M.ADMITTANCE, _M.RETRACTING, _M.RETURNING})
 # Who feels contacts: elsewhere the drives carry nothing that the residual could be read from.
-SENSING = frozenset({_M.HOLDING, _M.TRACKING, _M.ADMITTANCE, _M.STOPPING})
+SENSING = frozenset({_M.HOLDING, _M.TRACKING, _M.STOPPING, *GUIDED})
 ARMABLE = frozenset({_M.HOLDING, _M.TRACKING})
 ENERGISED = frozenset({_M.ENABLING, *SENSING})
 
@@ -113,6 +151,8 @@ REFUSALS: dict[Mode, str] = {
     _M.HOLDING: "the arm is holding",
     _M.TRACKING: "the trajectory is running (`contactctl pause` or `stop` first)",
     _M.ADMITTANCE: "somebody is guiding the arm (`contactctl stop` first)",
+    _M.RETRACTING: "the arm is backing away from a contact (`contactctl stop` first)",
+    _M.RETURNING: "the arm is going back to its trajectory (`contactctl stop` first)",
     _M.STOPPING: "the arm is still stopping",
     _M.FAULTED: "a fault is latched (`contactctl reset` first)",
 }
@@ -168,7 +208,7 @@ class ModeMachine:
             self.armed = False
             self.changes.append(Change("disarmed", cause))
         # Only a contact leaves a trajectory that goes on by itself.
-        guided = self.moving and after is Mode.ADMITTANCE and event is not Event.PAUSE
+        guided = self.moving and after in GUIDED and event is not Event.PAUSE
         self.moving = guided or after is Mode.TRACKING
         if after is not self.mode:
             self.changes.append(Change(f"{self.mode} -> {after}", cause))

@@ -24,6 +24,8 @@ MODE_STYLES = {
     "holding": "white on blue",
     "tracking": "white on dark_green",
     "admittance": "black on bright_cyan",
+    "retracting": "black on bright_magenta",
+    "returning": "white on dark_cyan",
     "stopping": "black on yellow",
     "faulted": "white on red",
 }
@@ -244,9 +246,11 @@ def _headline(state: State) -> Text:
     line.append("  ")
     line.append(*(("ARMED", "bold bright_cyan") if state.armed else ("not armed", "dim")))
     line.append(f"   {_duration(state.time_s)}   tick {state.tick}")
-    if state.mode == "admittance":
+    if state.mode in ("admittance", "retracting"):
         then = "then it goes on" if state.moving else "then it holds"
         line.append(f"   quiet {state.quiet_s:.1f} s, {then}", "bright_cyan")
+    elif state.mode == "returning":
+        line.append("   goes back to its trajectory", "bright_cyan")
     elif state.moving:
         line.append("   trajectory runs")
     return line

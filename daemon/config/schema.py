@@ -5,12 +5,16 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from daemon.admittance import MAX_GAIN
+from daemon.reactions import AfterQuiet, Reaction
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
 from estimator.settings import EstimatorSettings
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
 Ticks = Annotated[int, Meta(ge=1, le=1000)]
+Speed = Annotated[float, Meta(gt=0, le=2)]  # [rad/s]
+VirtualMass = Annotated[float, Meta(ge=0, le=1)]  # time constant of the velocity; 0 is none [s]
 
 
 class Friction(Settings, frozen=True):
@@ -60,7 +64,8 @@ class Joint(Settings, frozen=True):
     friction: Friction
     thresholds: Levels
     limits: JointLimits
-    admittance_gain: Annotated[float, Meta(ge=0, le=5)]  # K_a [rad/s per Nm]
+    admittance_gain: Annotated[float, Meta(ge=0, le=MAX_GAIN)]  # K_a [rad/s per Nm]
+    virtual_mass_s: VirtualMass | None = None  # instead of `admittance.virtual_mass_s`
     gap_spring: GapSpring = GapSpring()
     # How the joint ends when the daemon lets go of it: `hold` leaves the drive in quick stop,
     # where it holds by itself; `brake` and `limp` take its torque away.
@@ -81,10 +86,22 @@ class Admittance(Settings, frozen=True):
     """Eq. (15) on the thresholded residual, and what bounds it."""
 
     quiet_s: Annotated[float, Meta(ge=0.1, le=60)] = 2.0
-    virtual_mass_s: Annotated[float, Meta(ge=0, le=1)] = 0.05  # time constant of the velocity
-    velocity: Annotated[float, Meta(gt=0, le=2)] = 0.5  # [rad/s]
+    virtual_mass_s: VirtualMass = 0.05
+    velocity: Speed = 0.5  # [rad/s]
     max_duration_s: Annotated[float, Meta(gt=0, le=3600)] = 120.0
-    max_excursion: Annotated[float, Meta(gt=0, le=6.3)] = 1.5  # from where it began [rad]
+    max_excursion: Annotated[float, Meta(gt=0, le=6.3)] = 1.5  # of all contacts since `arm` [rad]
+    after_quiet: AfterQuiet = AfterQuiet.RESUME
+    return_velocity: Speed = 0.2  # with `after_quiet: return` [rad/s]
+
+
+class ReactionSettings(Settings, frozen=True):
+    """What a contact leads to while the arm is armed. While it is not, a contact is only reported
+    and a collision stops the arm, whatever is said here."""
+
+    contact: Reaction = Reaction.ADMITTANCE
+    collision: Reaction = Reaction.ADMITTANCE
+    retract_distance: Annotated[float, Meta(gt=0, le=1)] = 0.15  # of the furthest joint [rad]
+    retract_velocity: Speed = 0.4  # [rad/s]
 
 
 class Sinusoid(Settings, frozen=True):
@@ -128,6 +145,7 @@ class Configuration(Settings, frozen=True):
     estimator: EstimatorSettings = EstimatorSettings()
     control: Control = Control()
     admittance: Admittance = Admittance()
+    reactions: ReactionSettings = ReactionSettings()
     trajectory: Trajectory = Trajectory()
     supervisor: SupervisorSettings = SupervisorSettings()
 

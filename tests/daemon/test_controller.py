@@ -1,127 +1,130 @@
 """What the arm does in each mode, from made-up observations of a single ideal joint."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 import pytest
 
-from daemon.admittance import AdmittanceLaw
-from daemon.controller import Controller, Decision, Observed, Tuning
-from daemon.limits import Limits
-from daemon.modes import Event, Mode
+from bench.ideal_arm import LIMITS, IdealArm, T, holding_arm, ideal_arm, tracking_arm
+from daemon.admittance import GuidedBounds
+from daemon.controller import Observed
+from daemon.modes import REFUSALS, TRANSITIONS, Event, Mode
+from daemon.reactions import AfterQuiet, Reaction, Reactions
 from daemon.supervisor import Condition, Finding
-from daemon.trajectory import Follower, JointPath
 from drivers.cia402 import PowerTarget
 
-T = 0.01
-AMPLITUDE, FREQUENCY = 0.3, 0.2
-TUNING = Tuning(("a", "b"), ("hold", "brake"), 8.0, 2.0, 3.0, 3.0)
-LIMITS = Limits(np.full(2, -1.0), np.full(2, 1.0), np.full(2, 1.0), np.full(2, 4.0), T)
-LAW = AdmittanceLaw(np.array([0.5, 0.5]), 0.05, np.full(2, 0.5), 5.0, 0.4)
+COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")
 
 
-@dataclass
-class Bench:
-    """A controller, and joints that do exactly what they are told."""
-
-    controller: Controller
-    q: np.ndarray = field(default_factory=lambda: np.array([0.1, -0.2]))
-    tick: int = 0
-    decisions: list[Decision] = field(default_factory=list)
-
-    @property
-    def time_s(self) -> float:
-        return self.tick * T
-
-    @property
-    def mode(self) -> Mode:
-        return self.controller.machine.mode
-
-    @property
-    def armed(self) -> bool:
-        return self.controller.machine.armed
-
-    def step(self, **seen: object) -> Decision:
-        before = self.decisions[-1].velocity if self.decisions else np.zeros(2)
-        calm = Observed(self.q.copy(), before, np.zeros(2), "", "", True, (), ())
-        decision = self.controller.step(self.time_s, T, replace(calm, **seen))
-        self.q = self.q + decision.velocity * T
-        self.tick += 1
-        self.decisions.append(decision)
-        return decision
-
-    def run(self, seconds: float, **seen: object) -> None:
-        for _ in range(round(seconds / T)):
-            self.step(**seen)
-
-    def request(self, event: Event) -> list[str]:
-        return self.controller.request(event, "me", self.time_s)
-
-    def push(self, torque: float) -> dict[str, object]:
-        return {"thresholded": np.array([torque, 0.0])}
-
-    def touch(self, torque: float = 0.4) -> None:
-        self.step(touched="a feels it", **self.push(torque))
-
-
-def controller(law: AdmittanceLaw = LAW) -> Controller:
-    path = JointPath(np.array([AMPLITUDE, 0.0]), np.array([2 * np.pi * FREQUENCY, 0.0]))
-    return Controller(TUNING, LIMITS, law, Follower(path, 1.0))
+def never_jumped(arm: IdealArm) -> bool:
+    """Whatever happened, except to the zero of a quick stop."""
+    velocities = np.array([decision.velocity for decision in arm.decisions])
+    step = np.abs(np.diff(velocities, axis=0))
+    return arm.mode is Mode.FAULTED or bool((step <= LIMITS.acceleration * T + 1e-12).all())
 
 
 @pytest.fixture
-def holding() -> Bench:
-    bench = Bench(controller())
-    bench.step(energised=False)
-    assert bench.request(Event.ENABLE) == []
-    bench.step()
-    assert bench.mode is Mode.HOLDING
-    return bench
+def holding() -> IdealArm:
+    return holding_arm()
 
 
 @pytest.fixture
-def tracking(holding: Bench) -> Iterator[Bench]:
-    assert holding.request(Event.START) == []
-    holding.run(1.5)
-    assert holding.mode is Mode.TRACKING
-    yield holding
-    velocities = np.array([decision.velocity for decision in holding.decisions])
-    # Whatever happened: the setpoint never jumped, except to the zero of a quick stop.
-    if holding.mode is not Mode.FAULTED:
-        assert (np.abs(np.diff(velocities, axis=0)) <= LIMITS.acceleration * T + 1e-12).all()
+def tracking() -> Iterator[IdealArm]:
+    """Armed."""
+    arm = tracking_arm()
+    yield arm
+    assert never_jumped(arm)
 
 
-def test_armed_a_contact_leads_to_admittance(tracking: Bench) -> None:
-    assert tracking.controller.arm("me") == []
+@pytest.fixture
+def unarmed() -> Iterator[IdealArm]:
+    arm = tracking_arm()
+    assert arm.request(Event.DISARM) == []
+    yield arm
+    assert never_jumped(arm)
+
+
+def arm_in(mode: Mode) -> IdealArm:
+    """Brought there by what a person does and the arm feels."""
+    backing = Reactions(Reaction.ADMITTANCE, Reaction.RETRACT)
+    arm = ideal_arm(reactions=backing, after_quiet=AfterQuiet.RETURN)
+    arm.step(energised=False)
+    if mode is Mode.OFF:
+        return arm
+    arm.request(Event.ENABLE)
+    if mode is Mode.ENABLING:
+        arm.step(energised=False)
+        return arm
+    arm.step()
+    if mode is Mode.HOLDING:
+        return arm
+    arm.request(Event.START)
+    arm.run(1.5)
+    assert arm.controller.arm("me") == []
+    if mode is Mode.STOPPING:
+        arm.request(Event.PAUSE)
+    elif mode is Mode.FAULTED:
+        arm.step(findings=(Finding(Condition.DRIVE_FAULT, "b"),))
+    elif mode is Mode.RETRACTING:
+        arm.hit()
+    elif mode is not Mode.TRACKING:
+        arm.touch(0.6)
+        if mode is Mode.RETURNING:
+            arm.run(0.5, **arm.push(0.6))
+            arm.run_until(mode)
+    return arm
+
+
+@pytest.mark.parametrize(("mode", "command"), list(product(Mode, COMMANDS)))
+def test_every_command_in_every_mode(mode: Mode, command: str) -> None:
+    """Follows its row of the table, or is refused with what to do about it and changes nothing."""
+    arm, event = arm_in(mode), Event(command)
+    assert arm.mode is mode
+    armed, moving = arm.armed, arm.controller.machine.moving
+    reasons = arm.request(event)
+    if after := TRANSITIONS.get((mode, event)):
+        assert reasons == []
+        assert arm.mode is after
+    else:
+        assert reasons == [f"cannot {command}: {REFUSALS[mode]}"]
+        assert arm.mode is mode
+        assert (arm.armed, arm.controller.machine.moving) == (armed, moving)
+
+
+@pytest.mark.parametrize("mode", set(Mode) - {Mode.HOLDING, Mode.TRACKING})
+def test_arming_is_refused_in_every_mode_that_is_not_calm(mode: Mode) -> None:
+    arm = arm_in(mode)
+    assert REFUSALS[mode] in arm.controller.arm("another")
+
+
+def test_armed_a_contact_leads_to_admittance(tracking: IdealArm) -> None:
     tracking.touch()
     assert tracking.mode is Mode.ADMITTANCE
-    assert tracking.controller.machine.cause == "a feels it"
+    assert tracking.cause == "a feels it"
     tracking.run(1.0, **tracking.push(0.4))
     assert tracking.decisions[-1].velocity[0] == pytest.approx(0.2, rel=1e-3)  # K_a r_bar
 
 
-def test_unarmed_a_contact_is_only_reported(tracking: Bench) -> None:
-    tracking.touch()
-    assert tracking.mode is Mode.TRACKING
+def test_unarmed_a_contact_is_only_reported(unarmed: IdealArm) -> None:
+    unarmed.touch()
+    assert unarmed.mode is Mode.TRACKING
 
 
-def test_unarmed_a_collision_stops(tracking: Bench) -> None:
-    tracking.step(touched="a feels it", hit="a was hit", **tracking.push(3.0))
-    assert tracking.mode is Mode.STOPPING
-    assert tracking.controller.machine.cause == "a was hit"
-    tracking.run(0.5)
-    assert tracking.mode is Mode.HOLDING
+def test_unarmed_a_collision_stops(unarmed: IdealArm) -> None:
+    unarmed.hit(3.0)
+    assert unarmed.mode is Mode.STOPPING
+    assert unarmed.cause == "a was hit"
+    unarmed.run(0.5)
+    assert unarmed.mode is Mode.HOLDING
 
 
-def test_armed_a_collision_is_a_contact(tracking: Bench) -> None:
-    tracking.controller.arm("me")
-    tracking.step(touched="a feels it", hit="a was hit", **tracking.push(3.0))
+def test_armed_a_collision_is_a_contact(tracking: IdealArm) -> None:
+    tracking.hit(3.0)
     assert tracking.mode is Mode.ADMITTANCE
 
 
-def test_after_two_quiet_seconds_it_goes_on_from_where_it_was_left(tracking: Bench) -> None:
-    tracking.controller.arm("me")
+def test_after_two_quiet_seconds_it_goes_on_from_where_it_was_left(tracking: IdealArm) -> None:
     tracking.touch()
     tracking.run(0.5, **tracking.push(0.6))
     last = tracking.time_s - T
@@ -135,8 +138,7 @@ def test_after_two_quiet_seconds_it_goes_on_from_where_it_was_left(tracking: Ben
     assert abs(tracking.decisions[-1].velocity[0]) > 0.05
 
 
-def test_the_quiet_time_begins_with_the_contact_however_faint(tracking: Bench) -> None:
-    tracking.controller.arm("me")
+def test_the_quiet_time_begins_with_the_contact_however_faint(tracking: IdealArm) -> None:
     tracking.touch(0.0)
     tracking.run(1.9)
     assert tracking.mode is Mode.ADMITTANCE
@@ -144,7 +146,7 @@ def test_the_quiet_time_begins_with_the_contact_however_faint(tracking: Bench) -
     assert tracking.mode is Mode.TRACKING
 
 
-def test_touched_while_holding_it_holds_where_it_was_left(holding: Bench) -> None:
+def test_touched_while_holding_it_holds_where_it_was_left(holding: IdealArm) -> None:
     holding.controller.arm("me")
     holding.touch()
     assert holding.mode is Mode.ADMITTANCE
@@ -159,15 +161,16 @@ def test_touched_while_holding_it_holds_where_it_was_left(holding: Bench) -> Non
 @pytest.mark.parametrize(
     ("torque", "words"), [(2.0, "further than 0.4 rad"), (0.01, "more than 5 s")]
 )
-def test_a_bound_ends_in_holding_and_disarmed(tracking: Bench, torque: float, words: str) -> None:
-    tracking.controller.arm("me")
+def test_a_bound_ends_in_holding_and_disarmed(
+    tracking: IdealArm, torque: float, words: str
+) -> None:
     tracking.touch(torque)
     for _ in range(600):
         tracking.step(**tracking.push(torque))
         if tracking.mode is not Mode.ADMITTANCE:
             break
     assert tracking.mode is Mode.STOPPING
-    assert words in tracking.controller.machine.cause
+    assert words in tracking.cause
     tracking.run(0.5)
     assert tracking.mode is Mode.HOLDING
     assert not tracking.armed
@@ -175,35 +178,27 @@ def test_a_bound_ends_in_holding_and_disarmed(tracking: Bench, torque: float, wo
 
 
 def test_a_path_that_no_longer_fits_ends_in_holding_with_the_reason() -> None:
-    bench = Bench(controller(replace(LAW, max_excursion=3.0)))
-    bench.step()
-    for event in (Event.ENABLE, Event.START):
-        bench.request(event)
-        bench.run(0.2)
-    bench.controller.arm("me")
-    bench.touch(1.0)
-    bench.run(2.5, **bench.push(1.0))
+    bench = tracking_arm(bounds=GuidedBounds(max_duration_s=20.0, max_excursion=3.0))
+    bench.run(3.0, **bench.push(1.0))
     assert bench.q[0] > 0.9
     bench.run(2.1)
     assert bench.mode is Mode.HOLDING
-    assert "the path of a would leave its limits [-1, 1]" in bench.controller.machine.cause
+    assert "the path of a would leave its limits [-1, 1]" in bench.cause
     assert not bench.controller.machine.moving
 
 
-def test_disarmed_while_guided_nothing_goes_on_by_itself_later(tracking: Bench) -> None:
-    tracking.controller.arm("me")
+def test_disarmed_while_guided_nothing_goes_on_by_itself_later(tracking: IdealArm) -> None:
     tracking.touch()
     tracking.request(Event.DISARM)
     assert tracking.mode is Mode.STOPPING
     tracking.run(0.5)
-    tracking.controller.arm("me")
     tracking.touch()
     tracking.run(2.5)
     assert tracking.mode is Mode.HOLDING
 
 
-def test_arming_is_refused_with_every_reason(holding: Bench) -> None:
-    assert Bench(controller()).controller.arm("me") == ["no samples of the drives yet"]
+def test_arming_is_refused_with_every_reason(holding: IdealArm) -> None:
+    assert ideal_arm().controller.arm("me") == ["no samples of the drives yet"]
     holding.request(Event.STOP)
     holding.controller.step(
         holding.time_s,
@@ -215,11 +210,12 @@ def test_arming_is_refused_with_every_reason(holding: Bench) -> None:
     assert not holding.armed
 
 
-def test_start_and_enable_are_refused_with_the_reason(holding: Bench) -> None:
+def test_start_and_enable_are_refused_with_the_reason(holding: IdealArm) -> None:
     holding.step(q=np.array([0.8, 0.0]))
     assert "from 0.800 rad the path of a would leave" in holding.request(Event.START)[0]
     assert holding.mode is Mode.HOLDING
-    off = Bench(controller(), q=np.array([0.0, 1.2]))
+    off = ideal_arm()
+    off.q = np.array([0.0, 1.2])
     off.step()
     assert off.request(Event.ENABLE)[0].startswith("b stands at 1.200 rad, outside its limits")
     assert off.request(Event.START) == [
@@ -229,7 +225,7 @@ def test_start_and_enable_are_refused_with_the_reason(holding: Bench) -> None:
 
 
 def test_drives_that_do_not_follow_time_out() -> None:
-    bench = Bench(controller())
+    bench = ideal_arm()
     bench.step(energised=False)
     bench.request(Event.ENABLE)
     bench.run(2.9, energised=False)
@@ -238,13 +234,13 @@ def test_drives_that_do_not_follow_time_out() -> None:
     assert bench.mode is Mode.OFF
 
 
-def test_an_arm_that_does_not_stop_is_a_fault(tracking: Bench) -> None:
+def test_an_arm_that_does_not_stop_is_a_fault(tracking: IdealArm) -> None:
     tracking.request(Event.STOP)
     tracking.run(3.1, motor_velocity=np.array([0.0, 0.1]))
     assert tracking.mode is Mode.FAULTED
 
 
-def test_a_fault_stops_all_drives_until_reset(tracking: Bench) -> None:
+def test_a_fault_stops_all_drives_until_reset(tracking: IdealArm) -> None:
     fault = (Finding(Condition.DRIVE_FAULT, "b"),)
     decision = tracking.step(findings=fault)
     assert tracking.mode is Mode.FAULTED
@@ -259,7 +255,7 @@ def test_a_fault_stops_all_drives_until_reset(tracking: Bench) -> None:
     assert tracking.mode is Mode.FAULTED
 
 
-def test_power_in_each_mode(holding: Bench) -> None:
+def test_power_in_each_mode(holding: IdealArm) -> None:
     assert holding.step().power == (PowerTarget.ON,) * 2
     holding.request(Event.DISABLE)
     assert holding.step().power == (PowerTarget.QUICK_STOP, PowerTarget.OFF)  # hold, brake

@@ -8,6 +8,7 @@ from daemon.modes import (
     ARMABLE,
     DISARMING,
     ENERGISED,
+    GUIDED,
     REFUSALS,
     SENSING,
     TRANSITIONS,
@@ -96,8 +97,8 @@ def test_stop_and_disarm_work_in_every_mode(mode: Mode, event: Event) -> None:
     machine = machine_in(mode, armed=True)
     assert machine.apply(event, "a person", 2.0)
     assert not machine.armed
-    assert machine.mode not in (Mode.TRACKING, Mode.ADMITTANCE) or event is Event.DISARM
-    assert machine.mode is not Mode.ADMITTANCE
+    assert machine.mode is not Mode.TRACKING or event is Event.DISARM
+    assert machine.mode not in GUIDED
 
 
 @pytest.mark.parametrize("mode", set(Mode) - {Mode.FAULTED})
@@ -110,7 +111,7 @@ def test_disable_is_heard_everywhere_but_in_a_fault(mode: Mode) -> None:
     assert next_mode(mode, Event.DISABLE) in (Mode.OFF, Mode.STOPPING)
 
 
-@pytest.mark.parametrize("mode", [Mode.TRACKING, Mode.ADMITTANCE])
+@pytest.mark.parametrize("mode", [Mode.TRACKING, *GUIDED])
 def test_doubt_stops_whatever_moves(mode: Mode) -> None:
     assert next_mode(mode, Event.DOUBT) is Mode.STOPPING
 
@@ -134,14 +135,38 @@ def test_nothing_energises_but_enable(mode: Mode) -> None:
 @pytest.mark.parametrize("mode", set(Mode) - {Mode.TRACKING})
 def test_only_start_and_quiet_begin_a_trajectory(mode: Mode) -> None:
     into = [event for event in Event if next_mode(mode, event) is Mode.TRACKING]
-    expected = {Mode.HOLDING: [Event.START], Mode.ADMITTANCE: [Event.RESUME]}
+    expected = {
+        Mode.HOLDING: [Event.START],
+        Mode.ADMITTANCE: [Event.RESUME],
+        Mode.RETRACTING: [Event.RESUME],
+        Mode.RETURNING: [Event.ARRIVED],
+    }
     assert into == expected.get(mode, [])
 
 
-@pytest.mark.parametrize("mode", set(Mode) - {Mode.ADMITTANCE})
-def test_only_a_touch_leads_to_admittance(mode: Mode) -> None:
-    into = [event for event in Event if next_mode(mode, event) is Mode.ADMITTANCE]
-    assert into == ([Event.TOUCH] if mode in ARMABLE else [])
+@pytest.mark.parametrize("mode", Mode)
+@pytest.mark.parametrize(
+    ("guided", "event"), [(Mode.ADMITTANCE, Event.TOUCH), (Mode.RETRACTING, Event.RETRACT)]
+)
+def test_only_a_contact_of_an_energised_arm_makes_it_yield(
+    mode: Mode, guided: Mode, event: Event
+) -> None:
+    into = [event for event in Event if next_mode(mode, event) is guided]
+    felt = mode in SENSING - {guided} - ({Mode.RETRACTING} if guided is Mode.RETRACTING else set())
+    assert into == ([Event.PAUSE] if mode is guided else [event] if felt else [])
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_only_quiet_sends_the_arm_back(mode: Mode) -> None:
+    into = [event for event in Event if next_mode(mode, event) is Mode.RETURNING]
+    assert into == ([Event.RETURN] if mode in (Mode.ADMITTANCE, Mode.RETRACTING) else [])
+
+
+@pytest.mark.parametrize("mode", set(Mode) - {Mode.HOLDING, Mode.OFF, Mode.ENABLING, Mode.FAULTED})
+def test_a_contact_to_stop_at_stops_whatever_moves(mode: Mode) -> None:
+    machine = machine_in(mode)
+    machine.apply(Event.HALT, "hit", 2.0)
+    assert machine.mode is Mode.STOPPING
 
 
 def test_from_a_fault_only_reset_leads_out() -> None:
@@ -151,12 +176,12 @@ def test_from_a_fault_only_reset_leads_out() -> None:
 
 
 def test_motion_ends_in_stopping_and_never_by_cutting_power() -> None:
-    for mode in (Mode.TRACKING, Mode.ADMITTANCE, Mode.STOPPING):
+    for mode in (Mode.TRACKING, *GUIDED, Mode.STOPPING):
         for event in Event:
             assert next_mode(mode, event) not in (Mode.OFF, Mode.ENABLING), (mode, event)
 
 
-@pytest.mark.parametrize("mode", [Mode.TRACKING, Mode.ADMITTANCE, Mode.STOPPING])
+@pytest.mark.parametrize("mode", [Mode.TRACKING, *GUIDED, Mode.STOPPING])
 def test_disable_in_motion_first_stops_then_goes_off(mode: Mode) -> None:
     machine = machine_in(mode, armed=True, moving=True)
     assert machine.apply(Event.DISABLE, "a person", 2.0)
@@ -182,9 +207,9 @@ def test_a_fault_while_disabling_forgets_the_wish() -> None:
 
 @pytest.mark.parametrize(("mode", "event"), PRESENT)
 def test_a_trajectory_goes_on_only_after_a_contact(mode: Mode, event: Event) -> None:
-    machine = machine_in(mode, moving=mode in (Mode.TRACKING, Mode.ADMITTANCE))
+    machine = machine_in(mode, moving=mode in (Mode.TRACKING, *GUIDED))
     machine.apply(event, "why", 2.0)
-    goes_on = machine.mode is Mode.ADMITTANCE and mode in (Mode.TRACKING, Mode.ADMITTANCE)
+    goes_on = machine.mode in GUIDED and mode in (Mode.TRACKING, *GUIDED)
     assert machine.moving is (
         machine.mode is Mode.TRACKING or (goes_on and event is not Event.PAUSE)
     )

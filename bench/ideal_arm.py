@@ -1,0 +1,136 @@
+"""A controller, and two joints that do exactly what it tells them; what they feel is made up."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daemon.admittance import AdmittanceLaw, Gains, GuidedBounds
+from daemon.controller import Controller, Decision, Observed, Tuning
+from daemon.limits import Limits
+from daemon.modes import Event, Mode
+from daemon.motion import Manner, Motion
+from daemon.reactions import AfterQuiet, Reactions
+from daemon.trajectory import Follower, JointPath
+
+Vector = NDArray[np.float64]
+
+T = 0.01
+AMPLITUDE, FREQUENCY = 0.3, 0.2  # of joint a; b holds
+TUNING = Tuning(
+    joints=("a", "b"),
+    ends=("hold", "brake"),
+    reactions=Reactions(),
+    quiet_s=2.0,
+    after_quiet=AfterQuiet.RESUME,
+    bounds=GuidedBounds(max_duration_s=5.0, max_excursion=0.4),
+    enable_timeout_s=3.0,
+    stop_timeout_s=3.0,
+)
+MANNER = Manner(position_gain=8.0, return_velocity=0.2, retract_velocity=0.4, retract_distance=0.1)
+LIMITS = Limits(np.full(2, -1.0), np.full(2, 1.0), np.full(2, 1.0), np.full(2, 4.0), T)
+
+
+@dataclass(slots=True)
+class IdealArm:
+    """`step` is one tick; keywords replace fields of what was observed in it."""
+
+    controller: Controller
+    q: Vector = field(default_factory=lambda: np.array([0.1, -0.2]))
+    tick: int = 0
+    decisions: list[Decision] = field(default_factory=list)
+
+    @property
+    def time_s(self) -> float:
+        """Of the next tick."""
+        return self.tick * T
+
+    @property
+    def mode(self) -> Mode:
+        """The controller's."""
+        return self.controller.machine.mode
+
+    @property
+    def armed(self) -> bool:
+        """The permission."""
+        return self.controller.machine.armed
+
+    @property
+    def cause(self) -> str:
+        """Why this mode."""
+        return self.controller.machine.cause
+
+    def step(self, **seen: Any) -> Decision:
+        """One tick."""
+        before = self.decisions[-1].velocity if self.decisions else np.zeros(2)
+        calm = Observed(self.q.copy(), before, np.zeros(2), "", "", True, (), ())
+        decision = self.controller.step(self.time_s, T, replace(calm, **seen))
+        self.q = self.q + decision.velocity * T
+        self.tick += 1
+        self.decisions.append(decision)
+        return decision
+
+    def run(self, seconds: float, **seen: Any) -> None:
+        """So many ticks alike."""
+        for _ in range(round(seconds / T)):
+            self.step(**seen)
+
+    def run_until(self, mode: Mode, seconds: float = 20.0, **seen: Any) -> float:
+        """Tick until `mode`; returns how long [s] that took. Raises AssertionError if it takes more
+        than `seconds`."""
+        begun = self.tick
+        while self.mode is not mode:
+            assert (self.tick - begun) * T <= seconds, (self.mode, self.cause)
+            self.step(**seen)
+        return (self.tick - begun) * T
+
+    def request(self, event: Event) -> list[str]:
+        """As a person would; returns the reasons of a refusal."""
+        return self.controller.request(event, "me", self.time_s)
+
+    def push(self, torque: float) -> dict[str, Any]:
+        """What is observed while a contact on joint a lasts: the thresholded residual [Nm]."""
+        return {"thresholded": np.array([torque, 0.0]), "touched": "a feels it"}
+
+    def touch(self, torque: float = 0.4) -> None:
+        """One tick of contact."""
+        self.step(**self.push(torque))
+
+    def hit(self, torque: float = 0.4) -> None:
+        """One tick in which a collision begins."""
+        self.step(**self.push(torque), hit="a was hit")
+
+
+def ideal_arm(**changes: Any) -> IdealArm:
+    """Off. `changes` replace fields of TUNING, or parts of the motion."""
+    parts: dict[str, Any] = {
+        "manner": MANNER,
+        "limits": LIMITS,
+        "law": AdmittanceLaw(np.full(2, 0.05), np.full(2, 0.5)),
+        "gains": Gains(np.array([0.5, 0.5])),
+    }
+    parts = {name: changes.pop(name, part) for name, part in parts.items()}
+    path = JointPath(np.array([AMPLITUDE, 0.0]), np.array([2 * np.pi * FREQUENCY, 0.0]))
+    motion = Motion(**parts, follower=Follower(path, 1.0))
+    return IdealArm(Controller(replace(TUNING, **changes), motion))
+
+
+def holding_arm(**changes: Any) -> IdealArm:
+    """Energised and holding."""
+    arm = ideal_arm(**changes)
+    arm.step(energised=False)
+    assert arm.request(Event.ENABLE) == []
+    arm.step()
+    assert arm.mode is Mode.HOLDING
+    return arm
+
+
+def tracking_arm(**changes: Any) -> IdealArm:
+    """On its trajectory for 1.5 s, armed."""
+    arm = holding_arm(**changes)
+    assert arm.request(Event.START) == []
+    arm.run(1.5)
+    assert arm.mode is Mode.TRACKING
+    assert arm.controller.arm("me") == []
+    return arm

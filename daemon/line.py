@@ -1,0 +1,54 @@
+"""A straight line through joint space, speeding up and slowing down evenly. Pure."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daemon.trajectory import Reference
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """q(t) = start + s(t) way, s from 0 to 1 with a trapezoid of speed; vectors of shape (n,).
+
+    All joints start and arrive together, so no joint leaves the box that both ends span.
+    """
+
+    start: Vector  # [rad]
+    way: Vector  # [rad]
+    rate: float  # largest ds/dt [1/s]
+    ramp_s: float  # from standstill to `rate`, and back
+
+    @classmethod
+    def between(cls, start: Vector, end: Vector, velocity: Vector, acceleration: Vector) -> "Line":
+        """As fast as every joint's `velocity` [rad/s] and `acceleration` [rad/s2] allow."""
+        way = end - start
+        slowest = float(np.max(np.abs(way) / velocity))  # 1 / (ds/dt)
+        if slowest == 0.0:
+            return cls(start, way, math.inf, 0.0)
+        steepest = float(np.max(np.abs(way) / acceleration))  # 1 / (d2s/dt2)
+        rate = min(1.0 / slowest, 1.0 / math.sqrt(steepest))
+        return cls(start, way, rate, rate * steepest)
+
+    @property
+    def duration_s(self) -> float:
+        """From standstill to standstill."""
+        return 1.0 / self.rate + self.ramp_s
+
+    def at(self, t: float) -> Reference:
+        """Where the arm should be t [s] after the start."""
+        if t >= self.duration_s:
+            return Reference(self.start + self.way, np.zeros_like(self.way))
+        before_end = self.duration_s - t
+        if t < self.ramp_s:
+            s, ds = 0.5 * self.rate * t * t / self.ramp_s, self.rate * t / self.ramp_s
+        elif before_end < self.ramp_s:
+            share = before_end / self.ramp_s
+            s, ds = 1.0 - 0.5 * self.rate * before_end * share, self.rate * share
+        else:
+            s, ds = self.rate * (t - 0.5 * self.ramp_s), self.rate
+        return Reference(self.start + s * self.way, ds * self.way)

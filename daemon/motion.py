@@ -1,0 +1,138 @@
+"""How the arm moves in each mode: reference and target velocity. Decides nothing; no clock."""
+
+from dataclasses import dataclass
+from typing import assert_never
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daemon.admittance import AdmittanceLaw, Gains
+from daemon.limits import Limits
+from daemon.line import Line
+from daemon.modes import SENSING, Mode
+from daemon.trajectory import Follower
+
+Vector = NDArray[np.float64]
+
+# A joint is back where it was to go when it is as near as this [rad]...
+ARRIVED_RAD = 0.01
+# ...and a planned line leaves this share of the acceleration to the position loop.
+PLANNED_SHARE = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """What the configuration says about motion."""
+
+    position_gain: float  # [1/s]
+    return_velocity: float  # [rad/s]
+    retract_velocity: float  # [rad/s]
+    retract_distance: float  # of the joint that goes furthest [rad]
+
+
+class Motion:
+    """References and setpoints of one arm; vectors of shape (n,)."""
+
+    def __init__(
+        self,
+        manner: Manner,
+        limits: Limits,
+        law: AdmittanceLaw,
+        gains: Gains,
+        follower: Follower,
+    ) -> None:
+        self.velocity = np.zeros_like(limits.lower)
+        """target velocity [rad/s]"""
+        self.reference = np.zeros_like(limits.lower)
+        """desired q [rad]"""
+        self.limits, self.gains, self.follower = limits, gains, follower
+        self._manner, self._law = manner, law
+        self._go(self.reference, self.reference, 1.0)
+
+    # --- what a new mode starts from: the pose q that was measured, within the limits ----------
+
+    def hold(self, q: Vector) -> None:
+        """Stay at q [rad]."""
+        self.reference = np.minimum(np.maximum(q, self.limits.lower), self.limits.upper)
+
+    def follow(self, anchor: Vector) -> None:
+        """Run the trajectory, at its present path time, from `anchor` [rad]."""
+        self.reference = anchor.copy()
+        self.follower.anchor(self.reference)
+
+    def retract(self, q: Vector, thresholded: Vector) -> None:
+        """Back away from q [rad] the way the thresholded residual [Nm] would move the arm."""
+        pushed = self.gains.value * thresholded
+        furthest = float(np.abs(pushed).max())
+        share = self._manner.retract_distance / furthest if furthest > 0.0 else 0.0
+        self._go(q, q + share * pushed, self._manner.retract_velocity)
+
+    def go_back(self, q: Vector, home: Vector) -> None:
+        """Go slowly from q to `home` [rad]."""
+        self._go(q, home, self._manner.return_velocity)
+
+    def _go(self, q: Vector, end: Vector, velocity: float) -> None:
+        self.hold(q)
+        limits = self.limits
+        end = np.minimum(np.maximum(end, limits.lower), limits.upper)
+        self._line = Line.between(
+            self.reference,
+            end,
+            np.minimum(velocity, limits.velocity),
+            PLANNED_SHARE * limits.acceleration,
+        )
+        self._line_s = 0.0
+
+    # --- how the line is getting on -----------------------------------------------------------
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the line's reference still moves."""
+        return self._line_s < self._line.duration_s
+
+    @property
+    def line_duration_s(self) -> float:
+        """Of the line that was begun last."""
+        return self._line.duration_s
+
+    def arrived(self, q: Vector) -> bool:
+        """Whether the arm is at the line's end."""
+        return not self.under_way and float(np.abs(q - self.reference).max()) < ARRIVED_RAD
+
+    def opposed(self, thresholded: Vector) -> bool:
+        """Whether somebody pushes against the line [Nm]."""
+        return self.under_way and float(self._line.way @ thresholded) < 0.0
+
+    # --- one tick -----------------------------------------------------------------------------
+
+    def step(self, mode: Mode, q: Vector, age_s: Vector | float, push: Vector, dt: float) -> None:
+        """Set velocity and reference for the next dt [s], from the thresholded residual `push`
+        [Nm] and q [rad], which was measured age_s [s] ago."""
+        self.gains.step(dt)
+        desired = self._desired(mode, q, push, dt)
+        # A joint that was not heard of in this tick has moved on as it was told to.
+        here = q + self.velocity * age_s
+        if mode in SENSING:
+            self.velocity = self.limits.bound_velocity(here, desired, self.velocity, dt)
+        else:
+            self.velocity = desired
+
+    def _desired(self, mode: Mode, q: Vector, push: Vector, dt: float) -> Vector:
+        gain = self._manner.position_gain
+        match mode:
+            case Mode.OFF | Mode.ENABLING | Mode.STOPPING | Mode.FAULTED:
+                return np.zeros_like(self.velocity)
+            case Mode.HOLDING:
+                return gain * (self.reference - q)
+            case Mode.ADMITTANCE:
+                pushed = self._law.velocity_after(self.velocity, self.gains.value, push, dt)
+                return self.limits.soft_stop(q, pushed, gain)
+            case Mode.TRACKING:
+                wanted = self.follower.step(dt)
+            case Mode.RETRACTING | Mode.RETURNING:
+                self._line_s += dt
+                wanted = self._line.at(self._line_s)
+            case _:
+                assert_never(mode)
+        self.reference = wanted.q
+        return wanted.velocity + gain * (wanted.q - q)

@@ -1,0 +1,56 @@
+"""What a contact leads to: for each level one choice of the configuration, one event of the mode
+table. Pure data."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from daemon.modes import Event, Mode
+
+
+class Reaction(StrEnum):
+    """What the arm does about a contact while it is armed."""
+
+    REPORT = "report"  # nothing but say so
+    ADMITTANCE = "admittance"  # yield, eq. (15)
+    RETRACT = "retract"  # back away a fixed distance, the way it was pushed
+    HOLD = "hold"  # decelerate and hold
+    QUICK_STOP = "quick_stop"  # quick stop of all drives, latched until `reset`
+
+
+class AfterQuiet(StrEnum):
+    """How a trajectory goes on when the quiet time is over."""
+
+    RESUME = "resume"  # around where the person left the arm
+    HOLD = "hold"  # not at all; it takes a new `start`
+    RETURN = "return"  # from where the contact took it, after going back there slowly
+
+
+EVENT_OF: dict[Reaction, Event | None] = {
+    Reaction.REPORT: None,
+    Reaction.ADMITTANCE: Event.TOUCH,
+    Reaction.RETRACT: Event.RETRACT,
+    Reaction.HOLD: Event.HALT,
+    Reaction.QUICK_STOP: Event.FAULT,
+}
+
+# Where a contact counts as long as it lasts; elsewhere one is being reacted to already, and only a
+# collision that begins is more than that.
+ATTENTIVE = frozenset({Mode.HOLDING, Mode.TRACKING, Mode.RETURNING})
+
+
+@dataclass(frozen=True, slots=True)
+class Reactions:
+    """The reaction to each level."""
+
+    contact: Reaction = Reaction.ADMITTANCE
+    collision: Reaction = Reaction.ADMITTANCE
+
+    def to_contact(self, armed: bool) -> Event | None:
+        """What a contact that lasts leads to: nothing while the arm is not armed."""
+        return EVENT_OF[self.contact] if armed else None
+
+    def to_collision(self, armed: bool) -> Event | None:
+        """What a collision that begins leads to: not armed, the arm stops whatever is chosen."""
+        if armed or self.collision is Reaction.QUICK_STOP:
+            return EVENT_OF[self.collision]
+        return Event.HALT

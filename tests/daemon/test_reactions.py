@@ -1,0 +1,350 @@
+"""What a contact leads to, per level; retracting; what comes after the quiet time."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from bench.ideal_arm import LIMITS, MANNER, IdealArm, T, holding_arm, tracking_arm
+from daemon.admittance import GuidedBounds
+from daemon.modes import Event, Mode
+from daemon.reactions import AfterQuiet, Reaction, Reactions
+
+R, M = Reaction, Mode
+Make = Callable[..., IdealArm]
+AFTER = {
+    R.REPORT: M.TRACKING,
+    R.ADMITTANCE: M.ADMITTANCE,
+    R.RETRACT: M.RETRACTING,
+    R.HOLD: M.STOPPING,
+    R.QUICK_STOP: M.FAULTED,
+}
+NEAR = GuidedBounds(max_duration_s=100.0, max_excursion=0.4)
+FAR = GuidedBounds(max_duration_s=100.0, max_excursion=3.0)
+
+
+@pytest.fixture
+def tracking() -> Iterator[Make]:
+    """Makes tracking arms; whatever happens, their setpoints never jump."""
+    made: list[IdealArm] = []
+
+    def make(contact: Reaction = R.ADMITTANCE, collision: Reaction = R.ADMITTANCE, **more):
+        made.append(tracking_arm(reactions=Reactions(contact, collision), **more))
+        return made[-1]
+
+    yield make
+    for arm in made:
+        velocity = np.array([decision.velocity for decision in arm.decisions])
+        step = np.abs(np.diff(velocity, axis=0))
+        assert arm.mode is M.FAULTED or (step <= LIMITS.acceleration * T + 1e-12).all()
+
+
+# --- each reaction to each level ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("reaction", Reaction)
+def test_armed_a_contact_leads_to_what_was_chosen(tracking: Make, reaction: Reaction) -> None:
+    arm = tracking(contact=reaction)
+    arm.touch()
+    assert arm.mode is AFTER[reaction]
+    if reaction is not R.REPORT:
+        assert arm.cause == "a feels it"
+    assert arm.armed is (reaction is not R.QUICK_STOP)
+
+
+@pytest.mark.parametrize("reaction", Reaction)
+def test_armed_a_collision_leads_to_what_was_chosen(tracking: Make, reaction: Reaction) -> None:
+    arm = tracking(contact=R.REPORT, collision=reaction)
+    arm.hit()
+    assert arm.mode is AFTER[reaction]
+
+
+@pytest.mark.parametrize("reaction", Reaction)
+def test_unarmed_a_contact_is_reported_whatever_was_chosen(
+    tracking: Make, reaction: Reaction
+) -> None:
+    arm = tracking(contact=reaction)
+    arm.request(Event.DISARM)
+    arm.run(0.5, **arm.push(0.5))
+    assert arm.mode is M.TRACKING
+
+
+@pytest.mark.parametrize("reaction", Reaction)
+def test_unarmed_a_collision_stops_whatever_was_chosen(tracking: Make, reaction: Reaction) -> None:
+    arm = tracking(collision=reaction)
+    arm.request(Event.DISARM)
+    arm.hit()
+    assert arm.mode is (M.FAULTED if reaction is R.QUICK_STOP else M.STOPPING)
+    assert arm.cause == "a was hit"
+
+
+def test_to_hold_means_to_stay_where_it_stopped(tracking: Make) -> None:
+    arm = tracking(contact=R.HOLD)
+    arm.run(1.0, **arm.push(0.5))
+    assert arm.mode is M.HOLDING
+    assert arm.armed
+    where = arm.q.copy()
+    arm.run(5.0, **arm.push(0.5))
+    np.testing.assert_allclose(arm.q, where, atol=1e-3)
+    arm.request(Event.START)  # the contact lasts: not a step
+    arm.run(0.5, **arm.push(0.5))
+    assert arm.mode is M.HOLDING
+
+
+@pytest.mark.parametrize(
+    ("collision", "mode"),
+    [
+        (R.REPORT, M.ADMITTANCE),
+        (R.ADMITTANCE, M.ADMITTANCE),
+        (R.RETRACT, M.RETRACTING),
+        (R.HOLD, M.STOPPING),
+        (R.QUICK_STOP, M.FAULTED),
+    ],
+)
+def test_a_collision_while_it_yields(tracking: Make, collision: Reaction, mode: Mode) -> None:
+    arm = tracking(collision=collision)
+    arm.run(0.3, **arm.push(0.5))
+    arm.hit(3.0)
+    assert arm.mode is mode
+
+
+@pytest.mark.parametrize(
+    ("collision", "mode"), [(R.ADMITTANCE, M.ADMITTANCE), (R.RETRACT, M.RETRACTING)]
+)
+def test_a_contact_to_stop_at_that_becomes_a_collision(
+    tracking: Make, collision: Reaction, mode: Mode
+) -> None:
+    arm = tracking(contact=R.HOLD, collision=collision)
+    arm.touch()
+    assert arm.mode is M.STOPPING
+    arm.hit()
+    assert arm.mode is mode
+    arm.run(1.0, **arm.push(0.5))  # and what stops a moving arm does not interrupt this
+    assert arm.mode is (M.ADMITTANCE if mode is M.ADMITTANCE else M.HOLDING)
+
+
+# --- retract --------------------------------------------------------------------------------
+
+
+def test_it_backs_away_the_way_it_was_pushed_and_no_further(tracking: Make) -> None:
+    for sign in (-1.0, 1.0):
+        arm = tracking(collision=R.RETRACT, contact=R.REPORT)
+        start = arm.q.copy()
+        arm.hit(sign * 2.0)
+        arm.run(1.5)
+        assert arm.mode is M.RETRACTING
+        away = arm.q - start
+        assert sign * away[0] == pytest.approx(MANNER.retract_distance, abs=2e-3)
+        assert abs(away[1]) < 1e-3
+        velocity = np.array([decision.velocity[0] for decision in arm.decisions[-150:]])
+        assert np.abs(velocity).max() < MANNER.retract_velocity + 0.05
+
+
+def test_it_goes_on_when_it_has_backed_away_and_is_quiet(tracking: Make) -> None:
+    arm = tracking(collision=R.RETRACT, contact=R.REPORT)
+    arm.hit(2.0)
+    arm.run(0.5, **arm.push(0.5))
+    assert arm.run_until(M.TRACKING) == pytest.approx(2.0, abs=0.02)
+
+
+def test_pushed_against_while_backing_away_it_stops(tracking: Make) -> None:
+    arm = tracking(collision=R.RETRACT, contact=R.REPORT)
+    arm.hit(2.0)
+    arm.run(0.1)
+    arm.touch(-0.3)
+    assert arm.mode is M.STOPPING
+    assert arm.cause == "pushed against while retracting"
+    assert arm.armed
+
+
+def test_a_contact_that_lasts_when_it_has_backed_away_makes_it_yield(tracking: Make) -> None:
+    arm = tracking(collision=R.RETRACT)
+    arm.hit(2.0)
+    took = arm.run_until(M.ADMITTANCE, **arm.push(0.3))
+    assert 0.2 < took < 0.6
+
+
+def test_it_backs_away_towards_a_limit_only_as_far_as_that(tracking: Make) -> None:
+    arm = tracking(collision=R.RETRACT, contact=R.REPORT, bounds=FAR)
+    arm.request(Event.PAUSE)
+    arm.run_until(M.HOLDING)
+    arm.q[0] = 0.97
+    arm.hit(2.0)
+    arm.run(1.0)
+    assert arm.q[0] == pytest.approx(1.0, abs=2e-3)
+    assert arm.q[0] <= 1.0
+
+
+def test_a_joint_without_gain_does_not_back_away(tracking: Make) -> None:
+    arm = tracking(contact=R.RETRACT)
+    arm.controller.set_gain("a", 0.0, "me")
+    arm.run(0.6)
+    arm.request(Event.PAUSE)
+    arm.run_until(M.HOLDING)
+    where = arm.q.copy()
+    arm.touch(2.0)
+    arm.run(0.5)
+    np.testing.assert_allclose(arm.q, where, atol=1e-3)
+
+
+# --- after the quiet time -------------------------------------------------------------------
+
+
+def guided(arm: IdealArm, torque: float = 0.6) -> None:
+    """A second of it: some 0.2 rad."""
+    arm.run(1.0, **arm.push(torque))
+    assert arm.mode is M.ADMITTANCE
+
+
+def test_to_hold_after_quiet_takes_a_new_start(tracking: Make) -> None:
+    arm = tracking(after_quiet=AfterQuiet.HOLD)
+    guided(arm)
+    assert not arm.controller.machine.moving  # as `watch` shows it
+    arm.run_until(M.HOLDING)
+    assert arm.armed
+    left = arm.q.copy()
+    arm.run(3.0)
+    np.testing.assert_allclose(arm.q, left, atol=1e-3)
+
+
+def test_it_goes_back_slowly_and_goes_on_as_if_nothing_had_been(tracking: Make) -> None:
+    arm, alone = tracking(after_quiet=AfterQuiet.RETURN), tracking()
+    left = arm.decisions[-1].reference.copy()
+    guided(arm)
+    assert abs(arm.q[0] - left[0]) > 0.15
+    arm.run_until(M.RETURNING)
+    begun = len(arm.decisions)
+    arm.run_until(M.TRACKING)
+    velocity = np.array([decision.velocity[0] for decision in arm.decisions[begun:]])
+    assert 0.1 < np.abs(velocity).max() < MANNER.return_velocity + 0.02
+    np.testing.assert_allclose(arm.q, left, atol=0.011)
+    assert arm.cause == "back where the trajectory was left"
+    arm.run(4.0)
+    alone.run(4.0)
+    # The same path: it loses a second's ramp, so it is a little behind on it.
+    behind = [np.abs(arm.decisions[-1].reference - d.reference).max() for d in alone.decisions]
+    assert min(behind) < 2e-3
+
+
+def test_a_contact_on_the_way_back_starts_over(tracking: Make) -> None:
+    arm = tracking(after_quiet=AfterQuiet.RETURN, bounds=FAR)
+    left = arm.decisions[-1].reference.copy()
+    guided(arm)
+    arm.run_until(M.RETURNING)
+    arm.run(0.4)
+    guided(arm, 0.3)
+    assert arm.run_until(M.RETURNING) == pytest.approx(2.0, abs=0.02)
+    arm.run_until(M.TRACKING)
+    np.testing.assert_allclose(arm.q, left, atol=0.011)  # where it was left at first
+
+
+def test_touched_while_holding_there_is_nothing_to_go_back_to(tracking: Make) -> None:
+    arm = holding_arm(after_quiet=AfterQuiet.RETURN)
+    arm.controller.arm("me")
+    guided(arm)
+    arm.run_until(M.HOLDING)
+    assert arm.q[0] > 0.2
+
+
+def test_an_arm_that_cannot_get_back_stops_and_is_disarmed(tracking: Make) -> None:
+    arm = tracking(after_quiet=AfterQuiet.RETURN)
+    guided(arm)
+    arm.run_until(M.RETURNING)
+    blocked = arm.q.copy()
+    for _ in range(1000):
+        arm.step(q=blocked)
+        if arm.mode is not M.RETURNING:
+            break
+    assert arm.mode is M.STOPPING
+    assert "did not get back" in arm.cause
+    assert not arm.armed
+
+
+# --- bounds ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("after", [AfterQuiet.RESUME, AfterQuiet.HOLD])
+def test_a_biased_residual_does_not_walk_the_arm_away(after: AfterQuiet) -> None:
+    """It feels a push for half a second, then nothing for longer than the quiet time, and again."""
+    arm = holding_arm(after_quiet=after, bounds=NEAR)
+    start = arm.q.copy()
+    assert arm.controller.arm("me") == []
+    for _ in range(100):
+        arm.run(0.5, **arm.push(0.1))
+        arm.run(2.1)
+        if not arm.armed:
+            break
+    assert arm.cause == "guided further than 0.4 rad since it was armed"
+    assert abs(arm.q[0] - start[0]) < 0.41
+    arm.run(2.0, **arm.push(0.1))
+    assert arm.mode is M.HOLDING  # unarmed it is only reported
+
+
+def test_quiet_ticks_do_not_renew_the_duration(tracking: Make) -> None:
+    """A push that lets go for a tick, or for a while, is one push."""
+    arm = tracking(bounds=GuidedBounds(max_duration_s=5.0, max_excursion=3.0))
+    begun = arm.time_s
+    while arm.armed and arm.time_s - begun < 10.0:
+        arm.run(0.05, **arm.push(0.001))
+        arm.run(0.01)
+    assert "guided for more than 5 s" in arm.cause
+    assert arm.time_s - begun == pytest.approx(5.0, abs=0.1)
+
+
+def test_backing_away_again_and_again_is_bounded_too(tracking: Make) -> None:
+    arm = holding_arm(reactions=Reactions(R.RETRACT, R.RETRACT), bounds=NEAR)
+    start = arm.q.copy()
+    arm.controller.arm("me")
+    for _ in range(20):
+        arm.touch(0.5)
+        arm.run(2.5)
+        if not arm.armed:
+            break
+    assert "further than 0.4 rad" in arm.cause
+    assert arm.q[0] - start[0] == pytest.approx(0.4, abs=0.03)
+
+
+def test_a_person_may_lead_it_to_and_fro(tracking: Make) -> None:
+    arm = holding_arm(bounds=NEAR)
+    arm.controller.arm("me")
+    for i in range(20):
+        arm.run(1.0, **arm.push(0.6 if i % 2 == 0 else -0.6))
+        arm.run_until(M.HOLDING)
+    assert arm.armed
+
+
+# --- gains ----------------------------------------------------------------------------------
+
+
+def test_a_gain_changes_while_it_acts_without_a_bump(tracking: Make) -> None:
+    arm = tracking(bounds=FAR)
+    arm.run(0.5, **arm.push(0.2))
+    assert arm.decisions[-1].velocity[0] == pytest.approx(0.1, rel=1e-3)
+    assert arm.controller.set_gain("a", 2.0, "me") == []
+    changes = [(change.text, change.cause) for change in arm.controller.machine.changes]
+    assert changes[-1] == ("gain of a 0.5 -> 2 rad/s per Nm", "gain by me")
+    begun = len(arm.decisions)
+    arm.run(1.0, **arm.push(0.2))
+    velocity = np.array([decision.velocity[0] for decision in arm.decisions[begun:]])
+    assert velocity[-1] == pytest.approx(0.4, rel=1e-3)
+    # 0.3 rad/s in half a second; at once it would be 0.04 in the first tick.
+    assert (np.diff(velocity, prepend=0.1) <= 0.3 / 0.5 * T + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    ("joint", "gain", "words"),
+    [
+        ("c", 1.0, "no joint 'c'; there are: a, b"),
+        ("a", -0.1, "-0.1 is not a gain"),
+        ("a", 5.1, "5.1 is not a gain: 0 to 5 rad/s per Nm"),
+        ("a", float("nan"), "nan is not a gain"),
+        ("a", float("inf"), "inf is not a gain"),
+    ],
+)
+def test_what_is_no_gain_is_refused_and_changes_nothing(
+    tracking: Make, joint: str, gain: float, words: str
+) -> None:
+    arm = tracking()
+    assert words in arm.controller.set_gain(joint, gain, "me")[0]
+    arm.run(1.0)
+    np.testing.assert_array_equal(arm.controller.motion.gains.value, [0.5, 0.5])
