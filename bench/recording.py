@@ -1,0 +1,136 @@
+"""What a lockstep run looked like: one row per tick, from both ends of the bus.
+
+    recorder = Recorder(rig)
+    rig.run(20.0, recorder)
+    recording = recorder.recording()
+
+The plant's rows are the truth at the instant of the samples; the estimator's rows belong to
+`delay_s` before it (half a period for the link velocity `midpoint`).
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.lockstep import Rig
+from daemon.config.schema import Configuration
+from estimator.contact import dead_band
+
+Rows = NDArray[np.float64]
+"""Shape (ticks, n), SI at the link side."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Arrays of one run; (ticks,) or (ticks, n)."""
+
+    configuration: Configuration
+    urdf: str
+    delay_s: float
+    """how long before the samples the estimator's rows are true"""
+    time_s: NDArray[np.float64]
+    """since the recording began"""
+    mode: NDArray[np.str_]
+    # The plant, in truth.
+    true_q: Rows
+    true_theta: Rows
+    true_in_gap: NDArray[np.bool_]
+    true_torque: Rows
+    """external torque [Nm]"""
+    # The daemon: samples, estimate, decision.
+    motor_velocity: Rows
+    q: Rows
+    qd: Rows
+    phi: Rows
+    side: NDArray[np.int8]
+    tau_M: Rows
+    threshold: Rows
+    reference: Rows
+    residuals: dict[str, Rows]
+    """by the name of the variant, the one that decides first [Nm]"""
+
+    @property
+    def joints(self) -> list[str]:
+        """Names, in the order of the columns."""
+        return self.configuration.joint_names
+
+    @property
+    def deciding(self) -> Rows:
+        """The residual that decides [Nm]."""
+        return self.residuals[self.configuration.estimator.residual.name]
+
+    def thresholded(self, name: str) -> Rows:
+        """Of the residual `name`, beyond the thresholds that were in force [Nm]."""
+        return dead_band(self.residuals[name], self.threshold)
+
+    def with_residual(self, name: str, values: Rows) -> "Recording":
+        """A copy with one more residual, made afterwards of the same samples."""
+        return replace(self, residuals={**self.residuals, name: values})
+
+    def part(self, begin_s: float, end_s: float) -> "Recording":
+        """The ticks with begin_s <= time_s < end_s."""
+        ticks = (self.time_s >= begin_s) & (self.time_s < end_s)
+        arrays = {
+            f.name: getattr(self, f.name)[ticks]
+            for f in fields(self)
+            if isinstance(getattr(self, f.name), np.ndarray)
+        }
+        residuals = {name: values[ticks] for name, values in self.residuals.items()}
+        return replace(self, **arrays, residuals=residuals)
+
+
+class Recorder:
+    """Call it after every tick of `rig`; the drives' samples must be complete."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._begin_s: float | None = None
+        self._rows: dict[str, list[object]] = {}
+
+    def __call__(self) -> None:
+        rig, plant = self._rig, self._rig.arm.plant
+        samples, estimate, decision = rig.cycle.samples, rig.cycle.estimate, rig.cycle.decision
+        assert samples is not None
+        assert estimate is not None
+        assert decision is not None
+        assert samples.fresh.all()
+        now = rig.time_s
+        self._begin_s = now if self._begin_s is None else self._begin_s
+        row: dict[str, object] = {
+            "time_s": round(now - self._begin_s, 9),
+            "mode": rig.mode.value,
+            "true_q": plant.q.copy(),
+            "true_theta": plant.theta,
+            "true_in_gap": plant.in_gap,
+            "true_torque": rig.arm.tau_ext.copy(),
+            "motor_velocity": samples.motor_velocity.copy(),
+            "q": estimate.q,
+            "qd": estimate.qd,
+            "phi": estimate.phi,
+            "side": estimate.side,
+            "tau_M": estimate.tau_M,
+            "threshold": estimate.threshold,
+            "reference": decision.reference.copy(),
+        }
+        residual = rig.robot.configuration.estimator.residual.name
+        for name, values in {residual: estimate.residual, **estimate.beside}.items():
+            row[f"residual {name}"] = values
+        for key, value in row.items():
+            self._rows.setdefault(key, []).append(value)
+
+    def recording(self) -> Recording:
+        """Everything since the first call."""
+        arrays = {key: np.array(rows) for key, rows in self._rows.items()}
+        residuals = {
+            key.removeprefix("residual "): arrays.pop(key)
+            for key in list(arrays)
+            if key.startswith("residual ")
+        }
+        return Recording(
+            configuration=self._rig.robot.configuration,
+            urdf=self._rig.robot.urdf,
+            delay_s=self._rig.cycle.estimator.delay_s,
+            residuals=residuals,
+            **arrays,
+        )

@@ -1,0 +1,99 @@
+"""A rival of the product's residuals: the Kalman disturbance observer of the momentum.
+
+Per joint, with p the momentum, u all torques that are believed to act, d the external torque:
+
+    p_dot = u + d        d_dot = w        measured: p + v
+
+w and v are white; only the ratio of their strengths matters, so all joints have the same gain. It
+believes what `classical` with friction and rotor inertia believes and knows no gap: what differs is
+the filter. Its steady gain has a closed form (the tracking index; P. Kalata, 1984), and one number
+to tune, which `fair_index` sets so that white torque comes through as loud as through the product's
+residual of gain K.
+"""
+
+import numpy as np
+
+from bench.recording import Recording, Rows
+from daemon.assembly import build_transmission
+from estimator.model import Model
+from estimator.transmission import coulomb_viscous
+from estimator.types import Vector
+
+KALMAN = "kalman"
+
+
+def fair_index(TK: float) -> float:
+    """Tracking index at which d has the noise bandwidth of the residual (13) with T K = `TK`.
+
+    White torque of variance 1 per tick leaves the residual with TK / 2. The steady observer is
+    d(k) = (2 - a - b) d(k-1) - (1 - a) d(k-2) + b u(k) and leaves b (2 - a) / (a (4 - 2 a - b));
+    with r = sqrt(1 - a) and the Kalman gain's b = 2 (1 - r)^2, both are equal at the root of a
+    cubic. For T K << 1 that is a Butterworth filter of sqrt(2) K.
+    """
+    roots = np.roots([1.0, TK - 1.0, TK + 1.0, -1.0])
+    r = next(float(root.real) for root in roots if abs(root.imag) < 1e-9 and 0.0 < root.real < 1.0)
+    return 2.0 * (1.0 - r) ** 2 / r
+
+
+def steady_gains(index: float) -> tuple[float, float]:
+    """a and b: how much of an innovation of p goes into p, and times 1 / T into d."""
+    r = (4.0 + index - np.sqrt(index * (8.0 + index))) / 4.0
+    return 1.0 - r * r, 2.0 * (1.0 - r) ** 2
+
+
+class KalmanObserver:
+    """The observer for n joints, beginning with no external torque; its gain settles by itself.
+
+    index: T^2 sigma_w / sigma_v for samples `period` [s] apart.
+    """
+
+    def __init__(self, n: int, index: float, period: float) -> None:
+        self._noise = (index / period**2) ** 2  # sigma_w^2 for sigma_v = 1
+        self._ahead = np.zeros(n)  # p as measured, less p as estimated [Nm s]
+        self._torque = np.zeros(n)
+        self._covariance = np.array([[1.0, 0.0], [0.0, 0.0]])  # of p and d, for sigma_v = 1
+
+    def step(self, unexplained: Vector, dt: float) -> Vector:
+        """The external torque d (n,) [Nm].
+
+        unexplained: change of the momentum in the last dt [s], less what u explains, (n,) [Nm s].
+        """
+        F, G = np.array([[1.0, dt], [0.0, 1.0]]), np.array([0.5 * dt * dt, dt])
+        P = F @ self._covariance @ F.T + self._noise * np.outer(G, G)
+        gain = P[:, 0] / (P[0, 0] + 1.0)
+        self._covariance = P - np.outer(gain, P[0])
+        innovation = self._ahead + unexplained - dt * self._torque
+        self._ahead = (1.0 - gain[0]) * innovation
+        self._torque = self._torque + gain[1] * innovation
+        return self._torque
+
+
+def unexplained_impulses(recording: Recording) -> Rows:
+    """Momentum that each interval won beyond belief [Nm s]; shape (ticks - 1, n).
+
+    e(k) = Delta(M q_dot) + B Delta theta_dot - T mean(beta + tau_M - tau_mu), as if never in a gap.
+    """
+    c, t = recording.configuration, build_transmission(recording.configuration)
+    model = Model(recording.urdf, recording.joints)
+    rows = [model.dynamics(q, qd) for q, qd in zip(recording.q, recording.qd, strict=True)]
+    momentum, beta = (np.array(column) for column in zip(*rows, strict=True))
+    # The motor's velocity at the instant to which q, qd and tau_M belong.
+    age = recording.delay_s - c.estimator.motor_velocity_delay_ms / 1000.0
+    newest = recording.motor_velocity
+    before = np.vstack((newest[:1], newest[:-1]))
+    theta_dot = newest + (before - newest) * (age / c.period_s)
+    rubbing = coulomb_viscous(t.engaged_coulomb, t.engaged_viscous, theta_dot, t.sign_width)
+    believed = beta + recording.tau_M - rubbing
+    change = np.diff(momentum + t.rotor_inertia * theta_dot, axis=0)
+    impulses: Rows = change - 0.5 * c.period_s * (believed[1:] + believed[:-1])
+    return impulses
+
+
+def kalman(recording: Recording) -> Recording:
+    """The recording with the observer's torque beside its residuals, from the same samples."""
+    c = recording.configuration
+    index = fair_index(c.estimator.gain * c.period_s)
+    observer = KalmanObserver(len(c.joints), index, c.period_s)
+    rows = [np.zeros(len(c.joints))]
+    rows += [observer.step(e, c.period_s) for e in unexplained_impulses(recording)]
+    return recording.with_residual(KALMAN, np.array(rows))
