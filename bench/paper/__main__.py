@@ -50,16 +50,18 @@ def main(chosen: tuple[str, ...], seed: int, *, as_json: bool, docs: bool) -> No
             continue
         begun = time.perf_counter()
         made = make(seed)
-        tables[" and ".join(numbers)] = made.table
-        targets += made.targets
         for name, figure in made.pictures.items():
             path = OUT / f"{name}.png"
             save(figure, path)
             if docs and (DOCS / path.name).exists():
                 shutil.copy(path, DOCS)
             click.echo(f"{path}  ({time.perf_counter() - begun:.0f} s)", err=True)
-    report = {"seed": seed, "targets": [asdict(t) for t in targets], "figures": tables}
-    (OUT / "paper.json").write_text(json.dumps(report, indent=1) + "\n")
+        name = " and ".join(numbers)
+        tables[name] = made.table
+        targets += made.targets
+        file = {"figure": name, "seed": seed, "targets": [asdict(t) for t in made.targets]}
+        path = OUT / f"{min(made.pictures)}.json"
+        path.write_text(json.dumps({**file, "table": made.table}, indent=1) + "\n")
     print_report("paper", seed, targets, {"figures": tables}, as_json=as_json)
 
 
