@@ -22,8 +22,8 @@ class Target:
     @property
     def met(self) -> bool:
         """Whether the figure is on the good side of its limit."""
-        # A numpy number compares to a numpy bool, which JSON does not know.
-        return bool(self.value <= self.limit if self.better == "lower" else self.value >= self.limit)
+        value = float(self.value)  # a numpy number would give a numpy bool, which JSON lacks
+        return value <= self.limit if self.better == "lower" else value >= self.limit
 
 
 def print_report(

@@ -16,7 +16,7 @@ from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.messages import Snapshot, State
 from daemon.modes import Event
 from estimator.residual import Variant
-from simulator.description import SimulationSettings
+from simulator.description import Mismatch, SimulationSettings
 from simulator.events import Event as Happening
 from simulator.hand import Push, read_script
 
@@ -49,12 +49,18 @@ class Conditions:
 
     seed: int = 1
     friction: Friction = "smooth"
+    exact: bool = False
+    """the plant is what the model believes, and nothing is noisy"""
 
     def __call__(self, settings: SimulationSettings) -> SimulationSettings:
+        settings = msgspec.structs.replace(settings, seed=self.seed, friction=self.friction)
+        if self.exact:
+            same = Mismatch(**dict.fromkeys(Mismatch.__struct_fields__, 0.0))
+            return msgspec.structs.replace(
+                settings, mismatch=same, velocity_noise=0.0, current_noise_permille=0.0
+            )
         return msgspec.structs.replace(
             settings,
-            seed=self.seed,
-            friction=self.friction,
             velocity_scale_error=0.002,
             velocity_bias=0.001,
         )

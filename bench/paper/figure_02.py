@@ -25,6 +25,7 @@ from bench.paper.figure import (
 from bench.recording import Recording
 
 SHOWN_S = (2.5, 15.5)
+EXACT_S = 10.0  # of a plant that the model knows perfectly: what is left is of the sampling
 AFTER_S = 0.3  # a crossing's error lasts until the residual has forgotten the impact
 
 
@@ -32,6 +33,7 @@ def make(seed: int) -> Made:
     """Run it, count it, draw it."""
     recording = single_joint(Conditions(seed))
     table = numbers(recording)
+    table["exact_model"] = numbers(single_joint(Conditions(seed, exact=True), EXACT_S))
     backlash = table["residuals"]["backlash"]
     gap = table["while_crossing_nm"]
     targets = [
