@@ -57,6 +57,16 @@ class ProgramError(ContactdError):
     exit_code = 70
 
 
+class TrajectoryError(ContactdError):
+    """A trajectory is damaged or breaks a limit; `row` is that of the first sample that does."""
+
+    exit_code = 65
+
+    def __init__(self, text: str, row: int | None = None) -> None:
+        super().__init__(text)
+        self.row = row
+
+
 class LogError(ContactdError):
     """A recording is damaged, incomplete or not ours."""
 

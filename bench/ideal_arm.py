@@ -12,7 +12,7 @@ from daemon.limits import Limits
 from daemon.modes import Event, Mode
 from daemon.motion import Manner, Motion
 from daemon.reactions import AfterQuiet, Reactions
-from daemon.trajectory import Follower, JointPath
+from daemon.trajectory import Follower, Place, Sinusoids
 
 Vector = NDArray[np.float64]
 
@@ -111,8 +111,8 @@ def ideal_arm(**changes: Any) -> IdealArm:
         "gains": Gains(np.array([0.5, 0.5])),
     }
     parts = {name: changes.pop(name, part) for name, part in parts.items()}
-    path = JointPath(np.array([AMPLITUDE, 0.0]), np.array([2 * np.pi * FREQUENCY, 0.0]))
-    motion = Motion(**parts, follower=Follower(path, 1.0))
+    path = Sinusoids(np.array([AMPLITUDE, 0.0]), np.array([2 * np.pi * FREQUENCY, 0.0]))
+    motion = Motion(**parts, follower=Follower(Place(path), 1.0))
     return IdealArm(Controller(replace(TUNING, **changes), motion))
 
 

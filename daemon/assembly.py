@@ -4,27 +4,24 @@ from collections.abc import Callable
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
 from daemon.admittance import AdmittanceLaw, Gains, GuidedBounds
 from daemon.config.load import Robot
-from daemon.config.schema import Configuration, Joint
+from daemon.config.motion import limits_of, row
+from daemon.config.schema import Configuration
 from daemon.controller import Controller, Tuning
 from daemon.cycle import Cycle
-from daemon.limits import Limits
 from daemon.motion import Manner, Motion
 from daemon.observation import Observer, Patience
 from daemon.plausibility import Bounds, Plausibility
 from daemon.reactions import Reactions
-from daemon.trajectory import Follower, JointPath
+from daemon.trajectory import Follower, Place, Sinusoids
 from drivers.arm import Arm
 from drivers.drive_setup import DriveSetup, load_data_sheet
 from estimator.contact import Thresholds
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.transmission import Transmission
-
-Vector = NDArray[np.float64]
 
 
 def build_cycle(robot: Robot, bus: can.BusABC, clock: Callable[[], float]) -> Cycle:
@@ -40,7 +37,7 @@ def build_cycle(robot: Robot, bus: can.BusABC, clock: Callable[[], float]) -> Cy
     )
     estimator, controller, observer = (
         build_estimator(c, robot.urdf),
-        build_controller(c),
+        build_controller(robot),
         build_observer(c),
     )
     return Cycle(arm, estimator, controller, observer, c.period_s)
@@ -72,8 +69,8 @@ def build_estimator(c: Configuration, urdf: str) -> Estimator:
         build_transmission(c),
         c.estimator,
         Thresholds(
-            contact=_row(c, lambda j: j.thresholds.contact),
-            collision=_row(c, lambda j: j.thresholds.collision),
+            contact=row(c, lambda j: j.thresholds.contact),
+            collision=row(c, lambda j: j.thresholds.collision),
         ),
         c.period_s,
     )
@@ -83,17 +80,17 @@ def build_transmission(c: Configuration) -> Transmission:
     """Gears, gaps, rotors and friction as arrays."""
     return Transmission(
         joints=tuple(c.joint_names),
-        torque_constant=_row(c, lambda j: j.torque_constant),
-        rotor_inertia=_row(c, lambda j: j.rotor_inertia),
-        half_gap=_row(c, lambda j: j.half_gap),
-        motor_coulomb=_row(c, lambda j: j.friction.motor_coulomb),
-        motor_viscous=_row(c, lambda j: j.friction.motor_viscous),
-        link_coulomb=_row(c, lambda j: j.friction.link_coulomb),
-        link_viscous=_row(c, lambda j: j.friction.link_viscous),
-        gap_coulomb=_row(c, lambda j: j.friction.gap_coulomb),
-        gap_viscous=_row(c, lambda j: j.friction.gap_viscous),
-        contact_stiffness=_row(c, lambda j: j.gap_spring.stiffness),
-        contact_damping=_row(c, lambda j: j.gap_spring.damping),
+        torque_constant=row(c, lambda j: j.torque_constant),
+        rotor_inertia=row(c, lambda j: j.rotor_inertia),
+        half_gap=row(c, lambda j: j.half_gap),
+        motor_coulomb=row(c, lambda j: j.friction.motor_coulomb),
+        motor_viscous=row(c, lambda j: j.friction.motor_viscous),
+        link_coulomb=row(c, lambda j: j.friction.link_coulomb),
+        link_viscous=row(c, lambda j: j.friction.link_viscous),
+        gap_coulomb=row(c, lambda j: j.friction.gap_coulomb),
+        gap_viscous=row(c, lambda j: j.friction.gap_viscous),
+        contact_stiffness=row(c, lambda j: j.gap_spring.stiffness),
+        contact_damping=row(c, lambda j: j.gap_spring.damping),
         sign_width=c.estimator.sign_width,
     )
 
@@ -107,13 +104,13 @@ def build_observer(c: Configuration) -> Observer:
         min(c.drives[joint.wiring.profile].master_timeout_ms for joint in c.joints) / 1000.0,
     )
     bounds = Bounds(
-        lower=_row(c, lambda j: j.limits.lower),
-        upper=_row(c, lambda j: j.limits.upper),
-        speed=s.speed_margin * _row(c, lambda j: j.limits.velocity),
-        half_gap=_row(c, lambda j: j.half_gap),
+        lower=row(c, lambda j: j.limits.lower),
+        upper=row(c, lambda j: j.limits.upper),
+        speed=s.speed_margin * row(c, lambda j: j.limits.velocity),
+        half_gap=row(c, lambda j: j.half_gap),
         position_margin=s.position_margin,
-        current=_row(c, lambda j: j.wiring.max_current_A),
-        residual=s.residual_margin * _row(c, lambda j: j.thresholds.collision),
+        current=row(c, lambda j: j.wiring.max_current_A),
+        residual=s.residual_margin * row(c, lambda j: j.thresholds.collision),
         saturated_ticks=s.saturated_ticks,
         motor_drift=c.estimator.gap.velocity_bias,
         motor_scale_error=c.estimator.gap.velocity_scale_error,
@@ -121,8 +118,9 @@ def build_observer(c: Configuration) -> Observer:
     return Observer(c.joint_names, patience, Plausibility(bounds))
 
 
-def build_controller(c: Configuration) -> Controller:
+def build_controller(robot: Robot) -> Controller:
     """Modes and reactions over `build_motion`."""
+    c = robot.configuration
     tuning = Tuning(
         joints=tuple(c.joint_names),
         ends=tuple(joint.end for joint in c.joints),
@@ -133,39 +131,28 @@ def build_controller(c: Configuration) -> Controller:
         enable_timeout_s=c.supervisor.enable_timeout_s,
         stop_timeout_s=c.supervisor.stop_timeout_s,
     )
-    return Controller(tuning, build_motion(c))
+    return Controller(tuning, build_motion(robot))
 
 
-def build_motion(c: Configuration) -> Motion:
+def build_motion(robot: Robot) -> Motion:
     """Trajectory, admittance and limits."""
+    c = robot.configuration
     manner = Manner(
         position_gain=c.control.position_gain,
         return_velocity=c.admittance.return_velocity,
         retract_velocity=c.reactions.retract_velocity,
         retract_distance=c.reactions.retract_distance,
     )
-    limits = Limits(
-        lower=_row(c, lambda j: j.limits.lower),
-        upper=_row(c, lambda j: j.limits.upper),
-        velocity=_row(c, lambda j: j.limits.velocity),
-        acceleration=_row(c, lambda j: j.limits.acceleration),
-        # A setpoint is latched by the next SYNC and approached over the period after that.
-        reaction_s=1.5 * c.period_s + c.control.drive_lag_ms / 1000.0,
-    )
     usual = c.admittance.virtual_mass_s
     law = AdmittanceLaw(
-        virtual_mass_s=_row(c, lambda j: usual if j.virtual_mass_s is None else j.virtual_mass_s),
+        virtual_mass_s=row(c, lambda j: usual if j.virtual_mass_s is None else j.virtual_mass_s),
         velocity=np.full(len(c.joints), c.admittance.velocity),
     )
-    path = JointPath.from_sinusoids(c.joint_names, c.trajectory.sinusoids)
+    path = robot.recorded or Sinusoids.from_settings(c.joint_names, c.trajectory.sinusoids)
     return Motion(
         manner=manner,
-        limits=limits,
+        limits=limits_of(c),
         law=law,
-        gains=Gains(_row(c, lambda j: j.admittance_gain)),
-        follower=Follower(path, c.trajectory.ramp_s),
+        gains=Gains(row(c, lambda j: j.admittance_gain)),
+        follower=Follower(Place(path), c.trajectory.ramp_s),
     )
-
-
-def _row(c: Configuration, of: Callable[[Joint], float]) -> Vector:
-    return np.array([of(joint) for joint in c.joints], dtype=np.float64)

@@ -5,16 +5,17 @@ Used by the command lines; imports nothing heavy, so that they start at once.
 
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
 
 import msgspec
 
-from daemon.control import GROUP, default_socket_path
-from daemon.messages import Command, Reply, Request, Snapshot, State
-from errors import ControlError, UnreachableError
+from daemon.control import GROUP, MAX_REQUEST_BYTES, default_socket_path
+from daemon.messages import Command, Header, Reply, Request, Snapshot, State
+from daemon.trajectory_file import PLAUSIBLE, rows_of, slopes
+from errors import ControlError, TrajectoryError, UnreachableError
 
 # Above what a socket can hold at the daemon's end (twice its send buffer).
 MAX_PACKET_BYTES = 2 << 20
@@ -55,13 +56,59 @@ class Client:
 
     def request(self, command: Command) -> Reply:
         """Ask for `command` and wait for the answer, which may be a refusal."""
+        return self.ask(Request(command))
+
+    def ask(self, request: Request) -> Reply:
+        """The same with what only some commands take."""
         try:
-            self._socket.send(msgspec.json.encode(Request(command)))
+            self._socket.send(msgspec.json.encode(request))
         except (BrokenPipeError, ConnectionResetError):
             pass  # it may have said why before it hung up: read on
         except TimeoutError:
             raise UnreachableError("the daemon fell silent: it takes no requests") from None
         return self._decode(self._replies, self.packet("does not answer; is it still starting?"))
+
+    def load_trajectory(
+        self,
+        joints: Sequence[str],
+        times: Sequence[float],
+        positions: Sequence[Sequence[float]],
+        velocities: Sequence[Sequence[float]] | None = None,
+        *,
+        name: str = "trajectory",
+        from_here: bool = False,
+    ) -> None:
+        """Hand the daemon a trajectory, which judges every row against the arm's limits.
+
+        `joints` names k joints, all others hold; `times` (m,) [s] rise; `positions` and
+        `velocities` (m, k) [rad, rad/s] at the link, rows of numbers or arrays; 2 <= m <= 60000.
+        Between the samples runs a cubic Hermite spline; without velocities they are those of
+        parabolas through the neighbours. The arm must stand within 0.05 rad of the first row when
+        it starts, unless `from_here` makes displacements of all.
+
+        Nothing moves until `start_loaded`; the trajectory lives as long as this connection, unless
+        another loads one. Raises TrajectoryError, whose `row` is the first that is refused.
+        """
+        if velocities is None:
+            velocities = slopes(times, positions)
+        rows = rows_of(times, positions, velocities)
+        for i, numbers in enumerate(rows):
+            if not all(abs(x) <= PLAUSIBLE for x in numbers):
+                raise TrajectoryError(f"{numbers} cannot be followed by an arm", row=i)
+        header = Header(name=name[-64:], joints=list(joints), from_here=from_here)
+        self._load(Request("load", header=header))
+        for chunk in _chunks(rows):
+            self._load(Request("load", rows=chunk))
+
+    def start_loaded(self) -> Reply:
+        """Run what `load_trajectory` handed over; the answer may be a refusal."""
+        return self.ask(Request("start", loaded=True))
+
+    def _load(self, request: Request) -> None:
+        reply = self.ask(request)
+        if not reply.ok:
+            text = "; ".join(reply.reasons) or reply.message
+            raise TrajectoryError(text, row=reply.row)
 
     def subscribe(self) -> tuple[Snapshot, Iterator[State]]:
         """The snapshot, and after it every State as long as the daemon lives.
@@ -102,6 +149,21 @@ class Client:
             return decoder.decode(packet)
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise ControlError(f"the daemon speaks another version: {error}") from error
+
+
+def _chunks(rows: Sequence[list[float]]) -> Iterator[list[list[float]]]:
+    """The rows, rounded to what no drive can tell (1e-9), in pieces that fit into a request."""
+    chunk: list[list[float]] = []
+    room = limit = MAX_REQUEST_BYTES - len(msgspec.json.encode(Request("load", rows=[])))
+    for row in rows:
+        short = [round(number, 9) for number in row]
+        size = len(msgspec.json.encode(short)) + 1
+        if size > room:
+            yield chunk
+            chunk, room = [], limit
+        chunk.append(short)
+        room -= size
+    yield chunk
 
 
 def _connect(path: Path, timeout_s: float) -> socket.socket:

@@ -27,7 +27,7 @@ from daemon.messages import COMMANDS, Reply, Request, State
 from errors import ContactdError, ControlError
 
 GROUP = "contact"
-MAX_REQUEST_BYTES = 4096
+MAX_REQUEST_BYTES = 8192
 MAX_CONNECTIONS = 32
 MAX_READERS = 8
 EVENTS_PER_POLL = 4
@@ -44,6 +44,7 @@ class Peer:
 
     uid: int
     pid: int
+    connection: int = 0  # counts up: no two connections of one daemon have the same
 
 
 @dataclass(slots=True)
@@ -57,6 +58,7 @@ class Connection:
 
 
 Handler = Callable[[Request, Peer], Reply]
+Listener = Callable[[Peer], None]
 
 
 def default_socket_path() -> Path:
@@ -81,11 +83,11 @@ def default_socket_path() -> Path:
     return path
 
 
-def peer_of(connected: socket.socket) -> Peer:
+def peer_of(connected: socket.socket, connection: int = 0) -> Peer:
     """Credentials of the process at the other end, from the kernel."""
     raw = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
     pid, uid, _ = _UCRED.unpack(raw)
-    return Peer(uid=uid, pid=pid)
+    return Peer(uid, pid, connection)
 
 
 class ControlSocket:
@@ -101,6 +103,8 @@ class ControlSocket:
         self._epoll = select.epoll()
         self._epoll.register(self._listener, select.EPOLLIN)
         self._connections: dict[int, Connection] = {}
+        self._accepted = 0
+        self.on_close: Listener = lambda _: None  # told of every connection that ends
         self._buffer = bytearray(MAX_REQUEST_BYTES)
         self._packet = bytearray()
         self._encoder = msgspec.json.Encoder()
@@ -184,12 +188,15 @@ class ControlSocket:
                 accepted.send(self._encoder.encode(reply))
             return
         accepted.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        self._connections[accepted.fileno()] = Connection(accepted, peer_of(accepted))
+        self._accepted += 1
+        peer = peer_of(accepted, self._accepted)
+        self._connections[accepted.fileno()] = Connection(accepted, peer)
         self._epoll.register(accepted, select.EPOLLIN)
 
     def _drop(self, connection: Connection) -> None:
         del self._connections[connection.socket.fileno()]
         connection.socket.close()  # which also takes it out of the epoll set
+        self.on_close(connection.peer)
 
     def _serve(self, connection: Connection, handle: Handler) -> None:
         """Read one packet and answer it; a client that is gone or takes no answer is dropped."""

@@ -15,6 +15,7 @@ from daemon.modes import ARMABLE, GUIDED, REFUSALS, SENSING, Change, Event, Mode
 from daemon.motion import Motion
 from daemon.reactions import ATTENTIVE, AfterQuiet, Reactions
 from daemon.supervisor import EVENT_OF, Condition, Finding, strongest
+from daemon.trajectory import JointPath, Place
 from drivers.cia402 import PowerTarget
 
 Vector = NDArray[np.float64]
@@ -23,6 +24,8 @@ Vector = NDArray[np.float64]
 RESET_PATIENCE_S = 0.5
 # A joint stands when it moves less than this [rad/s]: a few counts of a coarse velocity.
 STANDSTILL_SPEED = 0.02
+# How far from its first sample a recorded trajectory may begin [rad].
+START_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +75,7 @@ class Controller:
         self.motion = motion
         self.quiet_s = 0.0
         self._tuning = tuning
+        self._configured = motion.follower.place
         self._allowance = Allowance(tuning.bounds, len(tuning.joints))
         self._touched_s = 0.0  # last tick with a non-zero thresholded residual
         self._reset_until_s = -1.0
@@ -84,12 +88,31 @@ class Controller:
 
     # --- what a person asks for, between two ticks ------------------------------------------
 
-    def request(self, event: Event, who: str, time_s: float) -> list[str]:
-        """Carry out a command; returns the reasons of a refusal, empty when it was done."""
-        reasons = self._refusals(event)
-        if not reasons:
-            self._apply(event, f"{event.value} by {who}", time_s)
-        return reasons
+    def request(
+        self, event: Event, who: str, time_s: float, path: JointPath | None = None
+    ) -> list[str]:
+        """Carry out a command; returns the reasons of a refusal, empty when it was done.
+
+        `start` runs `path`; without one it goes on with what was paused, else it runs the
+        configured trajectory from its beginning.
+        """
+        place = self.next_place(path)
+        reasons = self._refusals(event, place)
+        if reasons:
+            return reasons
+        what = ""
+        if event is Event.START:
+            self.motion.follower.place = place
+            what = f" of {place.path.name}" + (f" at {place.s:.1f} s" if place.s else "")
+        self._apply(event, f"{event.value}{what} by {who}", time_s)
+        return []
+
+    def next_place(self, path: JointPath | None = None) -> Place:
+        """Where the trajectory is, or where `start` would begin it."""
+        if path is not None:
+            return Place(path)
+        goes_on = self.machine.moving or self.machine.paused
+        return self.motion.follower.place if goes_on else self._configured
 
     def arm(self, who: str) -> list[str]:
         """Allow contacts to move the arm; returns every reason why not. A new arming renews what
@@ -121,15 +144,14 @@ class Controller:
         self.motion.gains.change(i, gain)
         return []
 
-    def _refusals(self, event: Event) -> list[str]:
+    def _refusals(self, event: Event, place: Place) -> list[str]:
         mode, observed = self.machine.mode, self._observed
         if not self.machine.can(event):
             return [f"cannot {event.value}: {REFUSALS[mode]}"]
         if event in (Event.ENABLE, Event.START, Event.RESET) and observed is None:
             return ["no samples of the drives yet"]
         if event is Event.START and observed is not None:
-            self.motion.follower.rewind()
-            return self._misfits(observed.q)
+            return self._astray(place, observed.q) or self._misfits(place, observed.q)
         if event is Event.ENABLE and observed is not None:
             limits = self.motion.limits
             outside = limits.outside(observed.q)
@@ -141,9 +163,19 @@ class Controller:
             ]
         return []
 
-    def _misfits(self, q: Vector) -> list[str]:
+    def _astray(self, place: Place, q: Vector) -> list[str]:
+        astray, begin = place.astray(q, START_TOLERANCE), place.path.begin
+        return [
+            f"{name} stands at {q[i]:.3f} rad, {abs(q[i] - begin[i]):.3f} rad from where "
+            f"{place.path.name} begins ({begin[i]:.3f}; allowed {START_TOLERANCE:g}): "
+            "bring it there, or start from here"
+            for i, name in enumerate(self._tuning.joints)
+            if begin is not None and astray[i]
+        ]
+
+    def _misfits(self, place: Place, q: Vector) -> list[str]:
         limits = self.motion.limits
-        misfits = self.motion.follower.misfits(q, limits.lower, limits.upper)
+        misfits = place.misfits(q, limits.lower, limits.upper)
         return [
             f"from {q[i]:.3f} rad the path of {name} would leave its limits "
             f"[{limits.lower[i]:g}, {limits.upper[i]:g}]"
@@ -207,6 +239,10 @@ class Controller:
             elif elapsed > self._tuning.stop_timeout_s:
                 text = f"the arm did not stop within {self._tuning.stop_timeout_s:g} s"
                 self._apply(Event.TIMEOUT, text, time_s)
+        elif mode is Mode.TRACKING:
+            if self.motion.follower.finished:
+                text = f"{self.motion.follower.place.path.name} came to its end"
+                self._apply(Event.END, text, time_s)
         elif mode is Mode.RETURNING:
             if self.motion.arrived(observed.q):
                 self._apply(Event.ARRIVED, "back where the trajectory was left", time_s)
@@ -230,7 +266,7 @@ class Controller:
             return Event.SETTLE, []
         if self._tuning.after_quiet is AfterQuiet.RETURN:
             return Event.RETURN, []
-        misfits = self._misfits(q)
+        misfits = self._misfits(self.motion.follower.place, q)
         return (Event.SETTLE if misfits else Event.RESUME), misfits
 
     def _apply(self, event: Event, cause: str, time_s: float) -> None:
@@ -247,8 +283,8 @@ class Controller:
         motion, allowance, mode = self.motion, self._allowance, self.machine.mode
         if mode in GUIDED:
             allowance.take(motion.reference)
-            if self._tuning.after_quiet is AfterQuiet.HOLD:
-                self.machine.moving = False
+            if self._tuning.after_quiet is AfterQuiet.HOLD and self.machine.moving:
+                self.machine.moving, self.machine.paused = False, True
             self._touched_s, self.quiet_s = time_s, 0.0
         home = motion.reference if allowance.home is None else allowance.home
         if mode is Mode.RETRACTING:
@@ -258,7 +294,8 @@ class Controller:
         elif mode is Mode.TRACKING:
             motion.follow(home if event is Event.ARRIVED else observed.q)
         else:
-            motion.hold(observed.q)
+            # At its end the arm stands where it was going.
+            motion.hold(motion.reference if event is Event.END else observed.q)
         if mode not in GUIDED and mode is not Mode.STOPPING:
             allowance.leave(motion.reference)
 

@@ -5,12 +5,13 @@ recording can be replayed bit-identically. Vectors have one entry per joint, in 
 `Snapshot.joints`, SI units at the link side.
 """
 
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 
 Command = Literal[
     "enable",
+    "load",
     "start",
     "pause",
     "arm",
@@ -26,10 +27,21 @@ COMMANDS: tuple[str, ...] = get_args(Command)
 Vector = list[float]
 
 
-class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One command from a client."""
+class Header(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the rows of a trajectory mean: [t, q of each joint, q_dot of each joint]."""
+
+    name: Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
+    joints: Annotated[list[str], msgspec.Meta(max_length=32)]  # all others hold
+    from_here: bool = False  # may begin from any pose, run as displacements
+
+
+class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """One command from a client, and what only some commands take."""
 
     command: Command
+    header: Header | None = None  # `load`: begin a trajectory
+    rows: list[list[float]] | None = None  # `load`: more of it
+    loaded: bool = False  # `start`: run what this connection has loaded
 
 
 class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -40,6 +52,7 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     reasons: list[str] = []
     mode: str = ""
     armed: bool = False
+    row: int | None = None  # of a trajectory: the first that was refused, from 0
     status: "Status | None" = None
     snapshot: "Snapshot | None" = None
 
@@ -133,6 +146,15 @@ class Grant(msgspec.Struct, frozen=True):
     text: str
 
 
+class Trajectory(msgspec.Struct, frozen=True, kw_only=True):
+    """What runs, goes on, or would be run by `start`."""
+
+    name: str
+    state: Literal["ready", "running", "interrupted", "paused"]
+    time_s: float  # path time
+    duration_s: float | None  # None: it has no end
+
+
 class Status(msgspec.Struct, frozen=True, kw_only=True):
     """What `contactctl status` shows."""
 
@@ -143,6 +165,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     mode: str
     armed: bool
     cause: str
+    trajectory: Trajectory
     not_armable: list[str]  # every reason why `arm` would be refused now
     cycles: int
     missed: int

@@ -6,6 +6,7 @@ the arm retract.
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Literal
 
 
 class Mode(StrEnum):
@@ -36,6 +37,7 @@ class Event(StrEnum):
     # what the arm does and feels
     ENERGISED = "energised"  # every drive reports operation enabled
     STANDSTILL = "standstill"
+    END = "end"  # the trajectory came to its end
     TOUCH = "touch"  # a contact to yield to
     RETRACT = "retract"  # a contact to back away from
     HALT = "halt"  # a contact to stop at
@@ -73,6 +75,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.HOLDING, _E.HALT): _M.HOLDING,
     (_M.HOLDING, _E.DOUBT): _M.HOLDING,
     (_M.HOLDING, _E.FAULT): _M.FAULTED,
+    (_M.TRACKING, _E.END): _M.HOLDING,
     (_M.TRACKING, _E.PAUSE): _M.STOPPING,
     (_M.TRACKING, _E.STOP): _M.STOPPING,
     (_M.TRACKING, _E.DISARM): _M.TRACKING,
@@ -144,6 +147,11 @@ DISARMING = frozenset(
     {_E.DISARM, _E.STOP, _E.DISABLE, _E.BOUND, _E.TIMEOUT, _E.DOUBT, _E.FAULT, _E.RESET}
 )
 
+# Events after which a trajectory that was halted goes on with the next `start`...
+HALTING = frozenset({_E.PAUSE, _E.SETTLE})
+# ...and after which it begins anew.
+FORGETTING = frozenset({_E.STOP, _E.DISABLE, _E.TIMEOUT, _E.FAULT, _E.RESET})
+
 # Why a command is refused in a mode, and what to do about it.
 REFUSALS: dict[Mode, str] = {
     _M.OFF: "the drives are off (`contactctl enable` first)",
@@ -182,9 +190,17 @@ class ModeMachine:
         self.mode = Mode.OFF
         self.armed = False
         self.moving = False  # a trajectory runs, or goes on after this contact
+        self.paused = False  # one was halted, and goes on with the next `start`
         self.cause = "started"
         self.entered_s = 0.0  # time at which the mode was entered
         self._disable_pending = False
+
+    @property
+    def trajectory(self) -> Literal["ready", "running", "interrupted", "paused"]:
+        """What is with the trajectory: interrupted, it goes on after this contact."""
+        if self.moving:
+            return "running" if self.mode is Mode.TRACKING else "interrupted"
+        return "paused" if self.paused else "ready"
 
     def arm(self, cause: str) -> None:
         """Allow contacts to lead to admittance; whether they may is decided elsewhere."""
@@ -207,6 +223,10 @@ class ModeMachine:
         if event in DISARMING and self.armed:
             self.armed = False
             self.changes.append(Change("disarmed", cause))
+        if event in HALTING:
+            self.paused = self.paused or self.moving
+        elif after is Mode.TRACKING or event in FORGETTING:
+            self.paused = False
         # Only a contact leaves a trajectory that goes on by itself.
         guided = self.moving and after in GUIDED and event is not Event.PAUSE
         self.moving = guided or after is Mode.TRACKING

@@ -1,21 +1,24 @@
 """The running service: answers requests, tells readers and the log, and ends in good order."""
 
 import logging
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 
 import numpy as np
 
 from daemon.config.load import Robot
+from daemon.config.motion import limits_of
 from daemon.control import ControlSocket, Peer
 from daemon.cycle import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
+from daemon.loading import LoadingDock
 from daemon.loop import Loop
-from daemon.messages import Grant, Reply, Request, Snapshot, Status
+from daemon.messages import Grant, Reply, Request, Snapshot, Status, Trajectory
 from daemon.modes import Event, Mode, ModeMachine
 from daemon.notify import Notifier
 from drivers.cia402 import reached
-from errors import ControlError
+from errors import ControlError, TrajectoryError
 
 EVENT_OF_COMMAND = {
     "enable": Event.ENABLE,
@@ -33,6 +36,16 @@ _LEVELS = {"fault": logging.ERROR, "contact": logging.INFO, "mode": logging.INFO
 _log = logging.getLogger("contactd")
 
 
+def _misplaced(request: Request) -> list[str]:
+    """What was said beside a command that takes no such thing."""
+    takers = {"header": "load", "rows": "load", "loaded": "start"}
+    return [
+        f"`{field}` belongs to {command}"
+        for field, command in takers.items()
+        if getattr(request, field) not in (None, False) and request.command != command
+    ]
+
+
 def _outcome(machine: ModeMachine) -> str:
     return f"{machine.mode}, {'armed' if machine.armed else 'not armed'}"
 
@@ -47,6 +60,12 @@ class Service:
     realtime: list[Grant]
     pid: int
     notifier: Notifier
+    dock: LoadingDock = field(init=False)
+
+    def __post_init__(self) -> None:
+        c = self.robot.configuration
+        self.dock = LoadingDock(c.joint_names, limits_of(c), c.trajectory.ramp_s)
+        self.control.on_close = lambda peer: self.dock.release(peer.connection)
 
     # --- after every tick -------------------------------------------------------------------
 
@@ -70,31 +89,54 @@ class Service:
 
     def handle(self, request: Request, peer: Peer) -> Reply:
         """Carry out one request; a refusal gives every reason."""
+        if misplaced := _misplaced(request):
+            return self._reply(request, misplaced)
         controller = self.loop.cycle.controller
         who = f"uid {peer.uid} (pid {peer.pid})"
-        status: Status | None = None
-        snapshot: Snapshot | None = None
-        reasons: list[str] = []
         match request.command:
             case "status":
-                status = self.status()
+                return self._reply(request, [], status=self.status())
             case "subscribe":
-                snapshot = self.snapshot()
+                return self._reply(request, [], snapshot=self.snapshot())
+            case "load":
+                return self._load(request, peer)
             case "arm":
-                reasons = controller.arm(who)
+                return self._reply(request, controller.arm(who))
             case command:
+                path = self.dock.take(peer.connection) if request.loaded else None
                 event = EVENT_OF_COMMAND[command]
-                reasons = controller.request(event, who, self.loop.time_s)
-        machine = controller.machine
+                return self._reply(request, controller.request(event, who, self.loop.time_s, path))
+
+    def _reply(
+        self,
+        request: Request,
+        reasons: list[str],
+        *,
+        row: int | None = None,
+        status: Status | None = None,
+        snapshot: Snapshot | None = None,
+    ) -> Reply:
+        machine = self.loop.cycle.controller.machine
         return Reply(
             ok=not reasons,
             message=f"{request.command}: " + ("refused" if reasons else _outcome(machine)),
             reasons=reasons,
             mode=machine.mode.value,
             armed=machine.armed,
+            row=row,
             status=status,
             snapshot=snapshot,
         )
+
+    def _load(self, request: Request, peer: Peer) -> Reply:
+        try:
+            if request.header is not None:
+                self.dock.begin(request.header, peer.connection)
+            if request.rows is not None:
+                self.dock.append(request.rows, peer.connection)
+        except TrajectoryError as error:
+            return self._reply(request, [str(error)], row=error.row)
+        return self._reply(request, [])
 
     def status(self) -> Status:
         """For `contactctl status`."""
@@ -111,6 +153,7 @@ class Service:
             mode=machine.mode.value,
             armed=machine.armed,
             cause=machine.cause,
+            trajectory=self._trajectory(),
             not_armable=cycle.controller.not_armable(),
             cycles=cycle.tick + 1,
             missed=loop.missed,
@@ -125,6 +168,17 @@ class Service:
             threshold=estimate.threshold.tolist() if estimate else zeros,
             side=[SIDE_NAMES[s] for s in estimate.side.tolist()] if estimate else [],
             age_ticks=samples.age_ticks.tolist() if samples else [],
+        )
+
+    def _trajectory(self) -> Trajectory:
+        controller = self.loop.cycle.controller
+        place, state = controller.next_place(), controller.machine.trajectory
+        end = place.path.duration
+        return Trajectory(
+            name=place.path.name,
+            state=state,
+            time_s=place.s,
+            duration_s=end if math.isfinite(end) else None,
         )
 
     def snapshot(self) -> Snapshot:

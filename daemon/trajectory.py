@@ -1,12 +1,14 @@
-"""The trajectory: sinusoids around an anchor, run along a path time that starts and stops softly.
+"""The trajectory: a path around an anchor, run along a path time that starts and stops softly.
 
 The path is a function of a path time s. Pausing, stopping and resuming change how fast s runs,
-never the path itself, so the setpoint cannot leave it; after a person moved the arm, the path is
-anchored anew where the arm stands.
+never the path itself, so the setpoint cannot leave it. What is followed are displacements: after a
+person moved the arm, the same path is anchored anew where the arm stands.
 """
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +18,44 @@ from daemon.config.schema import Sinusoid
 Vector = NDArray[np.float64]
 
 
+class JointPath(Protocol):
+    """A displacement of every joint as a function of path time; vectors of shape (n,)."""
+
+    @property
+    def name(self) -> str:
+        """For people."""
+
+    @property
+    def duration(self) -> float:
+        """Path time at its end [s]; infinite where it has none."""
+
+    @property
+    def begin(self) -> Vector | None:
+        """Where the path asks the arm to stand at s = 0 [rad], NaN for a joint that may stand
+        anywhere; None where it may begin from any pose."""
+
+    def offset(self, s: float) -> Vector:
+        """Displacement from the anchor's origin [rad] at path time s [s]."""
+
+    def slope(self, s: float) -> Vector:
+        """d offset / d s [rad/s]."""
+
+    def extent(self, s: float) -> tuple[Vector, Vector]:
+        """Lowest and highest offset [rad] from path time s on."""
+
+
 @dataclass(frozen=True, slots=True)
-class JointPath:
+class Sinusoids:
     """offset(s) = amplitude sin(omega s), per joint; zero amplitude holds."""
 
     amplitude: Vector
     omega: Vector
+    name: str = "sinusoids"
+    duration: float = math.inf
+    begin: Vector | None = None
 
     @classmethod
-    def from_sinusoids(cls, joints: Sequence[str], waves: Mapping[str, Sinusoid]) -> "JointPath":
+    def from_settings(cls, joints: Sequence[str], waves: Mapping[str, Sinusoid]) -> "Sinusoids":
         """Sinusoids by joint name; joints without one hold."""
         amplitude, omega = np.zeros(len(joints)), np.zeros(len(joints))
         for i, name in enumerate(joints):
@@ -34,12 +65,16 @@ class JointPath:
         return cls(amplitude, omega)
 
     def offset(self, s: float) -> Vector:
-        """Displacement from the anchor's origin [rad] at path time s [s]."""
+        """Displacement [rad] at path time s [s]."""
         return self.amplitude * np.sin(self.omega * s)
 
     def slope(self, s: float) -> Vector:
         """d offset / d s [rad/s]."""
         return self.amplitude * self.omega * np.cos(self.omega * s)
+
+    def extent(self, s: float) -> tuple[Vector, Vector]:
+        """The whole swing: it has no end."""
+        return -self.amplitude, self.amplitude
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,38 +85,62 @@ class Reference:
     velocity: Vector
 
 
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place on a path, from which a Follower can run it."""
+
+    path: JointPath
+    s: float = 0.0
+
+    def misfits(self, q: Vector, lower: Vector, upper: Vector) -> NDArray[np.bool_]:
+        """Joints whose path from here on, anchored at q, would go beyond [lower, upper]."""
+        origin = q - self.path.offset(self.s)
+        low, high = self.path.extent(self.s)
+        return (high > low) & ((origin + low < lower) | (origin + high > upper))
+
+    def astray(self, q: Vector, tolerance: float) -> NDArray[np.bool_]:
+        """Joints that stand further than `tolerance` [rad] from where the path asks them to begin;
+        none where it goes on from somewhere on its way."""
+        begin = self.path.begin
+        if begin is None or self.s > 0.0:
+            return np.zeros(len(q), dtype=np.bool_)
+        return np.abs(q - begin) > tolerance  # false for NaN
+
+
+@dataclass(slots=True)
 class Follower:
     """Runs one path: where on it, how fast, and around which origin."""
 
-    def __init__(self, path: JointPath, ramp_s: float) -> None:
-        self._path = path
-        self._ramp_s = ramp_s
-        self._s = 0.0
-        self._rate = 0.0  # ds/dt: 0 at standstill, 1 at full speed
-        self._origin = np.zeros_like(path.amplitude)
+    place: Place
+    ramp_s: float
+    _rate: float = 0.0  # ds/dt: 0 at standstill, 1 at full speed
+    _origin: Vector = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def finished(self) -> bool:
+        """Whether the path has come to its end."""
+        return self.place.s >= self.place.path.duration
 
     def anchor(self, q: Vector) -> None:
         """Put the path where the arm stands: from q [rad], at standstill, at the present path
         time."""
         self._rate = 0.0
-        self._origin = q - self._path.offset(self._s)
-
-    def rewind(self) -> None:
-        """Begin the path from its start at the next `anchor`."""
-        self._s = 0.0
-
-    def misfits(self, q: Vector, lower: Vector, upper: Vector) -> NDArray[np.bool_]:
-        """Joints whose path, anchored at q, would go beyond [lower, upper]."""
-        origin = q - self._path.offset(self._s)
-        moves = self._path.amplitude > 0.0
-        low, high = origin - self._path.amplitude, origin + self._path.amplitude
-        return moves & ((low < lower) | (high > upper))
+        self._origin = q - self.place.path.offset(self.place.s)
 
     def step(self, dt: float) -> Reference:
-        """Advance by dt [s] and return the reference there; ds/dt rises linearly to 1."""
-        rate = min(1.0, self._rate + dt / self._ramp_s)
-        self._s += 0.5 * (self._rate + rate) * dt
-        self._rate = rate
-        return Reference(
-            self._origin + self._path.offset(self._s), self._path.slope(self._s) * rate
-        )
+        """Advance by dt [s] and return the reference there.
+
+        ds/dt rises linearly to 1 within `ramp_s`, and falls as gently before the path's end.
+        """
+        path, s = self.place.path, self.place.s
+        room = max(path.duration - s, 0.0)
+        rate = min(1.0, self._rate + dt / self.ramp_s, _braking_rate(room, dt, self.ramp_s))
+        s = min(s + 0.5 * (self._rate + rate) * dt, path.duration)
+        self._rate, self.place = rate, Place(path, s)
+        return Reference(self._origin + path.offset(s), path.slope(s) * rate)
+
+
+def _braking_rate(room: float, dt: float, ramp_s: float) -> float:
+    """The largest ds/dt from which path time still stops `room` [s] ahead, falling by 1 in
+    `ramp_s`: r dt + r^2 ramp / 2 = room."""
+    return (math.sqrt(dt * dt + 2.0 * ramp_s * room) - dt) / ramp_s

@@ -12,7 +12,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from daemon.messages import Grant, Snapshot, State, Status
+from daemon.messages import Grant, Snapshot, State, Status, Trajectory
 
 WINDOW_TICKS = 1000
 EVENTS_KEPT = 12
@@ -190,6 +190,7 @@ def status_view(status: Status) -> RenderableType:
         reasons = status.not_armable or ["nothing: `contactctl arm` would be accepted"]
         table.add_row("arming needs", Text("\n".join(reasons)))
     table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
+    table.add_row("trajectory", Text(_trajectory(status.trajectory)))
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
     work = f"work at most {status.work_max_us / 1e3:.2f} ms"
     table.add_row("loop", f"{status.cycles} cycles, {missed}, {work}")
@@ -207,6 +208,18 @@ def _grants(grants: list[Grant]) -> Text:
     """One line each; what was not achieved stands out."""
     lines = [Text(grant.text, "" if grant.achieved else "yellow") for grant in grants]
     return Text("\n").join(lines)
+
+
+def _trajectory(trajectory: Trajectory) -> str:
+    words = {
+        "ready": "would begin with `contactctl start`",
+        "running": "runs",
+        "interrupted": "goes on when nobody touches the arm",
+        "paused": "paused: `contactctl start` goes on with it, `contactctl stop` forgets it",
+    }
+    end = "" if trajectory.duration_s is None else f" of {trajectory.duration_s:.1f}"
+    at = "" if trajectory.state == "ready" else f" at {trajectory.time_s:.1f}{end} s"
+    return f"{trajectory.name}{at}: {words[trajectory.state]}"
 
 
 def _status_joints(status: Status) -> RenderableType:

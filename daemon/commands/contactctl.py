@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from errors import ContactdError, ControlError, UnreachableError
+from errors import ContactdError, ControlError, TrajectoryError, UnreachableError
 
 if TYPE_CHECKING:
     from daemon.client import Client
@@ -93,17 +93,47 @@ def enable(options: Options, no_wait: bool) -> None:
 
 
 @main.command()
+@click.argument("file", required=False, type=click.Path(path_type=Path), metavar="[FILE.csv]")
+@click.option(
+    "--from-here",
+    is_flag=True,
+    help="Run the file as displacements, from wherever the arm stands.",
+)
 @click.pass_obj
-def start(options: Options) -> None:
-    """Start the trajectory: the arm moves."""
-    _command(options, "start")
+def start(options: Options, file: Path | None, from_here: bool) -> None:
+    """Start a trajectory: the arm moves.
+
+    Without a file: what was paused goes on; else the configured trajectory begins. A file has a
+    column time_s [s] and one for each joint that moves [rad]; it is checked against every limit
+    before anything moves, and the arm must stand where it begins.
+    """
+    if file is None:
+        if from_here:
+            raise click.UsageError("--from-here is about a file")
+        _command(options, "start")
+        return
+    from daemon.trajectory_file import read_trajectory
+
+    with options.connect() as client:
+        trajectory = read_trajectory(file, _status(client).joints)
+        try:
+            client.load_trajectory(
+                trajectory.joints,
+                trajectory.times,
+                trajectory.positions,
+                name=file.name,
+                from_here=from_here,
+            )
+        except TrajectoryError as error:
+            raise trajectory.placed(error) from error
+        _answer(options, client.start_loaded())
 
 
 @main.command()
 @_no_wait
 @click.pass_obj
 def pause(options: Options, no_wait: bool) -> None:
-    """Halt the trajectory; the arm stays armed."""
+    """Halt the trajectory; the arm stays armed. `start` goes on with it, `stop` forgets it."""
     _command(options, "pause", wait=not no_wait)
 
 
@@ -209,6 +239,11 @@ def _command(options: Options, command: "Command", wait: bool = False) -> None:
         reply = client.request(command)
         if wait and reply.ok:
             reply = _await(client, reply, GOALS[command])
+    _answer(options, reply)
+
+
+def _answer(options: Options, reply: "Reply") -> None:
+    """What came of it, on stdout or stderr; exit 1 if nothing did."""
     if options.json:
         _print_json(reply)
     elif reply.ok:

@@ -150,6 +150,10 @@ def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
 
 def _trajectory(c: Configuration) -> Iterator[Finding]:
     joints = {joint.name: joint for joint in c.joints}
+    if c.trajectory.file is not None and c.trajectory.sinusoids:
+        yield Finding(
+            ["trajectory", "file"], "trajectory.file", "either a file or sinusoids, not both"
+        )
     for name, wave in c.trajectory.sinusoids.items():
         keys: list[str | int] = ["trajectory", "sinusoids", name]
         where = f"trajectory.sinusoids.{name}"

@@ -9,9 +9,11 @@ from typing import Any, TypeVar
 import msgspec
 
 from daemon.config.checks import cross_checks
+from daemon.config.motion import recorded_path
 from daemon.config.schema import Configuration
 from daemon.config.yaml_source import Source, parse_yaml, read_yaml
-from errors import ConfigurationError
+from daemon.sampled_path import SampledPath
+from errors import ConfigurationError, TrajectoryError
 
 T = TypeVar("T", bound=msgspec.Struct)
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
@@ -25,6 +27,7 @@ class Robot:
     configuration: Configuration
     text: str  # of config.yaml
     urdf: str  # text of the URDF
+    recorded: SampledPath | None = None  # of trajectory.file
 
     @property
     def folder(self) -> Path:
@@ -62,7 +65,12 @@ def load_robot(path: Path) -> Robot:
                 for finding in findings
             )
         )
-    return Robot(path, configuration, source.text, urdf)
+    try:
+        recorded = recorded_path(configuration, path.parent)
+    except TrajectoryError as error:
+        where = f"{path}:{source.line(['trajectory', 'file'])}: trajectory.file"
+        raise ConfigurationError(f"{where}: {error}") from error
+    return Robot(path, configuration, source.text, urdf, recorded)
 
 
 def parse_configuration(text: str, name: str) -> Configuration:

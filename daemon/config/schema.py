@@ -115,6 +115,8 @@ class Trajectory(Settings, frozen=True):
     """What the joints do after `contactctl start`; a joint that is not named holds."""
 
     sinusoids: dict[str, Sinusoid] = msgspec.field(default_factory=dict)
+    file: Name | None = None  # instead: a CSV file, relative to the configuration
+    from_here: bool = False  # run the file from wherever the arm stands, as sinusoids are
     ramp_s: Annotated[float, Meta(ge=0.1, le=30)] = 2.0  # from standstill to full speed
 
 

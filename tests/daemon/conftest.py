@@ -10,7 +10,18 @@ import msgspec
 import pytest
 
 from daemon.control import ControlSocket, Peer
-from daemon.messages import Contact, Event, Grant, Reply, Request, Snapshot, State, Status, Timing
+from daemon.messages import (
+    Contact,
+    Event,
+    Grant,
+    Reply,
+    Request,
+    Snapshot,
+    State,
+    Status,
+    Timing,
+    Trajectory,
+)
 
 JOINTS = [f"L{part}" for part in ("ShoulderPitch", "ShoulderYaw", "ElbowRoll", "ElbowYaw")]
 JOINTS += ["LWristRoll", "LWristYaw", "LWristPitch"]
@@ -128,6 +139,7 @@ class FakeDaemon:
             mode=self.mode,
             armed=False,
             cause=f"because of {self.mode}",
+            trajectory=Trajectory(name="sinusoids", state="ready", time_s=0.0, duration_s=None),
             not_armable=["not tracking", "LWristYaw: motor position unknown"],
             cycles=372500,
             missed=3,

@@ -230,6 +230,13 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "trajectory.sinusoids.LWristYaw",
         ("does not fit between the limits -0.4 and 0.4",),
     ),
+    "a file and sinusoids": (
+        "  ramp_s: 2.0",
+        "  ramp_s: 2.0\n  file: move.csv",
+        "file: move.csv",
+        "trajectory.file",
+        ("either a file or sinusoids",),
+    ),
     "another version": (
         "version: 1",
         "version: 2",
@@ -354,3 +361,34 @@ def test_text_that_is_not_utf_8(tmp_path: Path) -> None:
     path = edited(tmp_path)
     path.write_bytes(b"name: Rom\xe9o\n")
     assert f"{path}: is not UTF-8 text" in refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("time_s,LElbowYaw\n0,-0.5\n1,-0.4\n", ""),
+        ("time_s,LElbowYaw\n0,-0.5\n1,-0.4\n2,0.3\n", "move.csv:4: LElbowYaw: reaches 0.3"),
+        ("time_s,RElbowYaw\n0,-0.5\n1,-0.4\n", "move.csv:1: no joint `RElbowYaw`"),
+        (None, "move.csv: cannot be read: No such file"),
+    ],
+)
+def test_a_trajectory_file_is_judged_with_the_configuration(
+    tmp_path: Path, text: str | None, words: str
+) -> None:
+    folder = tmp_path / "robot"
+    shutil.copytree(ROMEO, folder)
+    config = folder / "config.yaml"
+    before, _, after = config.read_text().partition("  sinusoids:\n")
+    config.write_text(before + "  file: move.csv\n" + after.partition("\n\n")[2])
+    if text is not None:
+        (folder / "move.csv").write_text(text)
+    if not words:
+        recorded = load_robot(folder).recorded
+        assert recorded is not None
+        assert recorded.name == "move.csv"
+        return
+    with pytest.raises(ConfigurationError) as caught:
+        load_robot(folder)
+    assert words in str(caught.value)
+    line = 1 + config.read_text().splitlines().index("  file: move.csv")
+    assert str(caught.value).startswith(f"{config}:{line}: trajectory.file: ")

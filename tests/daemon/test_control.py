@@ -77,7 +77,7 @@ def test_request_is_answered_and_the_peer_known(control: ControlSocket, dial: Di
     client.send(b'{"command": "stop"}')
     control.poll(handler)
     assert told(client) == {"ok": True, "mode": "off"}
-    assert handler.seen == [(Request("stop"), Peer(uid=os.getuid(), pid=os.getpid()))]
+    assert handler.seen == [(Request("stop"), Peer(os.getuid(), os.getpid(), 1))]
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_request_is_answered_and_the_peer_known(control: ControlSocket, dial: Di
         (b'{"command": "fly"}', "'fly'"),
         (b'{"command": "stop", "speed": 9}', "speed"),
         (b'{"command": "stop"} trailing', "trailing"),
-        (b'"' + b"x" * 4096, "at most 4096 bytes"),
+        (b'"' + b"x" * 8192, "at most 8192 bytes"),
     ],
 )
 def test_malformed_is_told_and_the_connection_kept(
@@ -112,7 +112,7 @@ def test_malformed_is_told_and_the_connection_kept(
 def test_largest_request_is_served(control: ControlSocket, dial: Dial) -> None:
     client = dial()
     control.poll(Handler())
-    client.send(b'{"command": "stop"}'.ljust(4096))
+    client.send(b'{"command": "stop"}'.ljust(8192))
     control.poll(Handler())
     assert told(client)["ok"] is True
 
@@ -124,11 +124,11 @@ def test_ten_megabytes_never_reach_the_daemon(control: ControlSocket, dial: Dial
         client.send(bytes(10_000_000))
     client.send(bytes(100_000))
     control.poll(Handler())
-    assert "at most 4096 bytes" in str(told(client)["message"])
+    assert "at most 8192 bytes" in str(told(client)["message"])
 
 
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(packet=st.binary(min_size=1, max_size=6000))
+@given(packet=st.binary(min_size=1, max_size=10000))
 def test_garbage_is_refused(control: ControlSocket, dial: Dial, packet: bytes) -> None:
     handler = Handler()
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as client:

@@ -6,11 +6,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from bench.ideal_arm import LIMITS, IdealArm, T, holding_arm, ideal_arm, tracking_arm
+from bench.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
 from daemon.admittance import GuidedBounds
 from daemon.controller import Observed
 from daemon.modes import REFUSALS, TRANSITIONS, Event, Mode
 from daemon.reactions import AfterQuiet, Reaction, Reactions
+from daemon.sampled_path import PathBuilder, SampledPath
 from daemon.supervisor import Condition, Finding
 from drivers.cia402 import PowerTarget
 
@@ -259,3 +260,107 @@ def test_power_in_each_mode(holding: IdealArm) -> None:
     assert holding.step().power == (PowerTarget.ON,) * 2
     holding.request(Event.DISABLE)
     assert holding.step().power == (PowerTarget.QUICK_STOP, PowerTarget.OFF)  # hold, brake
+
+
+def recorded(*rows: list[float], from_here: bool = False) -> SampledPath:
+    builder = PathBuilder("move.csv", TUNING.joints, ["a"], LIMITS, 1.0, from_here=from_here)
+    builder.append(rows)
+    return builder.finish()
+
+
+MOVE = recorded([0.0, 0.1, 0.0], [1.0, 0.4, 0.3], [2.0, 0.5, 0.0])
+
+
+def start(bench: IdealArm, path: SampledPath | None = None) -> list[str]:
+    return bench.controller.request(Event.START, "me", bench.time_s, path)
+
+
+def test_a_recorded_trajectory_runs_to_its_end_and_holds_there(holding: IdealArm) -> None:
+    assert start(holding, MOVE) == []
+    assert holding.controller.machine.cause == "start of move.csv by me"
+    holding.run(1.0)
+    assert holding.mode is Mode.TRACKING
+    holding.run(2.5)
+    assert holding.mode is Mode.HOLDING
+    assert holding.controller.machine.cause == "move.csv came to its end"
+    assert not holding.controller.machine.moving
+    np.testing.assert_allclose(holding.decisions[-1].reference, [0.5, -0.2], atol=1e-9)
+    holding.run(1.0)
+    np.testing.assert_allclose(holding.q, [0.5, -0.2], atol=1e-4)
+    velocities = np.array([decision.velocity for decision in holding.decisions])
+    assert (np.abs(np.diff(velocities, axis=0)) <= LIMITS.acceleration * T + 1e-12).all()
+
+
+def test_it_is_refused_where_the_arm_does_not_stand_at_its_beginning(holding: IdealArm) -> None:
+    elsewhere = recorded([0.0, 0.16, 0.0], [1.0, 0.2, 0.0])
+    assert start(holding, elsewhere) == [
+        "a stands at 0.100 rad, 0.060 rad from where move.csv begins (0.160; allowed 0.05): "
+        "bring it there, or start from here"
+    ]
+    assert holding.mode is Mode.HOLDING
+    assert start(holding, recorded([0.0, 0.16, 0.0], [1.0, 0.2, 0.0], from_here=True)) == []
+    holding.run(3.0)
+    np.testing.assert_allclose(holding.q[0], 0.14, atol=1e-4)
+
+
+def test_from_here_it_must_fit_between_the_limits(holding: IdealArm) -> None:
+    far = recorded([0.0, -0.8, 0.0], [2.0, 0.15, 0.0], from_here=True)
+    assert "the path of a would leave its limits" in start(holding, far)[0]
+
+
+def test_paused_it_goes_on_and_stopped_it_begins_anew(holding: IdealArm) -> None:
+    assert start(holding, MOVE) == []
+    holding.run(1.0)
+    holding.request(Event.PAUSE)
+    holding.run(0.6)
+    assert holding.mode is Mode.HOLDING
+    assert holding.controller.machine.trajectory == "paused"
+    s = holding.controller.motion.follower.place.s
+    assert s > 0.4
+    assert start(holding) == []
+    assert holding.controller.machine.cause == f"start of move.csv at {s:.1f} s by me"
+    holding.run(0.1)
+    assert s < holding.controller.motion.follower.place.s < s + 0.1
+    holding.request(Event.STOP)
+    holding.run(0.6)
+    assert holding.controller.machine.trajectory == "ready"
+    assert start(holding) == []
+    assert holding.controller.machine.cause == "start of sinusoids by me"
+
+
+def test_a_refused_start_leaves_what_was_paused(holding: IdealArm) -> None:
+    start(holding, MOVE)
+    holding.run(1.0)
+    holding.request(Event.PAUSE)
+    holding.run(0.6)
+    s = holding.controller.motion.follower.place.s
+    assert start(holding, recorded([0.0, 0.9, 0.0], [1.0, 0.8, 0.0]))
+    assert holding.controller.machine.trajectory == "paused"
+    assert start(holding) == []
+    assert holding.controller.motion.follower.place.s == s
+
+
+def test_paused_while_guided_it_goes_on_with_start(tracking: IdealArm) -> None:
+    tracking.touch()
+    assert tracking.controller.machine.trajectory == "interrupted"
+    s = tracking.controller.motion.follower.place.s
+    tracking.request(Event.PAUSE)
+    tracking.run(2.1)
+    assert tracking.mode is Mode.HOLDING
+    assert start(tracking) == []
+    assert tracking.controller.motion.follower.place.s == s
+
+
+def test_guided_a_recorded_trajectory_goes_on_as_displacements(holding: IdealArm) -> None:
+    start(holding, MOVE)
+    holding.run(1.0)
+    holding.controller.arm("me")
+    holding.touch()
+    holding.run(0.5, **holding.push(0.6))
+    holding.run(2.1)
+    assert holding.mode is Mode.TRACKING
+    left, s = holding.q[0], holding.controller.motion.follower.place.s
+    holding.run(3.0)
+    assert holding.mode is Mode.HOLDING
+    way = MOVE.offset(2.0)[0] - MOVE.offset(s)[0]
+    assert holding.q[0] == pytest.approx(left + way, abs=1e-2)

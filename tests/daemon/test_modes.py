@@ -250,3 +250,19 @@ def test_modes_and_words_are_complete() -> None:
     assert Mode.OFF not in ENERGISED
     assert Mode.FAULTED not in ENERGISED
     assert all((Mode.FAULTED, e) not in TRANSITIONS for e in COMMANDS - DISARMS)
+
+
+def test_what_is_with_the_trajectory() -> None:
+    machine = machine_in(Mode.HOLDING, armed=True)
+    told = [machine.trajectory]
+    for event in (
+        *(Event.START, Event.TOUCH, Event.RESUME, Event.PAUSE, Event.STANDSTILL, Event.TOUCH),
+        *(Event.SETTLE, Event.START, Event.END, Event.START, Event.PAUSE, Event.STOP),
+    ):
+        assert machine.apply(event, "why", 2.0)
+        told.append(machine.trajectory)
+    assert told == [
+        "ready",
+        *("running", "interrupted", "running", "paused", "paused", "paused"),
+        *("paused", "running", "ready", "running", "paused", "ready"),
+    ]

@@ -1,13 +1,16 @@
-"""The path, and how a Follower runs along it."""
+"""Sinusoids, and how a Follower runs along a path."""
 
 import numpy as np
 import pytest
 
 from daemon.config.schema import Sinusoid
-from daemon.trajectory import Follower, JointPath
+from daemon.limits import Limits
+from daemon.sampled_path import PathBuilder, SampledPath
+from daemon.trajectory import Follower, Place, Sinusoids
+from daemon.trajectory_file import rows_of, slopes
 
 JOINTS = ["a", "b", "c"]
-PATH = JointPath.from_sinusoids(
+PATH = Sinusoids.from_settings(
     JOINTS,
     {
         "a": Sinusoid(amplitude=0.35, frequency_Hz=0.15),
@@ -16,6 +19,20 @@ PATH = JointPath.from_sinusoids(
 )
 DT, RAMP = 0.01, 2.0
 HERE = np.array([1.0, -0.5, 0.2])
+
+
+def follower_of(path: object = PATH, ramp_s: float = RAMP) -> Follower:
+    return Follower(Place(path), ramp_s)  # type: ignore[arg-type]
+
+
+def wave(duration: float = 4.0) -> SampledPath:
+    """b swings by 0.3 rad around 0.1 and ends in motion."""
+    limits = Limits(np.full(3, -1.0), np.full(3, 1.0), np.full(3, 2.0), np.full(3, 8.0), 0.015)
+    builder = PathBuilder("wave", JOINTS, ["b"], limits, RAMP)
+    times = np.arange(0.0, duration + 1e-9, 0.02)
+    q = 0.1 + 0.3 * np.sin(times[:, None])
+    builder.append(rows_of(times, q, slopes(times, q)))
+    return builder.finish()
 
 
 def test_a_joint_that_is_not_named_holds() -> None:
@@ -31,7 +48,7 @@ def test_the_slope_is_the_derivative_of_the_offset(s: float) -> None:
 
 
 def test_it_starts_where_the_arm_stands_and_softly() -> None:
-    follower = Follower(PATH, RAMP)
+    follower = follower_of()
     follower.anchor(HERE)
     first = follower.step(DT)
     np.testing.assert_allclose(first.q, HERE, atol=1e-4)
@@ -39,7 +56,7 @@ def test_it_starts_where_the_arm_stands_and_softly() -> None:
 
 
 def test_it_reaches_full_speed_after_the_ramp_and_lags_half_of_it() -> None:
-    follower = Follower(PATH, RAMP)
+    follower = follower_of()
     follower.anchor(HERE)
     for _ in range(round(RAMP / DT)):
         reference = follower.step(DT)
@@ -49,19 +66,38 @@ def test_it_reaches_full_speed_after_the_ramp_and_lags_half_of_it() -> None:
     for _ in range(100):
         reference = follower.step(DT)
     np.testing.assert_allclose(reference.q, HERE + PATH.offset(s + 1.0), rtol=1e-9)
+    assert not follower.finished
 
 
-def test_the_velocity_is_that_of_the_reference() -> None:
-    follower = Follower(PATH, RAMP)
+@pytest.mark.parametrize("path", [PATH, wave()], ids=["sinusoids", "samples"])
+def test_the_velocity_is_that_of_the_reference(path: object) -> None:
+    follower = follower_of(path)
     follower.anchor(HERE)
-    references = [follower.step(1e-3) for _ in range(5000)]
+    references = [follower.step(1e-3) for _ in range(7000)]
     q = np.array([r.q for r in references])
     v = np.array([r.velocity for r in references])
-    np.testing.assert_allclose((q[2:] - q[:-2]) / 2e-3, v[1:-1], atol=2e-4)
+    np.testing.assert_allclose((q[2:] - q[:-2]) / 2e-3, v[1:-1], atol=6e-4)
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.01, 0.1])
+@pytest.mark.parametrize("duration", [0.04, 1.0, 4.0])
+def test_it_stops_softly_exactly_at_the_end(duration: float, dt: float) -> None:
+    path = wave(duration)
+    follower = follower_of(path)
+    follower.anchor(HERE)
+    rates = [0.0]
+    for _ in range(round((duration + 2 * RAMP + 1.0) / dt)):
+        reference = follower.step(dt)
+        rates.append(follower._rate)
+    assert follower.finished
+    assert not reference.velocity.any()
+    np.testing.assert_array_equal(reference.q, HERE + path.offset(duration))
+    assert np.abs(np.diff(rates)).max() <= dt / RAMP + 1e-9
+    assert follower.place.s == duration
 
 
 def test_anchored_anew_it_goes_on_from_there_at_its_path_time() -> None:
-    follower = Follower(PATH, RAMP)
+    follower = follower_of()
     follower.anchor(HERE)
     for _ in range(300):
         before = follower.step(DT)
@@ -77,12 +113,12 @@ def test_anchored_anew_it_goes_on_from_there_at_its_path_time() -> None:
     assert not np.allclose(after.q, before.q)
 
 
-def test_rewound_it_begins_from_the_start() -> None:
-    used, fresh = Follower(PATH, RAMP), Follower(PATH, RAMP)
+def test_put_at_its_beginning_it_begins_from_the_start() -> None:
+    used, fresh = follower_of(), follower_of()
     used.anchor(HERE)
     for _ in range(321):
         used.step(DT)
-    used.rewind()
+    used.place = Place(PATH)
     for follower in (used, fresh):
         follower.anchor(HERE)
     np.testing.assert_array_equal(used.step(DT).q, fresh.step(DT).q)
@@ -99,17 +135,32 @@ def test_rewound_it_begins_from_the_start() -> None:
     ],
 )
 def test_which_joints_would_leave_their_limits(shift: list[float], misfit: list[bool]) -> None:
-    follower = Follower(PATH, RAMP)
     bound = np.full(3, 0.5)
-    assert follower.misfits(np.array(shift), -bound, bound).tolist() == misfit
+    assert Place(PATH).misfits(np.array(shift), -bound, bound).tolist() == misfit
 
 
 def test_misfits_look_at_the_path_ahead_not_only_at_the_place() -> None:
-    follower = Follower(PATH, RAMP)
+    follower = follower_of()
     follower.anchor(np.zeros(3))
     for _ in range(200):
         reference = follower.step(DT)
     # At the far end of the swing there is room for the way back.
     bound = np.full(3, 0.36)
-    assert not follower.misfits(reference.q, -bound, bound).any()
-    assert follower.misfits(reference.q + 0.02, -bound, bound).tolist() == [True, False, False]
+    assert not follower.place.misfits(reference.q, -bound, bound).any()
+    assert follower.place.misfits(reference.q + 0.02, -bound, bound).tolist() == [
+        True,
+        False,
+        False,
+    ]
+
+
+def test_only_the_beginning_of_recorded_samples_asks_for_a_place() -> None:
+    def stand(b: float) -> np.ndarray:  # joints that are not named may stand anywhere
+        return np.array([9.0, b, -9.0])
+
+    place = Place(wave())
+    assert not place.astray(stand(0.1), 0.05).any()
+    assert not place.astray(stand(0.149), 0.05).any()
+    assert place.astray(stand(0.049), 0.05).tolist() == [False, True, False]
+    assert not Place(wave(), 1.0).astray(stand(1.1), 0.05).any()
+    assert not Place(PATH).astray(stand(0.1), 0.05).any()

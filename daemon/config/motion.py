@@ -1,0 +1,50 @@
+"""What the configuration says about motion, as arrays and paths."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from daemon.config.schema import Configuration, Joint
+from daemon.limits import Limits, Vector
+from daemon.sampled_path import PathBuilder, SampledPath
+from daemon.trajectory_file import read_trajectory
+from errors import TrajectoryError
+
+
+def row(c: Configuration, of: Callable[[Joint], float]) -> Vector:
+    """One figure of every joint, (n,)."""
+    return np.array([of(joint) for joint in c.joints], dtype=np.float64)
+
+
+def limits_of(c: Configuration) -> Limits:
+    """What no setpoint goes beyond."""
+    return Limits(
+        lower=row(c, lambda j: j.limits.lower),
+        upper=row(c, lambda j: j.limits.upper),
+        velocity=row(c, lambda j: j.limits.velocity),
+        acceleration=row(c, lambda j: j.limits.acceleration),
+        # A setpoint is latched by the next SYNC and approached over the period after that.
+        reaction_s=1.5 * c.period_s + c.control.drive_lag_ms / 1000.0,
+    )
+
+
+def recorded_path(c: Configuration, folder: Path) -> SampledPath | None:
+    """The trajectory of `trajectory.file`, if there is one; raises TrajectoryError with its line
+    and the reason if it cannot be run."""
+    if c.trajectory.file is None:
+        return None
+    file = read_trajectory(folder / c.trajectory.file, c.joint_names)
+    try:
+        builder = PathBuilder(
+            file.path.name,
+            c.joint_names,
+            file.joints,
+            limits_of(c),
+            c.trajectory.ramp_s,
+            from_here=c.trajectory.from_here,
+        )
+        builder.append(file.rows())
+        return builder.finish()
+    except TrajectoryError as error:
+        raise file.placed(error) from error

@@ -1,0 +1,65 @@
+"""The one trajectory that a client hands over, chunk by chunk, before it is started."""
+
+from collections.abc import Sequence
+
+from daemon.limits import Limits
+from daemon.messages import Header
+from daemon.sampled_path import PathBuilder, SampledPath
+from errors import ControlError
+
+
+class LoadingDock:
+    """Room for one trajectory, which belongs to the connection that began it. Whoever begins
+    another takes its place: an upload that was left half-way blocks nobody."""
+
+    def __init__(self, joints: Sequence[str], limits: Limits, ramp_s: float) -> None:
+        self._joints, self._limits, self._ramp_s = tuple(joints), limits, ramp_s
+        self._owner = 0
+        self._builder: PathBuilder | None = None
+        self._path: SampledPath | None = None
+
+    def begin(self, header: Header, owner: int) -> None:
+        """Make room for a trajectory of the connection `owner`. Raises TrajectoryError."""
+        self.release(self._owner)
+        self._builder = PathBuilder(
+            header.name,
+            self._joints,
+            header.joints,
+            self._limits,
+            self._ramp_s,
+            from_here=header.from_here,
+        )
+        self._owner = owner
+
+    def append(self, rows: Sequence[Sequence[float]], owner: int) -> int:
+        """Add rows; returns how many there are now. Raises TrajectoryError for what breaks a limit,
+        and forgets the whole trajectory; ControlError where there is none to add to."""
+        builder = self._of(owner)
+        if self._path is not None:
+            raise ControlError("this trajectory is complete: begin another with a header")
+        try:
+            builder.append(rows)
+        except Exception:
+            self.release(owner)
+            raise
+        return builder.rows
+
+    def take(self, owner: int) -> SampledPath:
+        """The complete trajectory. Raises TrajectoryError if it is too short, ControlError where
+        this connection has loaded none."""
+        builder = self._of(owner)
+        if self._path is None:
+            self._path = builder.finish()
+        return self._path
+
+    def release(self, owner: int) -> None:
+        """Forget what this connection loaded; what runs already goes on."""
+        if owner == self._owner:
+            self._owner, self._builder, self._path = 0, None, None
+
+    def _of(self, owner: int) -> PathBuilder:
+        if self._builder is None or owner != self._owner:
+            raise ControlError(
+                "this connection has loaded no trajectory, or another took its place"
+            )
+        return self._builder

@@ -1,0 +1,261 @@
+"""The whole daemon behind its socket, in lockstep with the simulated arm: what a client gets."""
+
+import json
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from daemon.client import Client
+from daemon.commands import contactctl
+from daemon.control import ControlSocket
+from daemon.loop import Clock, Loop
+from daemon.messages import Reply
+from daemon.modes import Mode
+from daemon.notify import Notifier
+from daemon.service import Service
+from errors import ControlError, TrajectoryError
+
+T = 0.01
+
+
+@dataclass
+class House:
+    """Service, loop and simulated arm; time passes by `tick` alone."""
+
+    rig: Rig
+    service: Service
+
+    @property
+    def path(self) -> Path:
+        return self.service.control.path
+
+    def tick(self) -> None:
+        self.rig.tick()
+        self.service.doors()
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / T)):
+            self.tick()
+
+    def until(self, work: Callable[[], Any]) -> Any:
+        """Tick while `work`, which talks to the daemon, runs in a thread of its own."""
+        results: list[Any] = []
+        errors: list[BaseException] = []
+
+        def run() -> None:
+            try:
+                results.append(work())
+            except BaseException as error:
+                errors.append(error)
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        while thread.is_alive():
+            self.tick()
+            thread.join(0.0005)
+        if errors:
+            raise errors[0]
+        return results[0]
+
+    def ask(self, client: Client, command: Any) -> Reply:
+        reply = self.until(lambda: client.request(command))
+        assert isinstance(reply, Reply)
+        return reply
+
+    def contactctl(self, *arguments: str) -> Result:
+        result = self.until(
+            lambda: CliRunner().invoke(
+                contactctl.main, ["--socket", str(self.path), *arguments], catch_exceptions=False
+            )
+        )
+        assert isinstance(result, Result)
+        return result
+
+
+@pytest.fixture
+def house(tmp_path: Path) -> Iterator[House]:
+    with lockstep_rig(SINGLE_JOINT) as rig, ControlSocket(tmp_path / "control") as control:
+        c = rig.robot.configuration
+        loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+        notifier = Notifier()
+        rig.run(0.1)
+        yield House(rig, Service(rig.robot, loop, control, [], 1, notifier))
+        notifier.close()
+
+
+@pytest.fixture
+def client(house: House) -> Iterator[Client]:
+    with Client(house.path) as connected:
+        yield connected
+
+
+def stands(house: House) -> float:
+    samples = house.rig.cycle.samples
+    assert samples is not None
+    return float(samples.link_position[0])
+
+
+def csv(tmp_path: Path, rows: list[tuple[object, ...]], header: str = "time_s,joint") -> Path:
+    path = tmp_path / "move.csv"
+    path.write_text("\n".join([header, *(",".join(map(str, row)) for row in rows)]) + "\n")
+    return path
+
+
+def swing(house: House, length_s: float = 3.0) -> list[tuple[object, ...]]:
+    """0.3 rad forth and back from where the arm stands, 50 samples a second."""
+    times = np.arange(0.0, length_s + 1e-9, 0.02)
+    q = stands(house) + 0.15 * (1.0 - np.cos(2 * np.pi * times / length_s))
+    return [(f"{t:.3f}", f"{x:.6f}") for t, x in zip(times, q, strict=True)]
+
+
+def test_a_file_is_run_to_its_end(house: House, tmp_path: Path) -> None:
+    house.rig.enable()
+    began = stands(house)
+    path = csv(tmp_path, swing(house))
+    result = house.contactctl("start", str(path))
+    assert (result.exit_code, result.stdout) == (0, "start: tracking, not armed\n"), result.stderr
+    status = house.contactctl("status").stdout
+    assert "move.csv at 0." in status
+    farthest = began
+    while house.rig.mode is Mode.TRACKING:
+        house.tick()
+        farthest = max(farthest, stands(house))
+        assert house.rig.time_s < 30.0
+    assert farthest - began == pytest.approx(0.3, abs=0.02)
+    house.run(0.5)
+    assert house.rig.mode is Mode.HOLDING
+    assert stands(house) == pytest.approx(began, abs=0.01)
+    assert house.rig.cycle.controller.machine.cause == "move.csv came to its end"
+
+
+def test_it_is_paused_and_goes_on(house: House, tmp_path: Path) -> None:
+    house.rig.enable()
+    assert house.contactctl("start", str(csv(tmp_path, swing(house)))).exit_code == 0
+    house.run(1.5)
+    assert house.contactctl("pause").exit_code == 0
+    status = json.loads(house.contactctl("--json", "status").stdout)["trajectory"]
+    assert (status["name"], status["state"], status["duration_s"]) == ("move.csv", "paused", 3.0)
+    assert house.contactctl("start").exit_code == 0
+    assert "move.csv at" in house.rig.cycle.controller.machine.cause
+    assert house.contactctl("stop").exit_code == 0
+    assert house.contactctl("start").exit_code == 0
+    assert "start of sinusoids" in house.rig.cycle.controller.machine.cause
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (
+            [(0, 0), (1, 0.1), (2, 1.5)],
+            ":4: joint: reaches 1.5 rad, outside its limits [-1.4, 1.4]",
+        ),
+        ([(0, 0), (1, 0.1), (1.01, 0.9)], ":4: joint: jumps by 0.8 rad in 0.01 s: 80 rad/s is"),
+        ([(0, 0), (0.1, 0.1), (0.2, 0)], ":3: joint: reaches"),
+        ([(0, 0), (1, 0.1), (2, "nan")], ":4: joint: nan is no number"),
+        ([(0, 0), (1, 0.1), (0.5, 0.1)], ":4: time_s: 0.5 does not come after 1"),
+    ],
+)
+def test_a_bad_file_is_refused_with_its_line(
+    house: House, tmp_path: Path, rows: list[tuple[object, ...]], words: str
+) -> None:
+    house.rig.enable()
+    path = csv(tmp_path, rows)
+    result = house.contactctl("start", str(path))
+    assert result.exit_code == 65
+    assert result.stderr.startswith(f"contactctl: {path}{words}")
+    assert result.stderr.count("\n") == 1
+    assert house.rig.mode is Mode.HOLDING
+
+
+def test_a_file_that_begins_elsewhere_needs_a_word(house: House, tmp_path: Path) -> None:
+    house.rig.enable()
+    here = stands(house)
+    path = csv(tmp_path, [(0, here + 0.4), (1, here + 0.4), (2, here + 0.5)])
+    result = house.contactctl("start", str(path))
+    assert result.exit_code == 1
+    assert "0.400 rad from where move.csv begins" in result.stderr
+    assert house.contactctl("start", str(path), "--from-here").exit_code == 0
+    assert house.contactctl("start", "--from-here").exit_code == 2
+
+
+def test_a_program_loads_and_starts(house: House, client: Client) -> None:
+    house.rig.enable()
+    times = np.arange(0.0, 5.0, 0.01)
+    q = stands(house) + 0.1 * np.sin(times)[:, None]
+    v = 0.1 * np.cos(times)[:, None]
+    house.until(lambda: client.load_trajectory(["joint"], times, q, v, name="fourier"))
+    reply = house.until(client.start_loaded)
+    assert reply.ok, reply.reasons
+    house.run(4.0)
+    follower = house.rig.cycle.controller.motion.follower
+    assert follower.place.path.name == "fourier"
+    s = follower.place.s
+    assert stands(house) == pytest.approx(float(q[0, 0]) + 0.1 * np.sin(s), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("positions", "row", "words"),
+    [
+        ([[0.0], [0.1], [float("nan")]], 2, "cannot be followed"),
+        ([[0.0], [0.1], [9.0]], 2, "jumps"),
+        ([[0.0], [0.1, 0.2], [0.3]], 1, "5 numbers instead of 3"),
+    ],
+)
+def test_a_program_is_told_the_row(
+    house: House, client: Client, positions: list[list[float]], row: int, words: str
+) -> None:
+    velocities = [[0.0] * len(q) for q in positions]
+    with pytest.raises(TrajectoryError, match=words) as caught:
+        house.until(
+            lambda: client.load_trajectory(["joint"], [0.0, 1.0, 2.0], positions, velocities)
+        )
+    assert caught.value.row == row
+    with pytest.raises(TrajectoryError, match="no joint `elbow`; there are: joint"):
+        house.until(lambda: client.load_trajectory(["elbow"], [0.0, 1.0], [[0.0], [0.1]]))
+
+
+def test_what_was_loaded_belongs_to_its_connection(house: House, client: Client) -> None:
+    house.rig.enable()
+    rows = [[stands(house)], [stands(house)]]
+    house.until(lambda: client.load_trajectory(["joint"], [0.0, 1.0], rows))
+    with Client(house.path) as other:
+        reply = house.until(other.start_loaded)
+        assert not reply.ok
+        assert "this connection has loaded no trajectory" in reply.message
+        # Whoever begins another takes its place.
+        house.until(lambda: other.load_trajectory(["joint"], [0.0, 1.0], rows))
+        assert not house.until(client.start_loaded).ok
+    house.run(0.02)
+    with pytest.raises(ControlError, match="has loaded no trajectory"):
+        house.service.dock.take(2)
+
+
+def test_half_an_upload_is_no_trajectory(house: House) -> None:
+    house.rig.enable()
+    raw = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    raw.connect(str(house.path))
+
+    def say(**request: object) -> dict[str, Any]:
+        raw.send(json.dumps(request).encode())
+        answer = house.until(lambda: raw.recv(10_000))
+        return dict(json.loads(answer))
+
+    with raw:
+        assert "no trajectory" in say(command="load", rows=[[0, 0, 0]])["message"]
+        assert say(command="load", header={"name": "x", "joints": ["joint"]})["ok"]
+        assert say(command="load", rows=[[0, 0, 0]])["ok"]
+        answer = say(command="start", loaded=True)
+        assert (answer["ok"], "needs two or more" in answer["message"]) == (False, True)
+        assert say(command="stop", rows=[])["reasons"] == ["`rows` belongs to load"]
+        assert say(command="load", loaded=True)["reasons"] == ["`loaded` belongs to start"]
+        assert house.rig.mode is Mode.HOLDING
+    house.run(0.05)
+    assert house.service.control.connections == 0
