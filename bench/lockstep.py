@@ -50,6 +50,7 @@ class Rig:
     cycle: Cycle
     arm: SimulatedArm
     lockstep: Lockstep
+    channel: str  # of the virtual bus, for whoever wants to listen
     ticks: int = 0
 
     @property
@@ -109,6 +110,8 @@ def lockstep_rig(
     settings = simulate(simulation.settings)
     description = describe(robot, simulation)
     robot = replace(robot, configuration=configure(robot.configuration))
+    # One SYNC is one period at both ends, whatever else the true arm is.
+    description = replace(description, period_s=robot.configuration.period_s)
     channel = f"lockstep-{next(_channels)}"
     with (
         LockstepBus(channel) as far,
@@ -129,7 +132,7 @@ def lockstep_rig(
             )
         cycle.arm.start(0.0)
         lockstep.pump()
-        yield Rig(robot, cycle, arm, lockstep)
+        yield Rig(robot, cycle, arm, lockstep, channel)
 
 
 def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:

@@ -292,7 +292,10 @@ def _refuse_unless_stale(path: Path) -> None:
 
 def _open_to_group(path: Path) -> None:
     try:
-        os.chown(path, -1, grp.getgrnam(GROUP).gr_gid)
+        group = grp.getgrnam(GROUP).gr_gid
+        # As a service the daemon makes it so from the beginning, and may change no owners.
+        if path.stat().st_gid != group:
+            os.chown(path, -1, group)
     except (KeyError, PermissionError) as error:
         why = "does not exist" if isinstance(error, KeyError) else "is not one of the daemon's"
         owner = path.stat().st_gid

@@ -35,7 +35,7 @@ class Loop:
         self._clock, self._period_s = clock, period_s
         self._start_s = clock.now()
         self._deadline_s = self._start_s + period_s  # of the next tick
-        self._work_s = 0.0
+        self.work_s = 0.0  # of the last tick, from its wake-up
 
     @property
     def time_s(self) -> float:
@@ -59,9 +59,9 @@ class Loop:
         left_out = max(math.ceil(lateness / period + ANSWER_SHARE) - 1, 0)
         self.missed += left_out
         self._deadline_s = deadline + (1 + left_out) * period
-        self.wakeup = Wakeup(woken, lateness, self._work_s, self.missed, left_out)
+        self.wakeup = Wakeup(woken, lateness, self.work_s, self.missed, left_out)
         self.cycle.begin(woken - self._start_s)
         self.cycle.finish(woken + ANSWER_SHARE * period, self.wakeup)
-        self._work_s = clock.now() - woken
+        self.work_s = clock.now() - woken
         self.lateness_max_s = max(self.lateness_max_s, lateness)
-        self.work_max_s = max(self.work_max_s, self._work_s)
+        self.work_max_s = max(self.work_max_s, self.work_s)

@@ -1,0 +1,277 @@
+"""What `bench.loop` measures: recorded drives, the real loop, cyclictest beside it."""
+
+import contextlib
+import json
+import logging
+import multiprocessing
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import can
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
+from daemon.assembly import build_cycle
+from daemon.config.load import Robot
+from daemon.config.schema import Configuration, Sinusoid
+from daemon.control import ControlSocket
+from daemon.loop import Clock, Loop
+from daemon.modes import Event, Mode
+from daemon.notify import Notifier
+from daemon.realtime import FIFO_PRIORITY, go_realtime
+from daemon.run import sleep_until
+from daemon.service import Service
+
+SYNC: Final = 0x080
+TPDOS: Final = {0x180, 0x280, 0x380, 0x480}
+HEARTBEAT: Final = 0x700
+# Above, frames of seven drives would not fit on a bus of 1 Mbit/s.
+MOST_HZ_OF_SEVEN: Final = 250
+# What the recorded session does, and when [s].
+ENABLE_S, START_S, STEADY_S, END_S = 0.1, 0.7, 1.2, 3.2
+SWAY: Final = Sinusoid(amplitude=0.1, frequency_Hz=1 / (END_S - STEADY_S))
+WARM_UP_TICKS: Final = 50
+LONGEST_US: Final = 100_000  # of cyclictest's histogram
+
+Answers = list[tuple[can.Message, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """Figures in us with how often each came up, in rising order."""
+
+    values: NDArray[np.float64]
+    counts: NDArray[np.int64]
+
+    def at(self, percent: float) -> float:
+        """The smallest value that so many per cent do not exceed."""
+        share = np.cumsum(self.counts) / max(self.counts.sum(), 1)
+        return float(self.values[min(np.searchsorted(share, percent / 100.0), share.size - 1)])
+
+    def beyond(self, limit: float) -> int:
+        """How many were larger."""
+        return int(self.counts[self.values > limit].sum())
+
+    def data(self) -> dict[str, float]:
+        """Its percentiles."""
+        return {f"p{p:g}": round(self.at(p), 1) for p in (50, 90, 99, 99.9, 100)}
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run of one arm at one rate."""
+
+    hz: int
+    joints: int
+    seconds: float
+    realtime: list[str]
+    mode: str  # at the end: anything else than tracking says that something was wrong
+    missed: int
+    drift_us: float
+    lateness_us: Distribution
+    cpu_us: Distribution  # of this thread, without the recorded drives
+    work_us: Distribution  # from wake-up to the last frame sent, with the recorded drives
+    cyclictest_us: Distribution | None
+    why_no_cyclictest: str = ""
+
+    def data(self) -> dict[str, Any]:
+        """For JSON."""
+        cyclictest = self.cyclictest_us.data() if self.cyclictest_us else self.why_no_cyclictest
+        return {
+            "joints": self.joints,
+            "seconds": self.seconds,
+            "ticks": int(self.lateness_us.counts.sum()),
+            "missed": self.missed,
+            "mode": self.mode,
+            "realtime": self.realtime,
+            "lateness_us": self.lateness_us.data(),
+            "cyclictest_us": cyclictest,
+            "cpu_us": self.cpu_us.data(),
+            "work_us": self.work_us.data(),
+            "drift_us": round(self.drift_us, 1),
+        }
+
+
+class RecordedDrives:
+    """A far end of the virtual bus that answers each SYNC, inside its sending, with what the
+    simulated drives said in that tick; the steady part of the recording is played over and over."""
+
+    def __init__(self, near: can.BusABC, answers: Answers, steady_from: int) -> None:
+        self._inbox = near.queue  # type: ignore[attr-defined]  # python-can's VirtualBus
+        self._answers, self._steady_from = answers, steady_from
+        self._tick = 0
+        self.cpu_s = 0.0  # taken by the answers so far
+
+    def put_nowait(self, message: can.Message) -> None:
+        """As a queue of the virtual bus: a frame arrives here."""
+        if message.arbitration_id != SYNC:
+            return
+        begun = time.thread_time()
+        for answer in self._answers[self._tick]:
+            self._inbox.put_nowait(answer)
+        self._tick += 1
+        if self._tick == len(self._answers):
+            self._tick = self._steady_from
+        self.cpu_s += time.thread_time() - begun
+
+
+def measure(hz: int, seconds: int, *, load: bool) -> Run:
+    """Record the drives, then run the daemon's loop against them in real time."""
+    robot, answers = record(hz)
+    ticks = hz * seconds
+    with contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="contactd-bench-")))
+        logging.getLogger("contactd").setLevel(logging.ERROR)  # no group `contact` is no news here
+        control = stack.enter_context(ControlSocket(folder / "control"))
+        near = stack.enter_context(can.Bus(interface="virtual", channel="bench.loop"))
+        drives = RecordedDrives(near, answers, round(STEADY_S * hz))
+        near.channel.append(drives)  # type: ignore[attr-defined]
+        cycle = build_cycle(robot, near, time.monotonic)
+        if load:
+            stack.enter_context(hogs(2 * (os.cpu_count() or 1)))
+        cyclictest = stack.enter_context(Cyclictest(hz, seconds, folder / "cyclictest.json"))
+        realtime = go_realtime()
+        loop = Loop(cycle, Clock(time.monotonic, sleep_until), 1.0 / hz)
+        service = Service(robot, loop, control, realtime, os.getpid(), Notifier())
+        figures = np.zeros((ticks, 3))  # lateness, CPU time, work [s]
+        begun = time.thread_time()
+
+        def doors() -> None:
+            nonlocal begun
+            service.doors()
+            tick, now = cycle.tick, time.thread_time()
+            figures[tick] = loop.wakeup.lateness_s, now - begun - drives.cpu_s, loop.work_s
+            begun, drives.cpu_s = now, 0.0
+            if tick in (round(ENABLE_S * hz), round(START_S * hz)):
+                event = Event.ENABLE if tick < START_S * hz / 2 else Event.START
+                assert not (why := cycle.controller.request(event, "the bench", loop.time_s)), why
+
+        cycle.arm.start(0.0)
+        loop.run(doors, lambda: cycle.tick < ticks - 1)
+        beside, why = cyclictest.result()
+    figures = 1e6 * figures[WARM_UP_TICKS:]
+    third = len(figures) // 3
+    drift = np.median(figures[-third:, 0]) - np.median(figures[:third, 0])
+    lateness, cpu, work = (_distribution(column) for column in figures.T)
+    return Run(
+        hz=hz,
+        joints=len(robot.configuration.joints),
+        seconds=seconds,
+        realtime=[grant.text for grant in realtime],
+        mode=cycle.controller.machine.mode.value,
+        missed=loop.missed,
+        drift_us=abs(float(drift)),
+        lateness_us=lateness,
+        cpu_us=cpu,
+        work_us=work,
+        cyclictest_us=beside,
+        why_no_cyclictest=why,
+    )
+
+
+def _distribution(figures: NDArray[np.float64]) -> Distribution:
+    values, counts = np.unique(np.round(figures, 1), return_counts=True)
+    return Distribution(values, counts)
+
+
+def record(hz: int) -> tuple[Robot, Answers]:
+    """What the simulated drives answer to each SYNC of a session: enabled, then swaying."""
+
+    def configure(c: Configuration) -> Configuration:
+        trajectory = msgspec.structs.replace(
+            c.trajectory, ramp_s=0.3, sinusoids={c.joint_names[0]: SWAY}
+        )
+        return msgspec.structs.replace(c, period_ms=1000 // hz, trajectory=trajectory)
+
+    folder = ROMEO if hz <= MOST_HZ_OF_SEVEN else SINGLE_JOINT
+    with lockstep_rig(folder, configure=configure) as rig:
+        nodes = {joint.wiring.node for joint in rig.robot.configuration.joints}
+        answers: Answers = []
+        with can.Bus(interface="virtual", channel=rig.channel) as ear:
+            while rig.time_s < END_S:
+                if rig.ticks == round(ENABLE_S * hz) + 1:
+                    rig.request(Event.ENABLE)
+                if rig.ticks == round(START_S * hz) + 1:
+                    rig.request(Event.START)
+                rig.tick()
+                heard = iter(lambda: ear.recv(0.0), None)
+                answers.append(tuple(m for m in heard if _of_a_drive(m, nodes)))
+        assert rig.mode is Mode.TRACKING, rig.cycle.controller.machine.cause
+        return rig.robot, answers
+
+
+def _of_a_drive(message: can.Message, nodes: set[int]) -> bool:
+    node = message.arbitration_id & 0x7F
+    service = message.arbitration_id - node
+    return node in nodes and (service in TPDOS or service == HEARTBEAT)
+
+
+@contextlib.contextmanager
+def hogs(count: int) -> Iterator[None]:
+    """So many processes that do nothing else than take CPU time, with an ordinary priority."""
+    processes = [multiprocessing.Process(target=_burn, daemon=True) for _ in range(count)]
+    for process in processes:
+        process.start()
+    try:
+        yield
+    finally:
+        for process in processes:
+            process.kill()
+            process.join()
+
+
+def _burn() -> None:
+    while True:
+        pass
+
+
+class Cyclictest:
+    """cyclictest at the same interval and priority, while the block lasts; silent where it cannot
+    be had."""
+
+    def __init__(self, hz: int, seconds: int, report: Path) -> None:
+        self._report = report
+        program = shutil.which("cyclictest")
+        self._words = [
+            *(program or "", "--quiet", "--mlockall", f"--priority={FIFO_PRIORITY}"),
+            *(f"--interval={1_000_000 // hz}", f"--duration={seconds}", "--threads=1"),
+            *(f"--histogram={LONGEST_US}", f"--json={report}"),
+        ]
+        self._process: subprocess.Popen[str] | None = None
+
+    def __enter__(self) -> "Cyclictest":
+        if self._words[0]:
+            self._process = subprocess.Popen(
+                self._words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+            )
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process is not None and self._process.returncode is None:
+            self._process.terminate()
+            self._process.communicate()
+
+    def result(self) -> tuple[Distribution | None, str]:
+        """Its latencies, or None and why there are none."""
+        if self._process is None:
+            return None, "cyclictest is not installed (apt install rt-tests)"
+        _, said = self._process.communicate()
+        if self._process.returncode != 0 or not self._report.exists():
+            return None, f"cyclictest failed: {said.strip()}"
+        thread = json.loads(self._report.read_text())["thread"]["0"]
+        histogram = {int(us): count for us, count in thread["histogram"].items()}
+        if (lost := int(thread["cycles"]) - sum(histogram.values())) > 0:
+            # Beyond the histogram there is only the largest one.
+            histogram[int(thread["max"])] = histogram.get(int(thread["max"]), 0) + lost
+        pairs = sorted(histogram.items())
+        values = np.array([us for us, _ in pairs], dtype=np.float64)
+        return Distribution(values, np.array([count for _, count in pairs])), ""

@@ -1,0 +1,58 @@
+"""The histograms of `bench.loop` in a terminal."""
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from bench.loop_run import Distribution, Run
+
+EDGES_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, np.inf)
+BAR_WIDTH = 9
+
+
+def show(run: Run) -> None:
+    """Wake-up lateness beside cyclictest's, and what the ticks took."""
+    console = Console(highlight=False)
+    ticks = int(run.lateness_us.counts.sum())
+    joints = f"{run.joints} {'joint' if run.joints == 1 else 'joints'}"
+    console.print(
+        f"\n[bold]{joints} at {run.hz} Hz[/], {ticks} ticks, {run.missed} deadlines missed"
+    )
+    console.print(Text(", ".join(run.realtime), "dim"))
+    if run.why_no_cyclictest:
+        console.print(Text(run.why_no_cyclictest, "yellow"))
+    columns = {"woken late": run.lateness_us}
+    if run.cyclictest_us is not None:
+        columns["cyclictest"] = run.cyclictest_us
+    columns |= {"CPU of a tick": run.cpu_us, "until last frame": run.work_us}
+    console.print(_histogram(columns))
+
+
+def _histogram(columns: dict[str, Distribution]) -> Table:
+    """One row per range; bars by the logarithm of the count, so that the tail is seen."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    table.add_column("us", justify="right", no_wrap=True)
+    for name in columns:
+        table.add_column(name, no_wrap=True, min_width=BAR_WIDTH + 6)
+    low = 0.0
+    counts = {}
+    for high in EDGES_US:
+        for name, d in columns.items():
+            counts[name, high] = int(d.counts[(d.values >= low) & (d.values < high)].sum())
+        low = high
+    used = [high for high in EDGES_US if any(counts[name, high] for name in columns)]
+    shown = [high for high in EDGES_US if used[0] <= high <= used[-1]]
+    for high in shown:
+        label = f"< {high:g}" if np.isfinite(high) else "more"
+        table.add_row(label, *(_bar(counts[name, high], columns[name]) for name in columns))
+    for percent, label in ((50, "median"), (99, "99 %"), (99.9, "99.9 %"), (100, "worst")):
+        table.add_row(label, *(f"{d.at(percent):.0f}" for d in columns.values()))
+    return table
+
+
+def _bar(count: int, of: Distribution) -> Text:
+    if not count:
+        return Text()
+    width = np.log1p(count) / np.log1p(of.counts.sum()) * BAR_WIDTH
+    return Text("#" * max(round(width), 1), "cyan").append(f" {count}", "dim")

@@ -1,0 +1,219 @@
+"""What the system tests stand on: the service, its journal, the simulated drives."""
+
+import contextlib
+import json
+import subprocess
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import yaml
+
+from daemon.client import Client
+from daemon.messages import Command, Reply, Status
+from errors import ContactdError
+
+CAN = "can0"
+SERVICE = "contactd.service"
+PATIENCE_S = 240.0
+POLL_S = 0.2
+
+CAN_BUS = {"interface": "socketcan", "channel": CAN}
+TCP_BUS = {"interface": "socketcand", "host": "127.0.0.1", "port": 29539, "channel": CAN}
+EXAMPLES = Path(__file__).resolve().parents[2] / "systemd" / "examples"
+
+_CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+_DROP_INS = Path("/run/systemd/system/contactd.service.d")
+_OURS = _DROP_INS / "system-test.conf"
+
+
+def run(*command: str, check: bool = False) -> subprocess.CompletedProcess[str]:
+    """A command's exit status and what it said."""
+    return subprocess.run(command, capture_output=True, text=True, check=check)
+
+
+def wait_for(true: Callable[[], Any], what: str) -> Any:
+    """What `true()` returns once that is true; fails after minutes, with the service's journal."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not (found := true()):
+        if time.monotonic() > deadline:
+            log = run("journalctl", "-u", SERVICE, "-n", "40", "--no-pager").stdout
+            raise AssertionError(f"waited in vain for: {what}\n{log}")
+        time.sleep(POLL_S)
+    return found
+
+
+def write_robot(folder: Path, bus: dict[str, Any]) -> None:
+    """The single joint of the examples with periods and time-outs for a slow machine."""
+    c = yaml.safe_load((_CONFIGS / "single_joint" / "config.yaml").read_text())
+    (drive,) = c["drives"].values()
+    folder.mkdir()
+    for name, source in ((c["urdf"], "single_joint"), ("drive.eds", "romeo_left_arm")):
+        (folder / name).write_bytes((_CONFIGS / source / name).read_bytes())
+    drive.update(eds="drive.eds", heartbeat_ms=500, master_timeout_ms=1500)
+    c.update(period_ms=50, bus=bus, trajectory={"sinusoids": {"joint": {"amplitude": 0.3}}})
+    c["trajectory"]["sinusoids"]["joint"]["frequency_Hz"] = 0.1
+    c["estimator"] = {**c.get("estimator", {}), "gain": 10.0}
+    # A virtual machine that stands still for a moment is no fault here.
+    c["supervisor"] = {
+        "stale_ticks": 20,
+        "overrun_ticks": 200,
+        "enable_timeout_s": 60.0,
+        "stop_timeout_s": 60.0,
+    }
+    (folder / "config.yaml").write_text(yaml.safe_dump(c, sort_keys=False))
+
+
+class Service:
+    """contactd.service as a person sees it with systemctl, journalctl and contactctl."""
+
+    def __init__(self, robot: Path) -> None:
+        self.robot = robot
+        self._since = ""
+
+    def configure(self, *lines: str, unit: tuple[str, ...] = ()) -> None:
+        """Have the unit run our robot; more `lines` for [Service] and `unit` for [Unit]."""
+        command = self.show("ExecStart").split("path=")[1].split(" ;")[0]
+        _DROP_INS.mkdir(parents=True, exist_ok=True)
+        text = ["[Unit]", "StartLimitIntervalSec=0", *unit, "[Service]", "WatchdogSec=60"]
+        text += ["TimeoutStartSec=infinity", "TimeoutStopSec=infinity", *lines]
+        text += ["ExecStart=", f"ExecStart={command} run {self.robot}"]
+        _OURS.write_text("\n".join(text) + "\n")
+        run("systemctl", "daemon-reload", check=True)
+        run("systemctl", "reset-failed", SERVICE)
+        shown = run("journalctl", "-n", "0", "--show-cursor").stdout
+        self._since = shown.split("cursor: ")[-1].strip()
+
+    def replace_bus(self, drop_in: Path) -> None:
+        """Put a file in the place of the bus.conf that was installed."""
+        (_DROP_INS / "bus.conf").write_text(drop_in.read_text())
+        run("systemctl", "daemon-reload", check=True)
+
+    def forget(self) -> None:
+        """Stop it and take our drop-ins away."""
+        run("systemctl", "disable", "--runtime", SERVICE)
+        run("systemctl", "kill", "--signal=SIGKILL", SERVICE)
+        run("systemctl", "stop", SERVICE)
+        run("systemctl", "reset-failed", SERVICE)
+        for path in (_OURS, _DROP_INS / "bus.conf"):
+            path.unlink(missing_ok=True)
+        run("systemctl", "daemon-reload", check=True)
+
+    def start(self) -> None:
+        """Returns when it is ready; on a slow machine a drive may answer only at a later try."""
+        run("systemctl", "start", SERVICE)
+        wait_for(lambda: self.show("ActiveState") == "active", "readiness")
+
+    def stop(self) -> None:
+        """Returns when it has ended."""
+        run("systemctl", "stop", SERVICE, check=True)
+
+    def kill(self, signal: str) -> None:
+        """Send a signal to the main process."""
+        run("systemctl", "kill", "--kill-whom=main", f"--signal={signal}", SERVICE, check=True)
+
+    def show(self, name: str) -> str:
+        """A property of the unit."""
+        return run("systemctl", "show", "--value", "-p", name, SERVICE).stdout.strip()
+
+    @property
+    def pid(self) -> int:
+        """Of the main process; 0 for none."""
+        return int(self.show("MainPID"))
+
+    @property
+    def started_s(self) -> float:
+        """When the present main process was started [s, monotonic]."""
+        return int(self.show("ExecMainStartTimestampMonotonic")) / 1e6
+
+    def log(self) -> list[str]:
+        """Its lines of the journal since it was configured."""
+        words = ("journalctl", "-u", SERVICE, "-o", "json", f"--after-cursor={self._since}")
+        lines = [json.loads(line) for line in run(*words, "--no-pager").stdout.splitlines()]
+        mine = [line for line in lines if line.get("_SYSTEMD_UNIT") == SERVICE]
+        return [f"<{line['PRIORITY']}>{line['MESSAGE']}" for line in mine]
+
+    def request(self, command: Command) -> Reply:
+        """Ask the daemon, as contactctl does."""
+
+        def answer() -> Reply | None:
+            with contextlib.suppress(ContactdError), Client(timeout_s=30.0) as client:
+                return client.request(command)
+            return None
+
+        return wait_for(answer, f"an answer to {command}")
+
+    def status(self) -> Status:
+        """What `contactctl status` shows."""
+        reply = self.request("status")
+        assert reply.status is not None
+        return reply.status
+
+    def wait_for_mode(self, *modes: str) -> Status:
+        """The first status in one of these modes."""
+
+        def reached() -> Status | None:
+            status = self.status()
+            return status if status.mode in modes else None
+
+        return wait_for(reached, f"mode {' or '.join(modes)}")
+
+    def wait_for_samples(self) -> Status:
+        """The first status with fresh samples of every drive."""
+
+        def fresh() -> Status | None:
+            status = self.status()
+            return status if status.drives and not any(status.age_ticks) else None
+
+        return wait_for(fresh, "samples")
+
+    def enable(self) -> None:
+        """Energise the arm and see it hold."""
+        self.wait_for_samples()
+        reply = self.request("enable")
+        assert reply.ok, reply.reasons
+        self.wait_for_mode("holding")
+
+
+class Simulator:
+    """`contactd simulate`, and what it tells."""
+
+    def __init__(self, robot: Path, *arguments: str) -> None:
+        words = ["contactd", "simulate", str(robot), *arguments]
+        self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        self.events: list[dict[str, Any]] = []
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def __enter__(self) -> Self:
+        self.wait_for("server", " on ")
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._process.terminate()
+        self._process.wait()
+        self._reader.join()
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self.events.append(json.loads(line))
+
+    def told(self, words: str, kind: str = "drive") -> list[float]:
+        """When events with these words happened [s, monotonic]."""
+        found = [e for e in self.events if e["kind"] == kind and words in e["text"]]
+        return [event["monotonic_s"] for event in found]
+
+    def wait_for(self, kind: str, words: str) -> float:
+        """When the first such event happened [s, monotonic]."""
+        return float(wait_for(lambda: self.told(words, kind), f"{kind}: ...{words}...")[0])

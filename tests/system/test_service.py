@@ -1,0 +1,211 @@
+"""contactd.service: coming up, being watched, and ending, each in order."""
+
+import grp
+import os
+import pwd
+import stat
+from pathlib import Path
+
+import pytest
+
+from tests.system.stand import SERVICE, Service, Simulator, run, wait_for
+
+LOST = "heartbeat of the master lost, quick stop"
+SOCKET = Path("/run/contactd/control")
+
+
+def energised(service: Service) -> bool:
+    return "operation enabled" in service.wait_for_samples().drives
+
+
+def policies(pid: int) -> list[int]:
+    """Scheduling policy of every thread, the main one first."""
+    threads = sorted(int(p.name) for p in Path(f"/proc/{pid}/task").iterdir())
+    return [os.sched_getscheduler(t) & ~os.SCHED_RESET_ON_FORK for t in threads]
+
+
+def kernel_status(pid: int) -> dict[str, str]:
+    """What the kernel says of a process."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return {name: value.strip() for name, value in (line.split(":", 1) for line in lines)}
+
+
+def test_it_comes_up_ready_and_energises_nothing(service: Service, simulator: Simulator) -> None:
+    service.start()
+    assert service.show("ActiveState") == "active"
+    assert service.show("StatusText") == "off, not armed: started"
+    log = service.log()
+    set_up = next(i for i, line in enumerate(log) if "set up and read back" in line)
+    ready = next(i for i, line in enumerate(log) if "ready, off, at" in line)
+    assert set_up < ready
+    status = service.wait_for_samples()
+    assert (status.mode, status.armed) == ("off", False)
+    assert not energised(service)
+
+    about = kernel_status(service.pid)
+    assert int(about["Uid"].split()[0]) == pwd.getpwnam("contactd").pw_uid
+    assert int(about["CapEff"], 16) == 0
+    assert about["NoNewPrivs"] == "1"
+    assert about["Seccomp"] == "2"
+
+    door = SOCKET.stat()
+    assert stat.S_IMODE(door.st_mode) == 0o660
+    assert door.st_gid == grp.getgrnam("contact").gr_gid
+    assert run("contactctl", "--json", "status").returncode == 0
+
+
+def test_the_loop_has_real_time_and_nothing_else_has(
+    service: Service, simulator: Simulator
+) -> None:
+    if run("systemd-detect-virt", "--container").returncode == 0:
+        pytest.skip("a container's systemd has no real-time priorities to give")
+    service.start()
+    granted = {grant.name: grant.achieved for grant in service.status().realtime}
+    assert granted.pop("cpu") is ((os.cpu_count() or 1) == 1)
+    assert all(granted.values()), granted
+    loop, *others = policies(service.pid)
+    assert loop == os.SCHED_FIFO
+    assert others == [os.SCHED_OTHER]  # the log's writer
+    assert int(kernel_status(service.pid)["VmLck"].split()[0]) > 10_000
+
+
+def test_one_cpu_of_its_own_by_drop_in(service: Service, simulator: Simulator) -> None:
+    service.configure("CPUAffinity=0")
+    service.start()
+    (cpu,) = [grant for grant in service.status().realtime if grant.name == "cpu"]
+    assert cpu.achieved
+    assert os.sched_getaffinity(service.pid) == {0}
+
+
+def test_every_change_of_mode_is_one_line_with_its_cause_and_ticks_are_none(
+    service: Service, simulator: Simulator
+) -> None:
+    service.start()
+    before = len(service.log())
+    service.enable()
+    first = service.status().cycles
+    wait_for(lambda: service.status().cycles > first + 40, "40 more ticks")
+    lines = service.log()[before:]
+    assert [line.split("] ")[1].split(":")[0] for line in lines] == [
+        "off -> enabling",
+        "enabling -> holding",
+    ]
+    assert all(line.startswith("<6>[mode tick=") for line in lines)
+    assert f"enable by uid {os.getuid()} (pid {os.getpid()})" in lines[0]
+    assert service.show("StatusText") == "holding, not armed: drives enabled"
+
+
+def test_the_watchdog_is_fed_by_ticks(service: Service, simulator: Simulator) -> None:
+    service.configure("WatchdogSec=40")
+    service.start()
+    fed = service.show("WatchdogTimestampMonotonic")
+    again = wait_for(
+        lambda: (now := service.show("WatchdogTimestampMonotonic")) != fed and now, "food"
+    )
+    ticks = service.status().cycles
+    wait_for(lambda: service.show("WatchdogTimestampMonotonic") not in (fed, again), "more food")
+    assert service.status().cycles > ticks
+
+
+def test_killed_the_drives_stop_by_themselves_and_the_next_energises_nothing(
+    service: Service, simulator: Simulator
+) -> None:
+    service.start()
+    service.enable()
+    pid = service.pid
+    service.kill("SIGKILL")
+    stopped = simulator.wait_for("drive", LOST)
+    wait_for(lambda: service.pid not in (0, pid), "a new process")
+    assert stopped < service.started_s
+    wait_for(lambda: service.show("ActiveState") == "active", "readiness")
+    status = service.wait_for_samples()
+    assert (status.mode, status.armed) == ("off", False)
+    assert not energised(service)
+    # And it can be brought back to life by a person.
+    service.enable()
+    assert energised(service)
+
+
+def test_frozen_for_a_while_a_fault_is_latched_until_somebody_resets_it(
+    service: Service, simulator: Simulator
+) -> None:
+    service.configure("WatchdogSec=infinity")
+    service.start()
+    service.enable()
+    pid = service.pid
+    service.kill("SIGSTOP")
+    simulator.wait_for("drive", LOST)
+    service.kill("SIGCONT")
+    service.wait_for_mode("faulted")
+    assert service.pid == pid
+    ticks = service.status().cycles
+    wait_for(lambda: service.status().cycles > ticks + 40, "40 more ticks")
+    assert service.status().mode == "faulted"
+    assert not service.request("enable").ok
+    assert service.request("reset").ok
+    service.wait_for_mode("off")
+    assert not energised(service)
+
+
+def test_frozen_for_good_the_watchdog_ends_it_and_the_next_energises_nothing(
+    service: Service, simulator: Simulator
+) -> None:
+    service.configure("WatchdogSec=20")
+    service.start()
+    service.enable()
+    pid = service.pid
+    service.kill("SIGSTOP")
+    stopped = simulator.wait_for("drive", LOST)
+    wait_for(lambda: service.pid not in (0, pid), "a new process")
+    assert stopped < service.started_s
+    assert any("watchdog" in line.lower() for line in systemd_lines())
+    wait_for(lambda: service.show("ActiveState") == "active", "readiness")
+    status = service.wait_for_samples()
+    assert (status.mode, status.armed) == ("off", False)
+    assert not energised(service)
+
+
+def systemd_lines() -> list[str]:
+    """What systemd itself said of the service."""
+    words = ("journalctl", "_PID=1", f"UNIT={SERVICE}", "-o", "cat", "--no-pager")
+    return run(*words).stdout.splitlines()
+
+
+def test_stopped_in_motion_it_brakes_holds_and_lets_go_in_this_order(
+    service: Service, simulator: Simulator
+) -> None:
+    service.start()
+    service.enable()
+    assert service.request("start").ok
+    service.wait_for_mode("tracking")
+    service.stop()
+    assert service.show("Result") == "success"
+    changes = [line.split("] ")[1].split(":")[0] for line in service.log() if "[mode " in line]
+    assert changes[-3:] == ["tracking -> stopping", "stopping -> holding", "holding -> off"]
+    assert service.log()[-1].endswith("ended: hold: joint")
+    # It took its leave: the drives do not miss it.
+    assert not simulator.told(LOST)
+
+
+def test_a_wrong_configuration_is_not_tried_again(service: Service) -> None:
+    path = service.robot / "config.yaml"
+    path.write_text(path.read_text().replace("period_ms: 50", "period_ms: 0"))
+    assert run("systemctl", "start", SERVICE).returncode != 0
+    wait_for(lambda: service.show("ActiveState") == "failed", "the end")
+    assert service.show("ExecMainStatus") == "78"
+    assert service.show("NRestarts") == "0"
+    (line,) = [line for line in service.log() if "period_ms" in line]
+    assert line.startswith("<3>")
+
+
+def test_without_drives_it_is_tried_again_a_few_times_and_then_no_more(
+    service: Service,
+) -> None:
+    service.configure("RestartSec=0", unit=("StartLimitIntervalSec=infinity", "StartLimitBurst=3"))
+    run("systemctl", "start", SERVICE)
+    wait_for(lambda: service.show("Result") == "start-limit-hit", "the limit")
+    assert service.show("ExecMainStatus") == "69"
+    assert service.show("ActiveState") == "failed"
+    errors = [line for line in service.log() if line.startswith("<3>")]
+    assert len(errors) == 3
+    assert service.show("NRestarts") == "3"
