@@ -189,7 +189,7 @@ class Simulator:
         self._reader.start()
 
     def __enter__(self) -> Self:
-        self.wait_for("server", " on ")
+        self.wait_for("server", "on ")
         return self
 
     def __exit__(
