@@ -16,6 +16,7 @@ from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.events import Event
 from simulator.hand import AnyAct
+from simulator.link import Link
 from simulator.socketcand import HELLO, Conversation, Reply, frame_line
 
 PULSE_S = 0.001
@@ -230,25 +231,23 @@ def serve_on_bus(
     events: BinaryIO | None = None,
     stop: threading.Event | None = None,
 ) -> None:
-    """Be the nodes of the arm on a CAN bus until `stop`, SIGTERM or SIGINT. Raises BusError."""
+    """Be the nodes of the arm on a CAN bus until `stop`, SIGTERM or SIGINT; a bus that goes is
+    waited for. Raises BusError if there is none at the beginning."""
+    stop = stop or _stop_on_signals()
+    told: list[str] = []
+    link = Link(interface, channel, told.append)
     try:
-        bus = can.Bus(interface=interface, channel=channel)
-    except (can.CanError, OSError, ValueError) as error:
-        raise BusError(f"no CAN bus {interface} {channel}: {error}") from error
-    try:
-        stop = stop or _stop_on_signals()
-        real_time = RealTimeArm(description, settings, bus.send, hand_script, events)
-        real_time.tell(Event(0.0, "server", f"on {interface} {channel}"))
+        real_time = RealTimeArm(description, settings, link.send, hand_script, events)
         while not stop.is_set():
-            message = bus.recv(PULSE_S)
+            message = link.receive(PULSE_S)
             real_time.live()
             while message is not None:
                 real_time.arm.receive(message)
-                message = bus.recv(0.0)
-    except can.CanError as error:
-        raise BusError(f"CAN bus {interface} {channel}: {error}") from error
+                message = link.receive(0.0)
+            while told:
+                real_time.tell(Event(real_time.arm.now, "server", told.pop(0)))
     finally:
-        bus.shutdown()
+        link.close()
 
 
 def _stop_on_signals() -> threading.Event:
