@@ -1,0 +1,164 @@
+"""Many arms in one plant, without a bus: contact-free motions of arms that all differ, quickly.
+
+The links of all arms are branches of one pinocchio model, so that numpy and pinocchio integrate the
+whole fleet at little more than the price of one arm. Servos, sensors, friction and gaps are those
+of the simulator.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from estimator.identification.log import MotionLog
+from simulator.description import ArmDescription, SimulationSettings
+from simulator.mismatch import PlantParameters, contact
+from simulator.plant import Plant
+from simulator.profile import PROFILE
+from simulator.sensors import Sensors
+from simulator.servo import SERVO_PERIOD_S, Servo
+
+Vector = NDArray[np.float64]
+Reference = Callable[[float], tuple[Vector, Vector]]
+"""Desired q and q_dot (n,) of every arm at a time [s]."""
+
+Push = Callable[[float, Vector, Vector], Vector]
+"""(t, q, q_dot) of the whole fleet to external joint torque [Nm]."""
+
+POSITION_GAIN = 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter:
+    """How far the arms differ from the nominal one: factors are log-uniform between 1/x and x."""
+
+    friction: float = 1.5
+    half_gap: float = 1.3
+    rotor_inertia: float = 1.25
+    torque_constant: float = 1.02
+    mass: float = 1.03
+    center_of_mass: float = 1.03
+
+
+def random_arm(
+    nominal: PlantParameters,
+    scatter: Scatter,
+    settings: SimulationSettings,
+    rng: np.random.Generator,
+) -> PlantParameters:
+    """One arm of the fleet: every coefficient of every joint drawn on its own."""
+    n = nominal.model.nv
+
+    def factor(limit: float, size: int = n) -> Vector:
+        factors: Vector = np.exp(np.log(limit) * rng.uniform(-1.0, 1.0, size))
+        return factors
+
+    model = nominal.model.copy()
+    mass, lever = factor(scatter.mass), factor(scatter.center_of_mass)
+    for i in range(n):
+        body = model.inertias[i + 1]
+        model.inertias[i + 1] = pin.Inertia(
+            body.mass * mass[i], body.lever * lever[i], body.inertia * mass[i]
+        )
+    rotor = nominal.rotor_inertia * factor(scatter.rotor_inertia)
+    stiffness, damping = contact(nominal.lightest_link, nominal.usual_link, rotor, settings)
+    return replace(
+        nominal,
+        model=model,
+        half_gap=nominal.half_gap * factor(scatter.half_gap),
+        rotor_inertia=rotor,
+        torque_constant=nominal.torque_constant * factor(scatter.torque_constant),
+        coulomb=nominal.coulomb * np.tile(factor(scatter.friction), 2),
+        viscous=nominal.viscous * np.tile(factor(scatter.friction), 2),
+        stiffness=stiffness,
+        damping=damping,
+    )
+
+
+def record_fleet(
+    description: ArmDescription,
+    arms: Sequence[PlantParameters],
+    reference: Reference,
+    seconds: float,
+    settings: SimulationSettings,
+    others: Sequence[SimulationSettings] = (),
+    push: Push | None = None,
+) -> list[list[MotionLog]]:
+    """Logs `[sensors][arm]` of one motion: what sensors of `settings`, and those of each of
+    `others`, report of the same fleet. The first sensors' link positions close the loop, unless
+    a hand pushes: then the motors stand still."""
+    n, count = len(description.joints), len(arms)
+    parameters = _joined(arms)
+    fleet = replace(description, joints=description.joints * count)
+    plant = Plant(
+        parameters, settings.step_s, settings.friction, settings.friction_width, settings.presliding
+    )
+    start = np.tile(reference(0.0)[0], count)
+    plant.place(start)
+    servo = Servo(fleet, parameters.usual_link)
+    for joint in range(n * count):
+        servo.energise(joint, 0.0)
+    sensors = [Sensors(fleet, each, start) for each in (settings, *others)]
+    gear = np.array([joint.gear for joint in fleet.joints])
+    rated = np.array([joint.rated_current_A for joint in fleet.joints])
+    scale = np.array(
+        [rated * PROFILE.current_unit, np.full_like(gear, 2 * np.pi / PROFILE.link_counts),
+         PROFILE.velocity_unit / gear, 2 * np.pi / PROFILE.motor_counts / gear]
+    )  # fmt: skip
+    period = description.period_s
+    ticks, inner = round(seconds / period), round(SERVO_PERIOD_S / settings.step_s)
+    rows = np.empty((len(sensors), ticks, 4, n * count))
+    for k in range(ticks):
+        for _ in range(round(period / SERVO_PERIOD_S)):
+            servo.update(plant.theta_dot)
+            np.multiply(parameters.torque_constant, servo.current, out=plant.motor_torque)
+            if push is not None:
+                plant.external_torque[:] = push(k * period, plant.q, plant.q_dot)
+            plant.advance(inner)
+            for each in sensors:
+                each.update(plant.q, servo.current)
+        for each, row in zip(sensors, rows[:, k], strict=True):
+            r = each.read(plant.q, plant.theta, plant.theta_dot)
+            row[:] = (r.current, r.link_position, r.motor_velocity, r.motor_position)
+            np.multiply(row, scale, out=row)
+        q_d, qd_d = (np.tile(x, count) for x in reference((k + 1) * period))
+        velocity = qd_d + POSITION_GAIN * (q_d - rows[0, k, 1])
+        if push is not None:
+            velocity[:] = 0.0
+        # What `Servo.follow` does for one joint.
+        servo.target[:] = velocity
+        servo.rate[:] = np.abs(velocity - servo.reference) / round(period / SERVO_PERIOD_S)
+    time_s = period * np.arange(ticks, dtype=np.float64)
+    names = tuple(joint.name for joint in description.joints)
+    return [
+        [
+            MotionLog(names, time_s, *(rows[s, :, c, a * n : (a + 1) * n].copy() for c in range(4)))
+            for a in range(count)
+        ]
+        for s in range(len(sensors))
+    ]
+
+
+def _joined(arms: Sequence[PlantParameters]) -> PlantParameters:
+    """One model with a branch for every arm; vectors side by side."""
+    model, n = pin.Model(), arms[0].model.nv
+    for a, arm in enumerate(arms):
+        for i in range(1, n + 1):
+            parent = arm.model.parents[i]
+            joint = model.addJoint(
+                parent and parent + a * n,
+                arm.model.joints[i],
+                arm.model.jointPlacements[i],
+                f"{a}.{arm.model.names[i]}",
+            )
+            model.appendBodyToJoint(joint, arm.model.inertias[i], pin.SE3.Identity())
+
+    def joined(field: str) -> Vector:
+        rows = [getattr(arm, field) for arm in arms]
+        halves = np.stack([row.reshape(-1, n) for row in rows], axis=1)  # (1 or 2, arms, n)
+        return np.ascontiguousarray(halves.reshape(-1))
+
+    vectors = {f: joined(f) for f in PlantParameters.__dataclass_fields__ if f != "model"}
+    return PlantParameters(model=model, **vectors)

@@ -1,0 +1,214 @@
+"""Friction and rotor inertia by least squares on the residual, (8)-(11) with their misprints
+corrected: `docs/estimator.md` has the table.
+
+    r_nl = low_pass(d(M q_dot)/dt - beta - tau_M) = -tau_mu - B theta_ddot         engaged
+    r_nl = low_pass(d(M q_dot)/dt - beta)         = -tau_mu                        in the gap
+
+Engaged, motor and link friction rub together and only their sum K_theta can be found (the columns
+of the two have a condition number in the thousands). Link friction K_q shows alone only in the
+gap, and there poorly.
+"""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from errors import LogError
+from estimator.identification.intervals import Intervals, intervals, locate, low_pass
+from estimator.identification.log import MotionLog
+from estimator.identification.regression import (
+    COLUMNS,
+    Mask,
+    Solution,
+    regression,
+    solve_joint,
+)
+from estimator.model import Model
+from estimator.settings import EstimatorSettings
+from estimator.transmission import Transmission, smooth_sign
+from estimator.types import Matrix, Vector
+
+SHORTEST_S = 10.0
+LOWEST_R2 = 0.9
+HIGHEST_CONDITION = 100.0
+SLOWEST = 0.15
+"""A joint whose speed never exceeds this [rad/s] was not excited."""
+TURNS = 4
+"""A joint that turns round fewer times was not excited."""
+GRAVITY_TOLERANCE = 0.3
+_ROUNDS = 3
+_MOST_CUT = 0.05
+_SURE = 3.0  # standard errors from zero at which friction seen in the gap is believed
+
+
+class Verdict(StrEnum):
+    """Whether a joint's coefficients may be used; everything but `good` keeps the old ones."""
+
+    GOOD = "good"
+    NOT_EXCITED = "not excited"
+    ILL_CONDITIONED = "ill conditioned"
+    BAD_FIT = "fits badly"
+    SATURATED = "current saturated"
+    WRONG_GRAVITY = "current and gravity disagree"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrictionFit:
+    """What one joint's motion says; SI at the link side."""
+
+    joint: str
+    verdict: Verdict
+    reason: str
+    """In words, with the figures; empty when good."""
+    values: dict[str, float]
+    """By names of `COLUMNS`; what was not fitted is missing."""
+    errors: dict[str, float]
+    """Standard errors, from the scatter between blocks of 1 s."""
+    r2: float
+    """On held-out motion, of the friction alone (14)."""
+    condition: float
+    """Of the scaled columns that count while engaged."""
+    gravity_scale: float
+    """K_c current over the URDF's torque, 1 where they agree; NaN where gravity does not act."""
+    rotor_trusted: bool
+    """False: the drives do not filter their current, and B comes from aliased samples."""
+
+    def link_friction(self, name: str) -> float | None:
+        """K_q_s or K_q_v where the gap showed it clearly."""
+        value = self.values.get(name)
+        return value if value is not None and value > _SURE * self.errors[name] else None
+
+
+@dataclass(frozen=True, slots=True)
+class Reconstruction:
+    """r_nl and its reconstruction (14), (N, n) [Nm], and phi (N, n) [rad], for plots."""
+
+    time_s: Vector
+    r_nl: Matrix
+    reconstructed: Matrix
+    phi: Matrix
+
+
+def identify_friction(
+    log: MotionLog,
+    model: Model,
+    transmission: Transmission,
+    settings: EstimatorSettings,
+    max_current: Vector,
+) -> tuple[list[FrictionFit], Reconstruction]:
+    """Coefficients of every joint from contact-free motion.
+
+    transmission: half-gaps as identified, and friction to begin with; max_current (n,) [A].
+    Raises LogError for a log of less than 10 s.
+    """
+    if log.duration_s < SHORTEST_S:
+        raise LogError(
+            f"the log is too short: {log.duration_s:.1f} s, at least {SHORTEST_S:.0f} s of motion"
+        )
+    rows = intervals(log, model, settings)
+    cut: Mask = np.abs(rows.current) > 0.98 * max_current
+    # Each round sees the gap with the friction of the one before.
+    for _ in range(_ROUNDS):
+        gap, phi = locate(rows, transmission, settings)
+        found = regression(rows, transmission, gap, phi)
+        solved = [
+            solve_joint(i, found, rows, float(transmission.half_gap[i]), gap, phi, cut)
+            for i in range(log.n)
+        ]
+        fits = [
+            _judged(log.joints[i], i, one, rows, transmission, cut, settings)
+            for i, one in enumerate(solved)
+        ]
+        transmission = adopt(transmission, fits)
+    shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
+    return fits, Reconstruction(rows.time_s, found.r_nl, shown, phi)
+
+
+_ADOPTED = (
+    *("motor_coulomb", "motor_viscous", "link_coulomb", "link_viscous"),
+    *("gap_coulomb", "gap_viscous", "rotor_inertia", "contact_stiffness", "contact_damping"),
+)
+
+
+def adopt(t: Transmission, fits: list[FrictionFit]) -> Transmission:
+    """The transmission with what was identified; joints that are not good keep what they have.
+
+    The sum K_theta is divided: the link gets K_q where the gap showed it clearly, else its old
+    share; the rotor gets the rest, K_theta - K_q, so that `motor_*` is the rotor's own.
+    """
+    new = {name: getattr(t, name).copy() for name in _ADOPTED}
+    for i, fit in enumerate(fits):
+        if fit.verdict is not Verdict.GOOD:
+            continue
+        v = fit.values
+        for kind, letter in (("coulomb", "s"), ("viscous", "v")):
+            whole = v[f"K_theta_{letter}"]
+            link, rotor = new[f"link_{kind}"][i], new[f"motor_{kind}"][i]
+            share = link / (link + rotor) if link + rotor > 0.0 else 0.0
+            alone = fit.link_friction(f"K_q_{letter}")
+            link = min(share * whole if alone is None else alone, whole)
+            new[f"link_{kind}"][i], new[f"motor_{kind}"][i] = link, whole - link
+            new[f"gap_{kind}"][i] = v.get(f"K_phi_{letter}", 0.0)
+        if fit.rotor_trusted:
+            new["rotor_inertia"][i] = v["B"]
+        new["contact_stiffness"][i] = v.get("K_phi_p", 0.0)
+        new["contact_damping"][i] = v.get("K_phi_d", 0.0)
+    return replace(t, **new)
+
+
+def _judged(
+    name: str,
+    i: int,
+    solved: Solution,
+    rows: Intervals,
+    t: Transmission,
+    cut: Mask,
+    settings: EstimatorSettings,
+) -> FrictionFit:
+    gravity = _gravity_scale(i, rows, t, solved.coefficients)
+    verdict, reason = _verdict(rows.theta_dot[:, i], float(cut[:, i].mean()), gravity, solved)
+    known = np.isfinite(solved.errors)
+    return FrictionFit(
+        joint=name,
+        verdict=verdict,
+        reason=reason,
+        values={c: float(solved.coefficients[k]) for k, c in enumerate(COLUMNS) if known[k]},
+        errors={c: float(solved.errors[k]) for k, c in enumerate(COLUMNS) if known[k]},
+        r2=solved.r2,
+        condition=solved.condition,
+        gravity_scale=gravity,
+        rotor_trusted=settings.current_delay_ms > 0.0,
+    )
+
+
+def _verdict(
+    theta_dot: Vector, cut: float, gravity: float, solved: Solution
+) -> tuple[Verdict, str]:
+    speed = np.abs(theta_dot)
+    turns = int(np.count_nonzero(np.diff(np.sign(theta_dot[speed > 0.05]))))
+    if speed.max() < SLOWEST or turns < TURNS:
+        about = f"fastest {speed.max():.2g} rad/s, turned round {turns} times"
+        return Verdict.NOT_EXCITED, about
+    if cut > _MOST_CUT:
+        return Verdict.SATURATED, f"the current was at its limit {cut:.0%} of the time"
+    if not solved.condition < HIGHEST_CONDITION:
+        return Verdict.ILL_CONDITIONED, f"condition number {solved.condition:.0f}"
+    if abs(gravity - 1.0) > GRAVITY_TOLERANCE:
+        about = f"the motor gives {gravity:.2f} times the torque that the URDF asks for"
+        return Verdict.WRONG_GRAVITY, about
+    if solved.r2 < LOWEST_R2:
+        return Verdict.BAD_FIT, f"R2 {solved.r2:.3f} on held-out motion, at least {LOWEST_R2}"
+    return Verdict.GOOD, ""
+
+
+def _gravity_scale(i: int, rows: Intervals, t: Transmission, coefficients: Vector) -> float:
+    """K_c current less friction and rotor over the links' torque by the URDF, both low-passed so
+    far (2 /s) that the gap does not matter. Too little gravity to say anything: NaN."""
+    if float(np.ptp(rows.gravity[:, i])) < 0.3 * coefficients[0]:
+        return float("nan")
+    rub = coefficients[0] * smooth_sign(rows.theta_dot[:, i], t.sign_width)
+    rub = rub + coefficients[1] * rows.theta_dot[:, i] + coefficients[2] * rows.theta_ddot[:, i]
+    given = t.torque_constant[i] * rows.current[:, i] - rub
+    pair = low_pass(np.stack([given, rows.inertial[:, i]], axis=1), rows, 2.0)
+    return float(pair[:, 0] @ pair[:, 1] / (pair[:, 1] @ pair[:, 1]))

@@ -1,0 +1,159 @@
+"""From a log to what each interval tells: momentum won, impulses, velocities, and the gap.
+
+The same alignment, model and motor position as in the estimator's tick, so that what is identified
+is what is used.
+"""
+
+import itertools
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from errors import LogError
+from estimator.identification.log import MotionLog
+from estimator.link_velocity import SAMPLES, Alignment
+from estimator.model import Model
+from estimator.motor_position import MotorPosition
+from estimator.settings import EstimatorSettings
+from estimator.transmission import Transmission, coulomb_viscous, resting
+from estimator.types import Matrix, Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Intervals:
+    """Row k is one interval; matrices (N, n), means of both ends unless stated otherwise."""
+
+    time_s: Vector
+    """(N,), of its end"""
+    dt: Vector
+    """(N,) [s]"""
+    first: NDArray[np.bool_]
+    """(N,) the first of a stretch without missing samples"""
+    inertial: Matrix
+    """(Delta(M q_dot) - dt beta) / dt [Nm]: what moves the links beside gravity"""
+    current: Matrix
+    """[A]"""
+    gravity: Matrix
+    """g(q) [Nm]"""
+    q: Matrix
+    """[rad]"""
+    qd: Matrix
+    theta_dot: Matrix
+    theta_ddot: Matrix
+    """Delta theta_dot / dt [rad/s2]"""
+    advance: Matrix
+    """of theta in the interval, integrated or measured [rad]"""
+    measured: bool
+    """whether `advance` was measured"""
+    ends: Matrix
+    """(N, 4, n) at the end: current, theta_dot, q, q_dot"""
+
+
+def intervals(log: MotionLog, model: Model, settings: EstimatorSettings) -> Intervals:
+    """Bring the samples to common instants, and take differences and means.
+
+    Raises LogError where no stretch of the log is long enough.
+    """
+    parts = [
+        _stretch(log.select(rows), model, settings)
+        for rows in log.stretches()
+        if rows.stop - rows.start > 10
+    ]
+    if not parts:
+        raise LogError("samples are missing everywhere in the log: no stretch of 10 in a row")
+    names = [f.name for f in fields(Intervals) if f.name != "measured"]
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return Intervals(measured=parts[0].measured, **joined)
+
+
+def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Intervals:
+    n, size, period = log.n, len(log.time_s), log.period_s
+    alignment = Alignment(
+        n,
+        settings.link_velocity,
+        period,
+        current_delay=settings.current_delay_ms / 1000,
+        link_delay=settings.link_position_delay_ms / 1000,
+        motor_delay=settings.motor_velocity_delay_ms / 1000,
+    )
+    position = log.motor_position if settings.motor_position == "measured" else None
+    measured = position is not None
+    if position is None:
+        position = np.zeros_like(log.current)
+    steps = np.diff(log.time_s, prepend=log.time_s[0] - period)
+    samples = np.stack([log.current, log.motor_velocity, position, log.link_position], axis=1)
+    # Rows: current, theta_dot, theta, q, q_dot; momentum, beta, gravity.
+    ends = np.empty((size, 8, n))
+    for k in range(size):
+        alignment.push(samples[k], steps[k])
+        if alignment.ready:
+            alignment.motor(out=ends[k, :3])
+            ends[k, 3:5] = alignment.link()
+            ends[k, 5], ends[k, 6] = model.dynamics(ends[k, 3], ends[k, 4])
+            ends[k, 7] = model.gravity(ends[k, 3])
+    ends, dt = ends[SAMPLES - 1 :], steps[SAMPLES:]
+    change, mean = np.diff(ends, axis=0), 0.5 * (ends[1:] + ends[:-1])
+    span = dt[:, None]
+    return Intervals(
+        time_s=log.time_s[SAMPLES:] - alignment.delay,
+        dt=dt,
+        first=np.arange(len(dt)) == 0,
+        inertial=change[:, 5] / span - mean[:, 6],
+        current=mean[:, 0],
+        gravity=mean[:, 7],
+        q=mean[:, 3],
+        qd=mean[:, 4],
+        theta_dot=mean[:, 1],
+        theta_ddot=change[:, 1] / span,
+        advance=change[:, 2] if measured else span * mean[:, 1],
+        measured=measured,
+        ends=ends[1:, [0, 1, 3, 4]],
+    )
+
+
+def locate(
+    rows: Intervals, t: Transmission, settings: EstimatorSettings
+) -> tuple[NDArray[np.bool_], Matrix]:
+    """Which intervals lie in the gap at both ends, and phi at the end [rad], both (N, n).
+
+    By the estimator's own judgement (`MotorPosition`) with the friction and rotor of `t`.
+    """
+    position = MotorPosition(t, settings.gap)
+    gap, phi = np.zeros(rows.q.shape, dtype=np.bool_), np.empty_like(rows.q)
+    rub = coulomb_viscous(t.motor_coulomb, t.motor_viscous, rows.theta_dot, t.sign_width)
+    rotor = t.rotor_inertia * rows.theta_ddot
+    transmitted = t.torque_constant * rows.current - rotor - rub
+    before = np.zeros(t.n, dtype=np.bool_)
+    for k, (current, theta_dot, q, qd) in enumerate(rows.ends):
+        if rows.first[k]:
+            position.start(q)
+            before[:] = False
+        tau_M = t.torque_constant * current
+        now = position.step(
+            q,
+            qd,
+            theta_dot,
+            rows.advance[k],
+            transmitted[k],
+            position.uncertainty(tau_M, rotor[k], theta_dot, resting(theta_dot)),
+            float(rows.dt[k]),
+            measured=rows.measured,
+        )
+        gap[k], phi[k] = now & before, q - position.theta
+        before = now
+    return gap, phi
+
+
+def low_pass(values: Matrix, rows: Intervals, gain: float) -> Matrix:
+    """Rows (N, ...) [Nm] through the residual's filter (13), r_dot = K (values - r), begun at the
+    first value of each stretch. Everything that a regression compares goes through it alike."""
+    TK = gain * float(np.median(rows.dt))
+    forward, back = 2.0 * TK / (2.0 + TK), (2.0 - TK) / (2.0 + TK)
+    out = np.empty_like(values)
+    edges = [*np.flatnonzero(rows.first).tolist(), len(values)]
+    for a, b in itertools.pairwise(edges):
+        start = back * values[None, a]
+        out[a:b] = lfilter([forward], [1.0, -back], values[a:b], axis=0, zi=start)[0]
+    return out

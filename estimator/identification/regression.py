@@ -1,0 +1,182 @@
+"""Columns, weights and bounded least squares of one joint's friction, (8) to (11)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from estimator.identification.intervals import Intervals, low_pass
+from estimator.transmission import Transmission, penetration, resting, smooth_sign
+from estimator.types import Matrix, Vector
+
+Mask = NDArray[np.bool_]
+
+GAIN = 25.0
+"""K_r [1/s]. The paper's 100 passes so much noise of theta_ddot that a light rotor's inertia comes
+out 15 to 30 % low; with 8, gravity and acceleration can no longer be told apart."""
+HELD_OUT = 0.3
+"""Share of the motion, at its end, that R2 is measured on and the coefficients are not fitted to.
+The coefficients that are answered are fitted to all of it."""
+BLOCK_S = 1.0
+
+COLUMNS = (
+    *("K_theta_s", "K_theta_v", "B"),
+    *("K_q_s", "K_q_v", "K_phi_s", "K_phi_v"),
+    *("K_phi_p", "K_phi_d"),
+)
+_ENGAGED, _LINK, _RELATIVE, _SPRING = slice(0, 3), slice(3, 5), slice(5, 7), slice(7, 9)
+_WORTH = 0.005  # of R2 on held-out motion, for which a doubtful pair of columns is taken in
+_APART = 10.0  # condition number up to which the gap tells Coulomb from viscous link friction
+_GAP_SHARE = 0.02  # of the time, below which the gap shows nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Regression:
+    """What is compared, all filtered alike: r_nl (N, n) [Nm], columns (N, n, 9) and nuisance
+    columns (N, n, 2)."""
+
+    r_nl: Matrix
+    columns: Matrix
+    nuisance: Matrix
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Of one joint, by `COLUMNS`; columns that were not used are zero with an error of NaN."""
+
+    coefficients: Vector
+    errors: Vector
+    r2: float
+    condition: float
+    """Of the three columns that count while engaged"""
+
+
+def regression(rows: Intervals, t: Transmission, gap: Mask, phi: Matrix) -> Regression:
+    """(8)-(10) with DESIGN's corrections: friction columns carry a minus, springs start at the
+    border, and every column passes the filter of r_nl.
+
+    The nuisance is what errors of the masses and an offset of the current add: a share of gravity
+    and a constant. Friction is not to answer for them.
+    """
+    apart, together = gap.astype(np.float64), 1.0 - gap
+
+    def sign(v: Matrix) -> Matrix:
+        return smooth_sign(v, t.sign_width)
+
+    phi_dot = rows.qd - rows.theta_dot
+    columns = [
+        *(-sign(rows.theta_dot) * together, -rows.theta_dot * together),
+        -rows.theta_ddot * together,
+        *(-sign(rows.qd) * apart, -rows.qd * apart),
+        *(-sign(phi_dot) * apart, -phi_dot * apart),
+        *(penetration(phi, t.half_gap) * together, phi_dot * together),
+    ]
+    r_nl = rows.inertial - t.torque_constant * rows.current * together
+    nuisance = np.stack([rows.gravity, np.ones_like(rows.gravity)], axis=2)
+    return Regression(
+        low_pass(r_nl, rows, GAIN),
+        low_pass(np.stack(columns, axis=2), rows, GAIN),
+        low_pass(nuisance, rows, GAIN),
+    )
+
+
+def solve_joint(
+    i: int, found: Regression, rows: Intervals, half_gap: float, gap: Mask, phi: Matrix, cut: Mask
+) -> Solution:
+    """Coefficients of joint i. cut (N, n): samples whose current was at its limit.
+
+    Columns of the gap are used where the joint was in its gap at all; those of the relative
+    friction K_phi and of the spring only if motion that was not fitted is explained better.
+    """
+    y, A, N = found.r_nl[:, i], found.columns[:, i], found.nuisance[:, i]
+    weight = _weights(rows.theta_dot[:, i], rows.first, half_gap, gap[:, i], phi[:, i], cut[:, i])
+    train = np.arange(len(y)) < (1.0 - HELD_OUT) * len(y)
+    used = np.zeros(len(COLUMNS), dtype=np.bool_)
+    used[_ENGAGED] = True
+    candidates = []
+    if float((weight * gap[:, i]).sum()) > _GAP_SHARE * weight.sum() > 0.0:
+        used[_LINK] = _condition(A[:, _LINK], weight) < _APART
+        candidates.append(_RELATIVE)
+    if half_gap > 0.0:
+        candidates.append(_SPRING)
+    r2 = _held_out(A, N, y, weight, used, train)
+    for pair in candidates:
+        more = used.copy()
+        more[pair] = True
+        if (better := _held_out(A, N, y, weight, more, train)) > r2 + _WORTH:
+            used, r2 = more, better
+    coefficients, errors, condition = _solve(A, N, y, weight, used, rows.time_s)
+    return Solution(coefficients, errors, r2, condition)
+
+
+def _weights(theta_dot: Vector, first: Mask, half_gap: float, gap: Mask, phi: Vector, cut: Mask
+) -> Vector:  # fmt: skip
+    """How much each row counts, 0 to 1: not at rest, where Coulomb friction may have any value;
+    not while it is unclear which side of the gear carries; not while the current is cut off."""
+    doubtful = cut | first
+    if half_gap > 0.0:
+        doubtful |= ~gap & (np.abs(phi) < 0.85 * half_gap)
+        doubtful |= np.diff(gap, prepend=gap[0])
+    for _ in range(2):  # the filter remembers
+        doubtful |= np.concatenate([[False], doubtful[:-1]])
+    return (1.0 - resting(theta_dot)) * ~doubtful
+
+
+def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> Vector:
+    """Bounded least squares: coefficients of A (9 of them, unused ones 0, used ones >= 0)."""
+    X = np.hstack([A[:, used], N]) * weight[:, None]
+    scale = np.sqrt(np.square(X).mean(axis=0))
+    scale[scale < 1e-12] = np.inf
+    lower = np.where(np.arange(X.shape[1]) < used.sum(), 0.0, -np.inf)
+    # As many rows as columns tell the same: X = Q R, with R from the eigenvectors of X^T X.
+    values, vectors = np.linalg.eigh((X / scale).T @ (X / scale))
+    kept = values > 1e-12 * values[-1]
+    R = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+    b = vectors[:, kept].T @ ((X / scale).T @ (y * weight)) / np.sqrt(values[kept])
+    solution = lsq_linear(R, b, (lower, np.inf)).x / scale
+    full = np.zeros(A.shape[1])
+    full[used] = solution[: used.sum()]
+    return full
+
+
+def _held_out(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train: Mask) -> float:
+    """R2 of the friction alone, (14), on rows that were not fitted."""
+    w2, rest = np.square(weight[~train]), y[~train]
+    if w2.sum() < 10.0 or weight[train].sum() < 10.0:
+        return float("-inf")
+    solution = _lsq(A[train], N[train], y[train], weight[train], used)
+    spread = float((w2 * np.square(rest - np.average(rest, weights=w2))).sum())
+    missed = float((w2 * np.square(rest - A[~train] @ solution)).sum())
+    return 1.0 - missed / spread if spread > 0.0 else float("-inf")
+
+
+def _solve(
+    A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, time_s: Vector
+) -> tuple[Vector, Vector, float]:
+    """Coefficients, standard errors and condition number, of the whole motion."""
+    errors = np.full(A.shape[1], np.nan)
+    X = np.hstack([A[:, used], N]) * weight[:, None]
+    scale = np.sqrt(np.square(X).mean(axis=0))
+    seen = scale > 1e-12
+    count = int(used.sum())
+    if weight.sum() < 50.0 or not seen[:count].all():
+        return np.zeros(A.shape[1]), errors, float("inf")
+    coefficients = _lsq(A, N, y, weight, used)
+    X = X[:, seen] / scale[seen]
+    # What is left is alike for long, so rows are not independent: take blocks (sandwich).
+    inverse = np.linalg.pinv(X.T @ X)
+    left = (y * weight - X @ (inverse @ (X.T @ (y * weight))))[:, None] * X
+    block = (time_s // BLOCK_S).astype(np.int64)
+    starts = np.flatnonzero(np.diff(block, prepend=block[0] - 1))
+    sums = np.add.reduceat(left, starts, axis=0)
+    variance = np.diag(inverse @ (sums.T @ sums) @ inverse)
+    errors[used] = np.sqrt(variance[:count]) / scale[:count]
+    return coefficients, errors, _condition(A[:, _ENGAGED], weight)
+
+
+def _condition(A: Matrix, weight: Vector) -> float:
+    """Of weighted columns, each scaled to the same size."""
+    X = A * weight[:, None]
+    scale = np.sqrt(np.square(X).mean(axis=0))
+    return float(np.linalg.cond(X / scale)) if (scale > 1e-12).all() else float("inf")

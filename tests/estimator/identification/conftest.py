@@ -1,0 +1,104 @@
+"""Arms that differ from the nominal one, moved without contact or held while a hand moves the
+links; simulated once per session."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from bench.fleet import Scatter, random_arm, record_fleet
+from bench.lockstep import ROMEO
+from daemon.assembly import build_transmission
+from daemon.commands.simulated_robot import describe, read_simulation
+from daemon.config.load import load_robot
+from estimator.identification.excitation import Bounds, fourier_within, trajectory
+from estimator.identification.log import MotionLog
+from estimator.model import Model
+from simulator.description import Mismatch, SimulationSettings
+from simulator.mismatch import PlantParameters, true_parameters
+
+EXACT = Mismatch(
+    mass=0, center_of_mass=0, friction=0, torque_constant=0, half_gap=0, rotor_inertia=0
+)
+
+
+@dataclass(frozen=True)
+class Arm:
+    """The nominal arm, as the configuration has it."""
+
+    robot = load_robot(ROMEO)
+    configuration = robot.configuration
+    model = Model(robot.urdf, configuration.joint_names)
+    transmission = build_transmission(configuration)
+    description = describe(robot, read_simulation(robot))
+    max_current = np.array([j.wiring.max_current_A for j in configuration.joints])
+
+    @property
+    def bounds(self) -> Bounds:
+        rows = [
+            (j.limits.lower, j.limits.upper, j.limits.velocity, j.limits.acceleration)
+            for j in self.configuration.joints
+        ]
+        return Bounds(*np.array(rows).T)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Logs of an arm with the model's inertias and of one that has others, and the truth."""
+
+    filtered: list[MotionLog]
+    unfiltered: list[MotionLog]
+    arms: list[PlantParameters]
+
+
+@pytest.fixture(scope="session")
+def arm() -> Arm:
+    return Arm()
+
+
+@pytest.fixture(scope="session")
+def nominal(arm) -> PlantParameters:
+    return true_parameters(arm.description, SimulationSettings(mismatch=EXACT))
+
+
+@pytest.fixture(scope="session")
+def moved(arm, nominal) -> Moved:
+    """24 s of an excitation."""
+    settings = SimulationSettings(mismatch=EXACT)
+    rng = np.random.default_rng(4)
+    same = Scatter(mass=1.0, center_of_mass=1.0, torque_constant=1.0)
+    arms = [random_arm(nominal, scatter, settings, rng) for scatter in (same, Scatter())]
+    motion = fourier_within(arm.bounds.shrunk(0.7), arm.model, np.random.default_rng(1))
+    path = trajectory(motion, motion.at(np.zeros(1))[0][0], arm.bounds, 24.0, 0.01)
+    speed = np.gradient(path, 0.01, axis=0)
+
+    def reference(t: float) -> tuple[np.ndarray, np.ndarray]:
+        k = min(round(t / 0.01), len(path) - 1)
+        return path[k], speed[k]
+
+    raw = SimulationSettings(mismatch=EXACT, current_filter_ms=0.0)
+    logs = record_fleet(arm.description, arms, reference, 24.0, settings, [raw])
+    return Moved(logs[0], logs[1], arms)
+
+
+@pytest.fixture(scope="session")
+def handled(arm, nominal) -> tuple[MotionLog, PlantParameters]:
+    """20 s of a hand that leads every link from border to border of its gap and back, while the
+    motors stand. Their velocity is 1 mrad/s off."""
+    settings = SimulationSettings(mismatch=EXACT, velocity_bias=0.001)
+    true = random_arm(nominal, Scatter(friction=1.1), settings, np.random.default_rng(8))
+    q0 = np.array([joint.initial_position for joint in arm.description.joints])
+    gravity = arm.model.gravity(q0)
+    strongest = np.maximum(0.05, 2.5 * true.coulomb[:7])
+    damping = 0.3 * true.lightest_link / settings.step_s
+
+    def hand(t: float, q: np.ndarray, q_dot: np.ndarray) -> np.ndarray:
+        visit, phase = divmod(t, 1.2)
+        lead = np.clip(phase / 0.3 - 1.0, -1.0, 1.0) * (1.0 if int(visit) % 2 == 0 else -1.0)
+        wanted = q0 + lead * (true.half_gap + 0.008 + 0.002 * np.sin(visit))
+        spring = np.clip(100.0 * strongest * (wanted - q), -strongest, strongest)
+        return gravity + spring - np.minimum(1.0, damping) * q_dot
+
+    still = (q0, np.zeros_like(q0))
+    logs = record_fleet(arm.description, [true], lambda t: still, 20.4, settings, push=hand)
+    return logs[0][0], true

@@ -1,0 +1,149 @@
+"""Friction and rotor inertia of arms that are not quite the configured one."""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from errors import LogError
+from estimator.identification.friction import Verdict, adopt, identify_friction
+from estimator.identification.log import MotionLog
+
+
+@pytest.fixture(scope="session")
+def identify(arm):
+    """Fits of a log; half-gaps are known already, friction and rotors are off by up to half."""
+
+    def run(log: MotionLog, half_gap: np.ndarray, delay_ms: float = 3.0):
+        settings = msgspec.structs.replace(arm.configuration.estimator, current_delay_ms=delay_ms)
+        known = replace(arm.transmission, half_gap=half_gap)
+        return identify_friction(log, arm.model, known, settings, arm.max_current)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def fitted(moved, identify):
+    return [
+        identify(log, true.half_gap) for log, true in zip(moved.filtered, moved.arms, strict=True)
+    ]
+
+
+def errors(fits, true, name: str) -> np.ndarray:
+    """Relative errors of one coefficient; friction is that of both sides together."""
+    sums = {
+        "K_theta_s": true.coulomb.reshape(2, -1).sum(axis=0),
+        "K_theta_v": true.viscous.reshape(2, -1).sum(axis=0),
+        "B": true.rotor_inertia,
+    }
+    return np.array([fit.values[name] for fit in fits]) / sums[name] - 1.0
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_sum_of_frictions_is_found(fitted, moved, which):
+    fits, _ = fitted[which]
+    assert [fit.verdict for fit in fits] == [Verdict.GOOD] * 7, fits
+    assert np.abs(errors(fits, moved.arms[which], "K_theta_s")).max() < 0.10
+    assert np.abs(errors(fits, moved.arms[which], "K_theta_v")).max() < 0.15
+
+
+def test_rotor_inertia_of_the_strong_joints_is_found(fitted, moved):
+    fits, _ = fitted[0]
+    assert np.abs(errors(fits, moved.arms[0], "B"))[:5].max() < 0.10
+    assert all(fit.rotor_trusted for fit in fits)
+
+
+def test_held_out_motion_is_explained_where_the_inertias_are_right(fitted):
+    fits, shown = fitted[0]
+    assert min(fit.r2 for fit in fits) > 0.98
+    left = np.square(shown.r_nl - shown.reconstructed).mean(axis=0)
+    assert (left < 0.1 * np.square(shown.r_nl).mean(axis=0)).all()
+
+
+def test_standard_errors_are_no_decoration(fitted, moved):
+    fits, _ = fitted[0]
+    sums = moved.arms[0].coulomb.reshape(2, -1).sum(axis=0)
+    for fit, true in zip(fits, sums, strict=True):
+        assert 0.0 < fit.errors["K_theta_s"] < 0.05 * true
+
+
+def test_what_is_wrong_is_named_and_keeps_its_values(moved, identify, arm):
+    log, true = moved.filtered[0], moved.arms[0]
+    doubled, standing, cut = np.arange(7) == 0, np.arange(7) == 2, np.arange(7) == 4
+    limit = 0.3 * np.abs(log.current).max(axis=0)
+    strained = np.where(cut, np.clip(log.current, -limit, limit), log.current)
+    spoilt = replace(
+        log,
+        current=np.where(doubled, 2.0, 1.0) * strained,
+        motor_velocity=np.where(standing, 0.0, log.motor_velocity),
+        link_position=np.where(standing, 0.1, log.link_position),
+        motor_position=np.where(standing, 0.1, log.motor_position),
+    ).select(slice(0, 1400))
+    settings = arm.configuration.estimator
+    known = replace(arm.transmission, half_gap=true.half_gap)
+    most = np.where(cut, limit, arm.max_current)
+    fits, _ = identify_friction(spoilt, arm.model, known, settings, most)
+    assert fits[0].verdict is Verdict.WRONG_GRAVITY, fits[0]
+    assert 1.7 < fits[0].gravity_scale < 2.3
+    assert fits[2].verdict is Verdict.NOT_EXCITED, fits[2]
+    assert fits[4].verdict is Verdict.SATURATED, fits[4]
+    assert all(fits[i].reason for i in (0, 2, 4))
+    assert fits[1].verdict is Verdict.GOOD, fits[1]
+    adopted = adopt(arm.transmission, fits)
+    kept = adopted.motor_coulomb == arm.transmission.motor_coulomb
+    assert kept[[0, 2, 4]].all()
+    assert not kept[1]
+
+
+def test_rotor_of_unfiltered_current_is_not_trusted(moved, identify, arm):
+    fits, _ = identify(
+        moved.unfiltered[0].select(slice(0, 1400)), moved.arms[0].half_gap, delay_ms=0.0
+    )
+    assert not any(fit.rotor_trusted for fit in fits)
+    adopted = adopt(arm.transmission, fits)
+    assert (adopted.rotor_inertia == arm.transmission.rotor_inertia).all()
+    assert np.abs(errors(fits, moved.arms[0], "K_theta_s")).max() < 0.10
+
+
+def test_the_rotor_gets_what_the_link_does_not(fitted, arm):
+    fits, _ = fitted[0]
+    adopted = adopt(arm.transmission, fits)
+    for i, fit in enumerate(fits):
+        assert adopted.engaged_coulomb[i] == pytest.approx(fit.values["K_theta_s"])
+        assert adopted.engaged_viscous[i] == pytest.approx(fit.values["K_theta_v"])
+        assert adopted.motor_coulomb[i] > adopted.link_coulomb[i]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda log: log.select(slice(0, 500)), "too short"),
+        (lambda log: log.select(slice(0, 50)), "too short"),
+        (
+            lambda log: replace(log, current=log.current * np.nan),
+            "current of LShoulderPitch is nan",
+        ),
+        (lambda log: replace(log, time_s=np.zeros_like(log.time_s)), "time does not grow"),
+        (lambda log: replace(log, current=log.current[:, :3]), "shape"),
+    ],
+)
+def test_a_log_that_is_none_is_refused(moved, identify, change, says):
+    with pytest.raises(LogError, match=says):
+        identify(change(moved.filtered[0]), moved.arms[0].half_gap)
+
+
+def test_missing_samples_only_cost_themselves(moved, identify):
+    log, true = moved.filtered[0].select(slice(0, 1700)), moved.arms[0]
+    keep = np.ones(len(log.time_s), dtype=bool)
+    keep[700:760] = keep[1500:1503] = False
+    cut = replace(
+        log,
+        **{
+            name: getattr(log, name)[keep]
+            for name in ("time_s", "current", "link_position", "motor_velocity", "motor_position")
+        },
+    )
+    assert len(cut.stretches()) == 3
+    fits, _ = identify(cut, true.half_gap)
+    assert np.abs(errors(fits, true, "K_theta_s")).max() < 0.10

@@ -1,0 +1,154 @@
+"""The half-gap: by a hand, by ramps of torque, in motion; and when there is none to be given."""
+
+import gzip
+import itertools
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimator.identification.gap import GapVerdict, from_motion, from_plateaus, identify_gap
+from estimator.identification.log import MotionLog
+
+DATA = Path(os.environ.get("CONTACTD_DATA", Path(__file__).parents[4] / "shared" / "data"))
+T = 0.01
+
+
+def visits(alpha: float, count: int, strain: float = 0.0, seed: int = 0) -> np.ndarray:
+    """phi of a hand that rests `count` times at alternating borders, pushing now more, now less."""
+    rng = np.random.default_rng(seed)
+    sides = np.resize([1.0, -1.0], count) * (alpha + strain * rng.uniform(size=count))
+    way = np.clip(np.arange(100) / 40.0, 0.0, 1.0)
+    ends = np.concatenate([[0.0], sides])
+    return np.concatenate([a + (b - a) * way for a, b in itertools.pairwise(ends)])
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_hand_shows_every_gap_to_half_a_milliradian(handled, arm, measured):
+    log, true = handled
+    log = log if measured else replace(log, motor_position=None)
+    for i in np.flatnonzero(true.half_gap > 0.0):
+        gap = identify_gap(log, i, arm.transmission.torque_constant[i])
+        assert gap.verdict is GapVerdict.CLEAR, gap
+        assert gap.crossings >= 15
+        assert gap.half_gap == pytest.approx(true.half_gap[i], abs=5e-4), gap
+
+
+def test_a_rigid_joint_has_no_dead_zone(handled, arm):
+    log, true = handled
+    for i in np.flatnonzero(true.half_gap == 0.0):
+        gap = identify_gap(log, i, 1.0)
+        assert (gap.verdict, gap.half_gap) == (GapVerdict.NONE, 0.0), gap
+
+
+def test_a_drifting_integral_changes_nothing():
+    phi = visits(0.02, 24)
+    t = T * np.arange(len(phi))
+    drift = 0.0004 * t  # 10 mrad in the end
+    gap = from_plateaus("j", t, phi, drift, 0.0004)
+    assert gap.half_gap == pytest.approx(0.02, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("phi", "mean_velocity", "verdict"),
+    [
+        (visits(0.02, 12), 0.0, GapVerdict.FEW),
+        (visits(0.002, 40, strain=0.02), 0.0, GapVerdict.UNCLEAR),
+        (visits(0.02, 30), 0.05, GapVerdict.MOTOR_MOVED),
+        (visits(0.0005, 30), 0.0, GapVerdict.NONE),
+    ],
+)
+def test_what_cannot_be_told_is_not_told(phi, mean_velocity, verdict):
+    gap = from_plateaus("j", T * np.arange(len(phi)), phi, np.zeros_like(phi), mean_velocity)
+    assert gap.verdict is verdict, gap
+    assert gap.usable == (verdict is GapVerdict.NONE)
+
+
+def of(q: np.ndarray, theta: np.ndarray) -> MotionLog:
+    column = theta[:, None]
+    t = T * np.arange(len(q))
+    velocity = np.gradient(column, T, axis=0)
+    return MotionLog(("j",), t, np.zeros_like(column), q[:, None], velocity, column)
+
+
+@pytest.mark.parametrize(
+    ("q", "theta", "verdict"),
+    [
+        (visits(0.3, 20), visits(0.3, 20), GapVerdict.NO_LINK_ENCODER),
+        (np.zeros(500), np.zeros(500), GapVerdict.NO_MOTION),
+        (visits(0.06, 20), visits(0.03, 20), GapVerdict.MOTOR_MOVED),
+    ],
+)
+def test_says_which_encoder_is_to_blame(q, theta, verdict):
+    assert identify_gap(of(q, theta), 0, 1.0).verdict is verdict
+
+
+def two_encoders(skew_s: float, alpha: float, seconds: float = 60.0) -> tuple[np.ndarray, ...]:
+    """Both encoders of a joint with friction, moved at speeds that vary; the link's is late."""
+    fine = np.arange(0.0, seconds, 0.001)
+    theta = 0.5 * np.sin(2 * np.pi * 0.21 * fine) + 0.2 * np.sin(2 * np.pi * 0.47 * fine)
+    q = np.empty_like(theta)
+    q[0] = theta[0]
+    for k in range(1, len(q)):
+        q[k] = min(max(q[k - 1], theta[k] - alpha), theta[k] + alpha)
+    late = np.interp(fine - skew_s, fine, q)
+    rng = np.random.default_rng(0)
+    rows = slice(None, None, 10)
+    noise = 2e-5 * rng.standard_normal((2, len(fine[rows])))
+    return fine[rows], late[rows] + noise[0], theta[rows] + noise[1]
+
+
+def test_motion_shows_gap_and_skew_apart():
+    alpha, skew = 0.004, 0.003
+    t, q, theta = two_encoders(skew, alpha)
+    gap = from_motion("j", t, q, theta, np.gradient(theta, t))
+    assert gap.skew_s == pytest.approx(skew, abs=3e-4)
+    assert gap.half_gap == pytest.approx(alpha, rel=0.05)
+    # Taken for phi as it is, the skew would look like a gap.
+    assert np.percentile(np.abs(q - theta), 95) > 1.3 * alpha
+
+
+def test_one_border_is_no_proof_of_no_gap():
+    t, q, theta = two_encoders(0.0, 0.0)
+    gap = from_motion("j", t, q + 0.02, theta, np.gradient(theta, t))
+    assert gap.verdict is GapVerdict.UNCLEAR
+    assert not gap.usable
+
+
+def clamped(name: str) -> tuple[MotionLog, float]:
+    """Torque ramps of a cycloidal gear whose output is clamped: position is the motor's."""
+    path = DATA / "cycloid" / f"{name}.csv.gz"
+    if not path.exists():
+        pytest.skip(f"no real measurements at {DATA} (set CONTACTD_DATA)")
+    with gzip.open(path, "rt") as stream:
+        rows = np.genfromtxt(stream, delimiter=",", names=True)
+    rows = rows[rows["test_nr"] >= 100]
+    t = np.linspace(rows["TIME"][0], rows["TIME"][-1], len(rows))  # quantised to 16 ms
+    theta = 2 * np.pi * rows["POSITION"][:, None]
+    current = rows["Q_CURRENT"][:, None]
+    large = np.abs(current[:, 0]) > 1.0
+    constant = float(np.median(rows["TORQUE"][large] / current[large, 0]))
+    still = np.zeros_like(theta)
+    return MotionLog(("j",), t, current, still, np.gradient(theta, t, axis=0), theta), constant
+
+
+def test_real_torque_ramps_with_a_dead_zone():
+    gap = identify_gap(*clamped_with("base_runin1"))
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.0325, rel=0.05)
+    assert gap.stiffness == pytest.approx(1066, rel=0.1)
+    assert gap.coulomb == pytest.approx(2.5, rel=0.1)
+    assert abs(gap.half_gap - 0.0325) < gap.confidence < 0.006
+
+
+def test_real_torque_ramps_of_preloaded_gears():
+    gap = identify_gap(*clamped_with("split_3pre1"))
+    assert gap.verdict is GapVerdict.UNCLEAR, gap
+    assert np.isnan(gap.half_gap)
+
+
+def clamped_with(name: str) -> tuple[MotionLog, int, float]:
+    log, constant = clamped(name)
+    return log, 0, constant
