@@ -48,7 +48,7 @@ class Intervals:
     measured: bool
     """whether `advance` was measured"""
     ends: Matrix
-    """(N, 4, n) at the end: current, theta_dot, q, q_dot"""
+    """(N, 4, n) at the end: q, q_dot, current, theta_dot"""
 
 
 def intervals(log: MotionLog, model: Model, settings: EstimatorSettings) -> Intervals:
@@ -84,15 +84,14 @@ def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inter
         position = np.zeros_like(log.current)
     steps = np.diff(log.time_s, prepend=log.time_s[0] - period)
     samples = np.stack([log.current, log.motor_velocity, position, log.link_position], axis=1)
-    # Rows: current, theta_dot, theta, q, q_dot; momentum, beta, gravity.
-    ends = np.empty((size, 8, n))
+    # Rows of ALIGNED: q, q_dot, current, theta_dot, theta; then momentum, beta, gravity.
+    ends = np.zeros((size, 8, n))
     for k in range(size):
         alignment.push(samples[k], steps[k])
         if alignment.ready:
-            alignment.motor(out=ends[k, :3])
-            ends[k, 3:5] = alignment.link()
-            ends[k, 5], ends[k, 6] = model.dynamics(ends[k, 3], ends[k, 4])
-            ends[k, 7] = model.gravity(ends[k, 3])
+            alignment.aligned(out=ends[k, :5])
+            ends[k, 5], ends[k, 6] = model.dynamics(ends[k, 0], ends[k, 1])
+            ends[k, 7] = model.gravity(ends[k, 0])
     ends, dt = ends[SAMPLES - 1 :], steps[SAMPLES:]
     change, mean = np.diff(ends, axis=0), 0.5 * (ends[1:] + ends[:-1])
     span = dt[:, None]
@@ -101,15 +100,15 @@ def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inter
         dt=dt,
         first=np.arange(len(dt)) == 0,
         inertial=change[:, 5] / span - mean[:, 6],
-        current=mean[:, 0],
+        current=mean[:, 2],
         gravity=mean[:, 7],
-        q=mean[:, 3],
-        qd=mean[:, 4],
-        theta_dot=mean[:, 1],
-        theta_ddot=change[:, 1] / span,
-        advance=change[:, 2] if measured else span * mean[:, 1],
+        q=mean[:, 0],
+        qd=mean[:, 1],
+        theta_dot=mean[:, 3],
+        theta_ddot=change[:, 3] / span,
+        advance=change[:, 4] if measured else span * mean[:, 3],
         measured=measured,
-        ends=ends[1:, [0, 1, 3, 4]],
+        ends=ends[1:, :4],
     )
 
 
@@ -120,30 +119,25 @@ def locate(
 
     By the estimator's own judgement (`MotorPosition`) with the friction and rotor of `t`.
     """
-    position = MotorPosition(t, settings.gap)
-    gap, phi = np.zeros(rows.q.shape, dtype=np.bool_), np.empty_like(rows.q)
+    position = MotorPosition(t, settings.gap, measured=rows.measured)
+    engaged, phi = np.empty_like(rows.q), np.empty_like(rows.q)
     rub = coulomb_viscous(t.motor_coulomb, t.motor_viscous, rows.theta_dot, t.sign_width)
     rotor = t.rotor_inertia * rows.theta_ddot
-    transmitted = t.torque_constant * rows.current - rotor - rub
-    before = np.zeros(t.n, dtype=np.bool_)
-    for k, (current, theta_dot, q, qd) in enumerate(rows.ends):
+    q, q_dot, current, theta_dot = np.moveaxis(rows.ends, 1, 0)
+    motion = np.stack(
+        [
+            *(q, q_dot, theta_dot, resting(theta_dot)),
+            *(t.torque_constant * current, rows.advance, rotor),
+            t.torque_constant * rows.current - rotor - rub,
+        ],
+        axis=1,
+    )
+    for k, moved in enumerate(motion):
         if rows.first[k]:
-            position.start(q)
-            before[:] = False
-        tau_M = t.torque_constant * current
-        now = position.step(
-            q,
-            qd,
-            theta_dot,
-            rows.advance[k],
-            transmitted[k],
-            position.uncertainty(tau_M, rotor[k], theta_dot, resting(theta_dot)),
-            float(rows.dt[k]),
-            measured=rows.measured,
-        )
-        gap[k], phi[k] = now & before, q - position.theta
-        before = now
-    return gap, phi
+            position.start(q[k])
+        engaged[k] = position.step(moved, float(rows.dt[k]))
+        phi[k] = q[k] - position.theta
+    return engaged == 0.0, phi
 
 
 def low_pass(values: Matrix, rows: Intervals, gain: float) -> Matrix:
