@@ -57,6 +57,7 @@ class Plant:
         self._steps, self._none, self._one = np.full(2 * n, step_s), np.zeros(2 * n), np.ones(2 * n)
         self._per_width = np.full(2 * n, 1.0 / friction_width)
         self._per_presliding = np.full(2 * n, step_s / presliding)
+        self._coulomb, self._viscous = parameters.coulomb.copy(), parameters.viscous.copy()
         self._minus_coulomb = -parameters.coulomb
         # sigma_1 damps the swinging of each mass on its bristles to 0.7; times z_max / step, as it
         # meets the change of z in a step.
@@ -122,6 +123,13 @@ class Plant:
             self.theta_dot[joint] = 0.0
             self._rates[joint] = self.q_dot[joint]
 
+    def scale_friction(self, factor: Vector) -> None:
+        """From now on the friction of each joint, both sides, is `factor` (n,) times its own."""
+        both = np.tile(factor, 2)
+        np.multiply(self.parameters.coulomb, both, out=self._coulomb)
+        np.multiply(self.parameters.viscous, both, out=self._viscous)
+        np.negative(self._coulomb, out=self._minus_coulomb)
+
     def place(self, q: Vector, phi: Vector | None = None) -> None:
         """Put the arm at rest at q (n,), with phi (n,) or in the middle of its gaps."""
         self._phi_q[self.n :] = q
@@ -181,8 +189,8 @@ class Plant:
         rubbing, velocity = self._rubbing, self._velocity
         np.multiply(velocity, self._per_width, out=rubbing)
         np.tanh(rubbing, out=rubbing)
-        np.multiply(rubbing, self.parameters.coulomb, out=rubbing)
-        np.multiply(velocity, self.parameters.viscous, out=scratch)
+        np.multiply(rubbing, self._coulomb, out=rubbing)
+        np.multiply(velocity, self._viscous, out=scratch)
         np.add(rubbing, scratch, out=rubbing)
 
     def _rub_with_stiction(self, scratch: Vector) -> None:
@@ -200,9 +208,9 @@ class Plant:
         np.divide(z, scratch, out=z)
         np.add(rubbing, z, out=rubbing)
         np.multiply(rubbing, self._bristle_damping, out=rubbing)
-        np.multiply(z, self.parameters.coulomb, out=scratch)
+        np.multiply(z, self._coulomb, out=scratch)
         np.add(rubbing, scratch, out=rubbing)
-        np.minimum(rubbing, self.parameters.coulomb, out=rubbing)
+        np.minimum(rubbing, self._coulomb, out=rubbing)
         np.maximum(rubbing, self._minus_coulomb, out=rubbing)
-        np.multiply(velocity, self.parameters.viscous, out=scratch)
+        np.multiply(velocity, self._viscous, out=scratch)
         np.add(rubbing, scratch, out=rubbing)

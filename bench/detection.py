@@ -1,0 +1,153 @@
+"""False alarms, smallest step, delay and error of every residual, over arms that are not the model.
+
+    python -m bench.detection [--minutes N] [--jobs N] [--seed N] [--friction smooth|dahl|both]
+                              [--motor-position measured|integrated] [--json]
+
+N simulated minutes per kind of friction without contact, as many with steps of torque on single
+joints in motion, and half as many with steps at rest; a new arm every minute: masses 5 %, centres
+of mass 5 mm, friction 20 % and drifting by 5 %, K_c 3 %, alpha and B 10 %, link encoder up to 1 ms
+late, drives that interpolate, filter and quantise. Simulated without a bus, with the samples that a
+bus would bring. Thresholds are those of the configuration, raised near rest by stiction; `quiet`
+thresholds are the lowest of each residual that raise no alarm in the contact-free minutes.
+"""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import click
+from rich.console import Console
+
+from bench.detection_report import joint_table, picture, table
+from bench.detection_score import Score, score
+from bench.figures import Target, print_report
+from bench.lockstep import ROMEO
+from bench.monte_carlo import Job, Kind, run, spread
+from bench.population import FRICTIONS, Friction
+from daemon.config.load import load_robot
+from daemon.config.schema import Configuration
+
+OUT: Final = Path(__file__).parent / "out"
+LENGTHS_S: Final[dict[Kind, float]] = {"free": 60.0, "moving": 60.0, "rest": 31.0}
+MotorPosition = Literal["measured", "integrated"]
+
+
+def jobs(
+    minutes: float, seed: int, frictions: Sequence[Friction], motor_position: MotorPosition
+) -> list[Job]:
+    """A new arm every minute; the same seeds for either friction."""
+    arms = max(1, round(minutes))
+    return [
+        Job(ROMEO, kind, friction, 1000 * seed + arm, seconds, motor_position)
+        for arm in range(arms)
+        for friction in frictions
+        for kind, seconds in LENGTHS_S.items()
+    ]
+
+
+def worth(deciding: Score, classical: Score, gaps: Sequence[int]) -> float:
+    """On the joints with a gap, how much smaller a step is felt in motion than by the classical
+    residual; the least of them. Where that did not even feel the largest step, the largest counts.
+    """
+    ratios = [
+        min(classical.smallest_moving_nm[i], classical.largest_moving_nm[i])
+        / deciding.smallest_moving_nm[i]
+        for i in gaps
+    ]
+    return min(ratios, default=math.nan)
+
+
+def targets(found: Mapping[Friction, dict[str, Score]], c: Configuration) -> list[Target]:
+    """Those of the project, for the residual that decides."""
+    deciding, limit = c.estimator.residual.name, 1000.0 * math.log(2.0) / c.estimator.gain
+    gaps = [i for i, joint in enumerate(c.joints) if joint.half_gap > 0.0]
+    rows = []
+    for friction, by_name in found.items():
+        best = by_name[deciding]
+        of = f"{deciding}, {friction}"
+        rows += [
+            Target(f"false alarms, {of}", best.alarms, 0, "", "lower"),
+            Target(
+                f"smallest step, classical over {of}",
+                worth(best, by_name["classical"], gaps),
+                4,
+                "x",
+                "higher",
+            ),
+            Target(
+                f"steps of twice the threshold missed, {of}", best.missed_moving, 0, "", "lower"
+            ),
+            Target(f"p50 delay beyond ln 2 / K, {of}", best.delay_ms[0] - limit, 15, "ms", "lower"),
+            Target(f"p95 delay beyond ln 2 / K, {of}", best.delay_ms[1] - limit, 50, "ms", "lower"),
+            Target(f"large steps at rest missed, {of}", best.missed_rest, 0, "", "lower"),
+        ]
+    return rows
+
+
+def plain(value: Any) -> Any:
+    """Fit for JSON: three decimals, None for what is no number."""
+    if isinstance(value, dict):
+        return {key: plain(v) for key, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if isinstance(value, float):
+        return round(value, 3) if math.isfinite(value) else None
+    return value
+
+
+@click.command(help=__doc__)
+@click.option("--minutes", default=10.0, show_default=True, help="Contact-free, per friction.")
+@click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
+@click.option("--seed", default=1, show_default=True)
+@click.option("--friction", default="both", type=click.Choice([*FRICTIONS, "both"]))
+@click.option("--motor-position", default="measured", type=click.Choice(["measured", "integrated"]))
+@click.option("--json", "as_json", is_flag=True)
+def main(
+    minutes: float,
+    processes: int,
+    seed: int,
+    friction: Friction | Literal["both"],
+    motor_position: MotorPosition,
+    as_json: bool,
+) -> None:
+    frictions = FRICTIONS if friction == "both" else (friction,)
+    c = load_robot(ROMEO).configuration
+    todo = jobs(minutes, seed, frictions, motor_position)
+    seeds = sorted({job.seed for job in todo})
+    results = list(spread(run, todo, processes, "arms"))
+    results.sort(key=lambda result: (result.job.seed, result.job.kind))
+    found = {
+        f: {
+            name: score([r for r in results if r.job.friction == f], name, c)
+            for name in results[0].names
+        }
+        for f in frictions
+    }
+    drawn = picture(found, c, OUT / f"detection-{motor_position}.png")
+    if not as_json:
+        filter_ms = 1000 * math.log(2) / c.estimator.gain
+        title = (
+            f"{len(seeds)} arms (seeds {seeds[0]} to {seeds[-1]}) of a minute without contact, "
+            f"theta {motor_position}, ln 2 / K = {filter_ms:.1f} ms"
+        )
+        console = Console()
+        for f, by_name in found.items():
+            console.print(table(f, by_name, title))
+            console.print(joint_table(f, by_name, c))
+        click.echo(f"picture: {drawn}")
+    data = {
+        "minutes": len(seeds),
+        "seeds": [seeds[0], seeds[-1]],
+        "motor_position": motor_position,
+        "ln2_over_K_ms": 1000 * math.log(2) / c.estimator.gain,
+        "joints": c.joint_names,
+        "scores": {f: {n: asdict(s) for n, s in by_name.items()} for f, by_name in found.items()},
+    }
+    print_report("detection", seed, targets(found, c), plain(data), as_json=as_json)
+
+
+if __name__ == "__main__":
+    main()

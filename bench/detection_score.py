@@ -1,0 +1,112 @@
+"""From the runs of many arms to the figures of one residual."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench import scores
+from bench.monte_carlo import Result
+from bench.scores import Felt, Trial
+from daemon.assembly import build_transmission
+from daemon.config.schema import Configuration
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """Of one residual under one friction; lists are per joint, None where nothing was tried."""
+
+    alarms: int
+    alarms_per_hour: float
+    quiet_nm: list[float]
+    """lowest thresholds without an alarm"""
+    smallest_moving_nm: list[float]
+    """from this step on all are felt at those thresholds; inf: not the largest tried"""
+    smallest_rest_nm: list[float]
+    largest_moving_nm: list[float]
+    """that was tried"""
+    missed_moving: int
+    """of the steps of twice the configured threshold"""
+    tried_moving: int
+    missed_rest: int
+    """of the steps beyond twice the threshold and the threshold plus half the static friction"""
+    tried_rest: int
+    delay_ms: tuple[float, float]
+    """p50 and p95 in motion, steps of twice the threshold, no gap to cross"""
+    delay_travel_ms: tuple[float, float]
+    """the same where link and rotor came apart"""
+    delay_rest_ms: tuple[float, float]
+    rms_nm: list[float]
+    """error in motion while engaged, against the filtered true torque"""
+
+
+def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
+    """Of the residual `name` over all results of one friction."""
+    contact = np.array([joint.thresholds.contact for joint in c.joints])
+    variant = results[0].names.index(name)
+    free = [r for r in results if r.job.kind == "free"]
+    moving = [t for r in results if r.job.kind == "moving" for t in r.trials]
+    resting = [t for r in results if r.job.kind == "rest" for t in r.trials]
+    quiet = np.max([r.quiet[variant] for r in free], axis=0)
+    count = sum(int(r.alarms[variant].sum()) for r in free)
+
+    usual = [t for t in moving if math.isclose(t.size, 2.0 * contact[t.joint])]
+    told = tell(usual, variant, contact)
+    beyond = np.maximum(2.0 * contact, contact + 0.5 * build_transmission(c).engaged_coulomb)
+    large = [t for t in resting if t.size >= beyond[t.joint] * (1.0 - 1e-9)]
+    told_resting = tell(large, variant, contact)
+    errors = reduce(add, [r.errors[variant] for r in results if r.job.kind == "moving"])
+    return Score(
+        alarms=count,
+        alarms_per_hour=scores.per_hour(count, sum(r.job.seconds for r in free)),
+        quiet_nm=quiet.tolist(),
+        smallest_moving_nm=smallest(moving, variant, quiet),
+        smallest_rest_nm=smallest(resting, variant, quiet),
+        largest_moving_nm=[
+            max((t.size for t in moving if t.joint == i), default=math.nan)
+            for i in range(len(c.joints))
+        ],
+        missed_moving=sum(f is None for f in told),
+        tried_moving=len(told),
+        missed_rest=sum(f is None for f in told_resting),
+        tried_rest=len(told_resting),
+        delay_ms=delays([f for f in told if f and not f.travelled]),
+        delay_travel_ms=delays([f for f in told if f and f.travelled]),
+        delay_rest_ms=delays([f for f in told_resting if f]),
+        rms_nm=errors.rms.tolist(),
+    )
+
+
+def tell(
+    trials: Sequence[Trial], variant: int, threshold: NDArray[np.float64]
+) -> list[Felt | None]:
+    """How each step was felt; without those in whose direction an alarm was on already."""
+    return [
+        scores.felt(t, variant, float(threshold[t.joint]))
+        for t in trials
+        if t.before[variant] <= threshold[t.joint] + t.raised[0]
+    ]
+
+
+def smallest(trials: Sequence[Trial], variant: int, threshold: NDArray[np.float64]) -> list[float]:
+    """Per joint, at these thresholds."""
+    by_joint: list[list[Trial]] = [[] for _ in threshold]
+    for t in trials:
+        by_joint[t.joint].append(t)
+    return [
+        scores.smallest_felt(
+            [t.size for t in mine],
+            [scores.felt(t, variant, float(threshold[t.joint])) is not None for t in mine],
+        )
+        for mine in by_joint
+    ]
+
+
+def delays(felt: Sequence[Felt]) -> tuple[float, float]:
+    """p50 and p95 [ms]."""
+    values = [1000.0 * f.delay_s for f in felt]
+    return scores.percentile(values, 50), scores.percentile(values, 95)

@@ -1,0 +1,67 @@
+"""What an estimator says of a recording, as arrays; the residuals that run side by side."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.contact_free import BESIDE
+from bench.harness import Recording
+from daemon.assembly import build_estimator
+from daemon.config.load import Robot
+from estimator.estimator import Estimator
+from estimator.residual import Variant
+
+Rows = NDArray[np.float64]
+"""(ticks, n)"""
+
+VARIANTS: Final = (Variant(), *BESIDE)
+"""Every residual that is compared, whichever of them the configuration lets decide."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimates:
+    """One row per SYNC, true `delay_s` before it."""
+
+    residuals: dict[str, Rows]
+    """by the name of the variant, the one that decides first [Nm]"""
+    threshold: Rows
+    """in force, with its raise near rest [Nm]"""
+    phi: Rows
+    sigma_phi: Rows
+    side: NDArray[np.int8]
+    delay_s: float
+
+
+def build(robot: Robot, **changes: object) -> Estimator:
+    """The estimator of the robot's configuration, with all VARIANTS side by side; `changes` go to
+    its EstimatorSettings."""
+    c = robot.configuration
+    beside = tuple(v for v in VARIANTS if v.name != c.estimator.residual.name)
+    settings = msgspec.structs.replace(c.estimator, **{"beside": beside, **changes})
+    return build_estimator(msgspec.structs.replace(c, estimator=settings), robot.urdf)
+
+
+def estimates(estimator: Estimator, recording: Recording) -> Estimates:
+    """Step through the recording; the estimator goes on from where it was."""
+    shape = recording.samples.shape[0], recording.samples.shape[2]
+    names = [variant.name for variant in estimator.residual.variants]
+    residuals = {name: np.empty(shape) for name in names}
+    threshold, phi, sigma_phi = np.empty((3, *shape))
+    side = np.empty(shape, dtype=np.int8)
+    for k, (current, link_position, motor_velocity, motor_position) in enumerate(recording.samples):
+        e = estimator.step(current, link_position, motor_velocity, motor_position)
+        residuals[names[0]][k] = e.residual
+        for name, r in e.beside.items():
+            residuals[name][k] = r
+        threshold[k], phi[k], sigma_phi[k], side[k] = e.threshold, e.phi, e.sigma_phi, e.side
+    return Estimates(
+        residuals=residuals,
+        threshold=threshold,
+        phi=phi,
+        sigma_phi=sigma_phi,
+        side=side,
+        delay_s=estimator.delay_s,
+    )

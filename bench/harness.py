@@ -1,0 +1,289 @@
+"""An arm without a bus: plant, servo and sensors stepped as `simulator.arm` does, SYNC by SYNC.
+
+    recording = record(subject, scenario)
+
+Setpoints pass through the counts of the drives and act from the next SYNC on, interpolated over the
+period; samples pass through the drives' counts and the codec's conversion. So the daemon would see
+the same samples on the bus, count for count. The loop on link position is the controller's, around
+sinusoids that may stand still for a while.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from daemon.commands.simulated_robot import describe, read_simulation
+from daemon.config.load import Robot
+from drivers.codec import MEASURED, SetpointEncoder, link_side
+from simulator.description import SimulationSettings
+from simulator.mismatch import true_parameters
+from simulator.plant import Plant
+from simulator.profile import PROFILE
+from simulator.sensors import Sensors
+from simulator.servo import SERVO_PERIOD_S, Servo
+
+Vector = NDArray[np.float64]
+Rows = NDArray[np.float64]
+"""Shape (ticks, n) or (milliseconds, n), SI at the link side."""
+
+CHUNK_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subject:
+    """A robot as its configuration believes it to be, and the arm that is really there."""
+
+    robot: Robot
+    settings: SimulationSettings
+    displacement_m: float = 0.0
+    """every centre of mass is off by this, each in a direction of its own"""
+    drift: float = 0.0
+    """friction of every joint swings by this share of itself ..."""
+    drift_period_s: float = 240.0
+    """... once in this time, each in a phase of its own"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """q_d = home + amplitude sin(omega s + phase), per joint (n,); s is the time spent moving."""
+
+    home: Vector
+    amplitude: Vector
+    omega: Vector
+    phase: Vector
+    go_s: float = np.inf
+    """moves for so long, ramps included ..."""
+    rest_s: float = 0.0
+    """... then stands for so long, and again"""
+    ramp_s: float = 2.0
+
+    def rate(self, t: float) -> float:
+        """ds / dt at time t [s]: 0 at rest, 1 in full motion."""
+        t %= self.go_s + self.rest_s
+        return float(np.clip(min(t, self.go_s - t) / self.ramp_s, 0.0, 1.0))
+
+    def at(self, s: float, rate: float) -> tuple[Vector, Vector]:
+        """q_d and its velocity, each (n,)."""
+        angle = self.omega * s + self.phase
+        return (
+            self.home + self.amplitude * np.sin(angle),
+            self.amplitude * (rate * self.omega * np.cos(angle)),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Push:
+    """A step of external torque (n,) [Nm] for a while; times in whole milliseconds of the run."""
+
+    onset_ms: int
+    duration_ms: int
+    torque: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """What happens to the arm from the moment it stands."""
+
+    seconds: float
+    motion: Motion
+    pushes: tuple[Push, ...] = ()
+    phi: Vector | None = None
+    """where the links are in their gaps when the drives are switched on [rad]; None: the middle"""
+    settling_s: float = 1.5
+    """from switching on until the arm stands and the recording begins"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Samples of every SYNC, and the truth after every millisecond before it."""
+
+    time_s: NDArray[np.float64]
+    """(ticks,), from the moment the arm stood"""
+    samples: NDArray[np.float64]
+    """(ticks, 4, n): current [A], link position, motor velocity, motor position, by the codec"""
+    phi: Rows
+    """(milliseconds, n) [rad]; the last of a period is that of its SYNC"""
+    gear_torque: Rows
+    """what the gear hands to the link [Nm]"""
+    external: Rows
+    """torque on the links in that millisecond [Nm]"""
+    half_gap: Vector
+    """true alpha (n,) [rad]"""
+
+    @property
+    def per_tick(self) -> int:
+        """Milliseconds of a period."""
+        return len(self.phi) // len(self.time_s)
+
+    @property
+    def apart(self) -> NDArray[np.bool_]:
+        """Milliseconds after which link and rotor do not touch."""
+        return np.asarray(np.abs(self.phi) < self.half_gap)
+
+    def at(self, delay_s: float, truth: NDArray[Any]) -> NDArray[Any]:
+        """(ticks, n): rows of `truth` from `delay_s` before each SYNC."""
+        return truth[self._instants(delay_s)]
+
+    def mean(self, delay_s: float, truth: NDArray[Any]) -> Rows:
+        """(ticks, n): mean of `truth` over the period that ends `delay_s` before each SYNC."""
+        total = np.concatenate((np.zeros((1, truth.shape[1])), np.cumsum(truth, axis=0)))
+        end = self._instants(delay_s) + 1
+        begin = np.maximum(end - self.per_tick, 0)
+        mean: Rows = (total[end] - total[begin]) / (end - begin)[:, np.newaxis]
+        return mean
+
+    def _instants(self, delay_s: float) -> NDArray[np.int64]:
+        late = round(delay_s / SERVO_PERIOD_S)
+        return np.arange(self.per_tick - 1, len(self.phi), self.per_tick) - late
+
+
+class Harness:
+    """The arm in time: `period` moves it on, `sample` reads it, `follow` commands it."""
+
+    def __init__(self, subject: Subject) -> None:
+        robot, settings = subject.robot, subject.settings
+        c = robot.configuration
+        description = describe(robot, read_simulation(robot))
+        self.period_s = c.period_s
+        self.parameters = true_parameters(description, settings)
+        _displace(self.parameters.model, subject.displacement_m, settings.seed)
+        self.plant = Plant(
+            self.parameters,
+            settings.step_s,
+            settings.friction,
+            settings.friction_width,
+            settings.presliding,
+        )
+        self.servo = Servo(description, self.parameters.usual_link)
+        self.sensors = Sensors(description, settings, self.plant.q)
+        wirings = [(c.drives[joint.wiring.profile], joint.wiring) for joint in c.joints]
+        affine = np.array([[link_side(p, w, entry) for p, w in wirings] for entry in MEASURED])
+        self._gain, self._bias = affine[..., 0], affine[..., 1]
+        joints = [(joint.name, joint.wiring) for joint in c.joints]
+        self._encoder = SetpointEncoder(joints, c.drives)
+        gears = np.array([joint.gear for joint in description.joints])
+        self._velocity_unit = PROFILE.velocity_unit / gears
+        self._steps = round(SERVO_PERIOD_S / settings.step_s)
+        self.per_tick = round(self.period_s / SERVO_PERIOD_S)
+        n = self.plant.n
+        self.phi, self.gear_torque = np.zeros((2, self.per_tick, n))
+        """After each millisecond of the last period."""
+        self.sample()  # as drives do when they are switched on
+
+    def energise(self) -> None:
+        """All drives on."""
+        for joint, velocity in enumerate(self.plant.theta_dot.tolist()):
+            self.servo.energise(joint, velocity)
+
+    def sample(self) -> Rows:
+        """Rows of MEASURED, (4, n)."""
+        plant = self.plant
+        r = self.sensors.read(plant.q, plant.theta, plant.theta_dot)
+        counts = np.array((r.current, r.link_position, r.motor_velocity, r.motor_position))
+        values: Rows = counts * self._gain + self._bias
+        return values
+
+    def follow(self, velocity: Vector) -> None:
+        """Head for the setpoint (n,) [rad/s] over the next period."""
+        for joint, counts in enumerate(self._encoder.encode(velocity)):
+            self.servo.follow(joint, counts * self._velocity_unit[joint], self.period_s)
+
+    def period(self, external: Rows) -> None:
+        """One period; external: torque on the links (per_tick, n) in each of its milliseconds."""
+        plant, servo = self.plant, self.servo
+        for i in range(self.per_tick):
+            plant.external_torque[:] = external[i]
+            servo.update(plant.theta_dot)
+            np.multiply(self.parameters.torque_constant, servo.current, out=plant.motor_torque)
+            self.sensors.update(plant.q, servo.current)
+            plant.advance(self._steps)
+            self.phi[i] = plant.phi
+            self.gear_torque[i] = plant.gear_torque
+
+
+def _displace(model: pin.Model, distance_m: float, seed: int) -> None:
+    """Move every centre of mass by `distance_m`."""
+    rng = np.random.default_rng((seed, 2))
+    for i in range(1, model.njoints):
+        body, away = model.inertias[i], rng.normal(size=3)
+        lever = body.lever + distance_m * away / np.linalg.norm(away)
+        model.inertias[i] = pin.Inertia(body.mass, lever, body.inertia)
+
+
+def record(subject: Subject, scenario: Scenario) -> Recording:
+    """The whole scenario at once."""
+    (recording,) = recordings(subject, scenario, scenario.seconds)
+    return recording
+
+
+def recordings(
+    subject: Subject, scenario: Scenario, chunk_s: float = CHUNK_S
+) -> Iterator[Recording]:
+    """Switch the arm on, let it settle, then the scenario, in pieces of at most `chunk_s`."""
+    harness = Harness(subject)
+    gain = subject.robot.configuration.control.position_gain
+    period_s, per_tick, n = harness.period_s, harness.per_tick, harness.plant.n
+    motion, drift = scenario.motion, _Drift(subject, n)
+    still = np.zeros((per_tick, n))
+    harness.plant.scale_friction(drift.at(0.0))
+    start, velocity = motion.at(0.0, 0.0)
+    harness.plant.place(start, scenario.phi)
+    harness.energise()
+    for _ in range(round(scenario.settling_s / period_s)):
+        harness.period(still)
+        q = harness.sample()[1]
+        harness.follow(velocity)
+        velocity = gain * (start - q)
+
+    s, ticks = 0.0, round(scenario.seconds / period_s)
+    for first in range(0, ticks, round(chunk_s / period_s)):
+        chunk = range(first, min(first + round(chunk_s / period_s), ticks))
+        external = _external(scenario.pushes, chunk.start * per_tick, len(chunk) * per_tick, n)
+        samples = np.empty((len(chunk), 4, n))
+        phi, gear_torque = np.empty((2, len(chunk), per_tick, n))
+        for row, tick in enumerate(chunk):
+            t = tick * period_s
+            if tick % 100 == 0:
+                harness.plant.scale_friction(drift.at(t))
+            harness.period(external[row * per_tick : (row + 1) * per_tick])
+            samples[row] = harness.sample()
+            phi[row], gear_torque[row] = harness.phi, harness.gear_torque
+            harness.follow(velocity)
+            rate = motion.rate(t)
+            s += rate * period_s
+            q_d, qd_d = motion.at(s, rate)
+            velocity = qd_d + gain * (q_d - samples[row, 1])
+        yield Recording(
+            time_s=period_s * (1 + np.array(chunk)),
+            samples=samples,
+            phi=phi.reshape(-1, n),
+            gear_torque=gear_torque.reshape(-1, n),
+            external=external,
+            half_gap=harness.parameters.half_gap,
+        )
+
+
+def _external(pushes: tuple[Push, ...], begin_ms: int, length_ms: int, n: int) -> Rows:
+    """Torque in each millisecond from `begin_ms` on; pushes add up."""
+    external = np.zeros((length_ms, n))
+    for push in pushes:
+        onset = push.onset_ms - begin_ms
+        external[max(onset, 0) : max(onset + push.duration_ms, 0)] += push.torque
+    return external
+
+
+class _Drift:
+    """Factor on the friction of each joint, slowly swinging."""
+
+    def __init__(self, subject: Subject, n: int) -> None:
+        self._omega = 2.0 * np.pi / subject.drift_period_s
+        self._share = subject.drift
+        self._phase = np.random.default_rng((subject.settings.seed, 3)).uniform(0, 2 * np.pi, n)
+
+    def at(self, t: float) -> Vector:
+        factor: Vector = 1.0 + self._share * np.sin(self._omega * t + self._phase)
+        return factor

@@ -1,0 +1,144 @@
+"""One arm of the population goes through one kind of run; many of them, on several processors.
+
+free     contact-free motion of all joints, with stops        -> alarms, lowest thresholds
+moving   steps of torque on single joints, in motion          -> trials, errors
+rest     the same while the arm stands after a motion         -> trials
+"""
+
+import multiprocessing
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from bench import population, scores
+from bench.estimates import Estimates, build, estimates
+from bench.harness import Recording, Scenario, record
+from bench.population import STEP_MS, Friction, Step
+from bench.scores import Errors, Trial
+from daemon.assembly import build_transmission
+from daemon.config.load import load_robot
+from daemon.config.schema import Configuration
+
+Kind = Literal["free", "moving", "rest"]
+GRACE_S = 1.0
+"""Alarms count from here on: an arm that was just switched on is not armed yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One run of one arm."""
+
+    robot: Path
+    kind: Kind
+    friction: Friction
+    seed: int
+    seconds: float
+    motor_position: Literal["measured", "integrated"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """What a run came to; arrays are (variants, n)."""
+
+    job: Job
+    names: tuple[str, ...]
+    alarms: NDArray[np.int64]
+    """at the thresholds of the configuration, raised near rest"""
+    quiet: NDArray[np.float64]
+    """lowest thresholds without an alarm [Nm]"""
+    errors: tuple[Errors, ...]
+    """by variant: against the filtered truth while link and rotor touch"""
+    trials: tuple[Trial, ...]
+
+
+def run(job: Job) -> Result:
+    """Simulate, estimate, judge."""
+    robot = load_robot(job.robot)
+    c = robot.configuration
+    scenario, drawn = _scenario(job, c)
+    recording = record(population.subject(robot, job.friction, job.seed), scenario)
+    found = estimates(build(robot, motor_position=job.motor_position), recording)
+    raised = found.threshold - np.array([joint.thresholds.contact for joint in c.joints])
+    armed = recording.time_s > GRACE_S
+    external = recording.mean(found.delay_s, recording.external)
+    truth = scores.filtered(external, c.estimator.gain, c.period_s)
+    touching = recording.mean(found.delay_s, recording.apart) == 0.0
+    residuals = found.residuals.values()
+    return Result(
+        job=job,
+        names=tuple(found.residuals),
+        alarms=np.array([scores.alarms(r[armed], found.threshold[armed]) for r in residuals]),
+        quiet=np.array([scores.quiet_threshold(r[armed], raised[armed]) for r in residuals]),
+        errors=tuple(Errors.of(r - truth, touching & armed[:, np.newaxis]) for r in residuals),
+        trials=tuple(_trial(step, recording, found, raised) for step in drawn),
+    )
+
+
+def _scenario(job: Job, c: Configuration) -> tuple[Scenario, list[Step]]:
+    seed, seconds = job.seed, job.seconds
+    contact = np.array([joint.thresholds.contact for joint in c.joints])
+    match job.kind:
+        case "free":
+            path = population.motion(c, seed, go_s=20.0, rest_s=3.0)
+            return Scenario(seconds=seconds, motion=path), []
+        case "moving":
+            path, usual = population.motion(c, seed, held=0.0), 2.0 * contact
+            onsets = population.onsets_in_motion(seconds, seed)
+        case "rest":
+            go_s, rest_s = population.GO_S, population.REST_S
+            path = population.motion(c, seed, go_s=go_s, rest_s=rest_s)
+            stuck = build_transmission(c).engaged_coulomb
+            usual = np.maximum(2.0 * contact, contact + 0.5 * stuck)
+            onsets = population.onsets_at_rest(seconds, seed)
+    drawn = population.steps(c, seed, onsets, usual)
+    return population.pushed(seconds, path, drawn), drawn
+
+
+def _trial(step: Step, recording: Recording, found: Estimates, raised: NDArray[Any]) -> Trial:
+    """Cut the step out of the run."""
+    per_tick, i = recording.per_tick, step.joint
+    # SYNC k comes after per_tick * (k + 1) milliseconds.
+    first = step.onset_ms // per_tick
+    ticks = slice(first, first + STEP_MS // per_tick)
+    sign = np.sign(step.torque)
+    residuals = sign * np.array([r[:, i] for r in found.residuals.values()])
+    begin = per_tick * (1 + np.arange(ticks.start, ticks.stop))
+    apart = np.cumsum(recording.apart[step.onset_ms : per_tick * ticks.stop, i])
+    return Trial(
+        joint=i,
+        size=abs(step.torque),
+        delay_s=np.asarray(1e-3 * (begin - step.onset_ms), dtype=np.float64),
+        residuals=residuals[:, ticks],
+        before=residuals[:, first - 1],
+        raised=raised[ticks, i],
+        travelled=apart[begin - step.onset_ms - 1] > 0,
+    )
+
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+def spread(work: Callable[[T], R], jobs: Iterable[T], processes: int, title: str) -> Iterator[R]:
+    """work(job) for every job, as they are done, behind a progress bar on standard error."""
+    todo = list(jobs)
+    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=len(todo))
+        if processes == 1:
+            for job in todo:
+                yield work(job)
+                bar.advance(task)
+            return
+        spawn = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(processes, mp_context=spawn) as pool:
+            for done in as_completed([pool.submit(work, job) for job in todo]):
+                yield done.result()
+                bar.advance(task)

@@ -1,0 +1,144 @@
+"""Arms that are not the model's, and what happens to them: drawn from a seed, and repeatable.
+
+Every quantity is off by its whole percentage and only the sign is drawn, so each arm is a corner of
+what is allowed, not its middle.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.harness import Motion, Push, Scenario, Subject
+from daemon.config.load import Robot
+from daemon.config.schema import Configuration
+from simulator.description import Mismatch, SimulationSettings
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+Friction = Literal["smooth", "dahl"]
+FRICTIONS: Final[tuple[Friction, ...]] = ("smooth", "dahl")
+
+MISMATCH: Final = Mismatch(
+    mass=5, center_of_mass=0, friction=20, torque_constant=3, half_gap=10, rotor_inertia=10
+)
+DISPLACEMENT_M: Final = 0.005
+LATENCY_MS: Final = 1.0
+"""at most, of the link encoder; the model does not know"""
+DRIFT: Final = 0.05
+"""of friction, on top of its mismatch"""
+
+STEP_MS: Final = 500
+CLEARANCE: Final = 0.1
+"""[rad] between the motion and the joint limits"""
+
+
+def subject(robot: Robot, friction: Friction, seed: int, **changes: float) -> Subject:
+    """One arm of the population; `changes` go to its SimulationSettings."""
+    rng = np.random.default_rng((seed, 10))
+    values = {"link_latency_ms": float(rng.uniform(0.0, LATENCY_MS)), **changes}
+    settings = SimulationSettings(seed=seed, mismatch=MISMATCH, friction=friction, **values)
+    return Subject(robot=robot, settings=settings, displacement_m=DISPLACEMENT_M, drift=DRIFT)
+
+
+def motion(
+    configuration: Configuration,
+    seed: int,
+    *,
+    go_s: float = np.inf,
+    rest_s: float = 0.0,
+    slow: float = 1.0,
+    held: float = 0.15,
+) -> Motion:
+    """Sinusoids around a pose of its own, within joint limits and velocities.
+
+    slow: factor on the frequencies; held: share of the joints that stand still.
+    """
+    rng = np.random.default_rng((seed, 11))
+    joints = configuration.joints
+    n = len(joints)
+    lower = np.array([joint.limits.lower for joint in joints]) + CLEARANCE
+    upper = np.array([joint.limits.upper for joint in joints]) - CLEARANCE
+    fastest = np.array([joint.limits.velocity for joint in joints])
+    omega = 2.0 * np.pi * rng.uniform(0.08, 0.4, n)
+    room = np.minimum(0.4 * (upper - lower), 0.6 * fastest / omega)
+    amplitude = np.minimum(room, 0.5) * rng.uniform(0.4, 1.0, n)
+    amplitude[rng.random(n) < held] = 0.0
+    return Motion(
+        home=rng.uniform(lower + amplitude, upper - amplitude),
+        amplitude=amplitude,
+        omega=slow * omega,
+        phase=rng.uniform(0.0, 2.0 * np.pi, n),
+        go_s=go_s,
+        rest_s=rest_s,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One joint alone is pushed by `torque` [Nm] for STEP_MS."""
+
+    joint: int
+    torque: float
+    onset_ms: int
+
+
+def sizes(configuration: Configuration) -> Matrix:
+    """Smallest, middle and largest step to try on each joint [Nm], shape (3, n): a tenth, twice
+    and eight times its threshold, but no more than its drive can hold."""
+    joints = configuration.joints
+    contact = np.array([joint.thresholds.contact for joint in joints])
+    strength = np.array([joint.torque_constant * joint.wiring.max_current_A for joint in joints])
+    return np.array([0.1 * contact, 2.0 * contact, np.minimum(8.0 * contact, 0.8 * strength)])
+
+
+def steps(
+    configuration: Configuration, seed: int, onsets_ms: list[int], usual: Vector
+) -> list[Step]:
+    """A step at each onset, over the joints in turn: one third has its joint's `usual` size (n,)
+    [Nm], one third any smaller, one third any larger size of `sizes`."""
+    rng = np.random.default_rng((seed, 12))
+    smallest, middle, largest = sizes(configuration)
+    n = len(configuration.joints)
+    order = np.concatenate([rng.permutation(n) for _ in range(len(onsets_ms) // n + 1)])
+    drawn = []
+    for joint, onset_ms in zip(order.tolist(), onsets_ms, strict=False):
+        u = rng.random()
+        size = (
+            usual[joint],
+            smallest[joint] * (middle[joint] / smallest[joint]) ** u,
+            middle[joint] * (largest[joint] / middle[joint]) ** u,
+        )[rng.integers(3)]
+        drawn.append(Step(joint, float(size * rng.choice((-1.0, 1.0))), onset_ms))
+    return drawn
+
+
+def pushed(seconds: float, path: Motion, drawn: list[Step]) -> Scenario:
+    """The motion, with the steps as external torque."""
+    n = len(path.home)
+    pushes = tuple(
+        Push(step.onset_ms, STEP_MS, step.torque * np.eye(n)[step.joint]) for step in drawn
+    )
+    return Scenario(seconds=seconds, motion=path, pushes=pushes)
+
+
+def onsets_in_motion(seconds: float, seed: int) -> list[int]:
+    """[ms]: one every one and a half seconds or so, anywhere between two SYNCs."""
+    rng = np.random.default_rng((seed, 13))
+    return [int(1000 * t + rng.integers(200)) for t in np.arange(3.0, seconds - 1.0, 1.5)]
+
+
+GO_S, REST_S = 5.0, 8.0
+"""at rest: moves before, so that friction is where a motion leaves it"""
+
+
+def onsets_at_rest(seconds: float, seed: int) -> list[int]:
+    """[ms]: three in every rest of GO_S and REST_S."""
+    rng = np.random.default_rng((seed, 14))
+    begins = np.arange(GO_S, seconds - REST_S + 1e-9, GO_S + REST_S)
+    return [
+        int(1000 * (begin + after) + rng.integers(300))
+        for begin in begins
+        for after in (1, 3.3, 5.6)
+    ]

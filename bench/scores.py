@@ -1,0 +1,121 @@
+"""What residuals are worth: alarms, thresholds, delays, smallest steps. Pure.
+
+A residual alarms where |r| exceeds its threshold plus the raise near rest that stiction asks for.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Rows = NDArray[np.float64]
+"""(ticks, n)"""
+
+
+def alarms(residual: Rows, threshold: Rows | Vector) -> NDArray[np.int64]:
+    """How often each joint goes beyond its threshold, (n,): stretches, not ticks."""
+    beyond = np.abs(residual) > threshold
+    begins = beyond & ~np.vstack((np.zeros_like(beyond[:1]), beyond[:-1]))
+    return np.asarray(np.count_nonzero(begins, axis=0))
+
+
+def quiet_threshold(residual: Rows, raised: Rows) -> Vector:
+    """The lowest threshold (n,) that, with its raise, is never exceeded [Nm]."""
+    lowest: Vector = np.maximum(np.max(np.abs(residual) - raised, axis=0), 0.0)
+    return lowest
+
+
+def filtered(external: Rows, gain: float, period_s: float) -> Rows:
+    """What a perfect residual of this gain shows, (3): r_dot = K (tau_ext - r), from r = 0.
+
+    external: mean over each period.
+    """
+    TK = gain * period_s
+    shown, r = np.empty_like(external), np.zeros(external.shape[1])
+    for k, torque in enumerate(external):
+        r = ((2.0 - TK) * r + 2.0 * TK * torque) / (2.0 + TK)
+        shown[k] = r
+    return shown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """What the residuals of the pushed joint said during a step. Torques count along the push."""
+
+    joint: int
+    size: float
+    """of the step [Nm], > 0"""
+    delay_s: NDArray[np.float64]
+    """(ticks,) of each SYNC after the onset in the plant"""
+    residuals: NDArray[np.float64]
+    """(variants, ticks)"""
+    before: NDArray[np.float64]
+    """(variants,), at the last SYNC before the onset"""
+    raised: NDArray[np.float64]
+    """(ticks,), of the threshold near rest"""
+    travelled: NDArray[np.bool_]
+    """(ticks,): link and rotor were apart at some time since the onset"""
+
+
+@dataclass(frozen=True, slots=True)
+class Felt:
+    """When a step was felt, and whether the gap was crossed until then."""
+
+    delay_s: float
+    travelled: bool
+
+
+def felt(trial: Trial, variant: int, threshold: float) -> Felt | None:
+    """The first SYNC at which the residual goes beyond the threshold in the push's direction."""
+    beyond = np.flatnonzero(trial.residuals[variant] > threshold + trial.raised)
+    if not beyond.size:
+        return None
+    first = int(beyond[0])
+    return Felt(float(trial.delay_s[first]), bool(trial.travelled[first]))
+
+
+def smallest_felt(sizes: Sequence[float], was_felt: Sequence[bool]) -> float:
+    """The smallest step [Nm] from which on every tried step was felt; inf if the largest was not,
+    nan without a trial."""
+    smallest = np.nan
+    for size, so in sorted(zip(sizes, was_felt, strict=True), reverse=True):
+        if not so:
+            return smallest if np.isfinite(smallest) else np.inf
+        smallest = size
+    return smallest
+
+
+@dataclass(slots=True)
+class Errors:
+    """Sum of squares over chosen samples, to be added up over runs."""
+
+    squares: Vector
+    count: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, error: Rows, chosen: NDArray[np.bool_]) -> "Errors":
+        """Of (ticks, n) where `chosen`."""
+        return cls(
+            np.asarray(np.sum(np.square(error), axis=0, where=chosen)),
+            np.asarray(np.count_nonzero(chosen, axis=0)),
+        )
+
+    def __add__(self, other: "Errors") -> "Errors":
+        return Errors(self.squares + other.squares, self.count + other.count)
+
+    @property
+    def rms(self) -> Vector:
+        """(n,); 0 where nothing was chosen."""
+        mean: Vector = np.sqrt(self.squares / np.maximum(self.count, 1))
+        return mean
+
+
+def per_hour(count: float, seconds: float) -> float:
+    return 3600.0 * count / seconds
+
+
+def percentile(values: Sequence[float], share: float) -> float:
+    """nan without values."""
+    return float(np.percentile(values, share)) if len(values) else float("nan")

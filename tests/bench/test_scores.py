@@ -1,0 +1,96 @@
+"""The statistics of the detection bench, by tables."""
+
+import math
+
+import numpy as np
+import pytest
+
+from bench import scores
+from bench.scores import Errors, Felt, Trial
+
+
+@pytest.mark.parametrize(
+    ("residual", "count"),
+    [
+        ([0, 0, 0], 0),
+        ([1, 1, 1], 0),  # at the threshold is not beyond
+        ([2, 2, 2], 1),
+        ([2, 0, -2], 2),
+        ([0, 2, -2, 0, 3], 2),  # straight to the other side is one stretch
+    ],
+)
+def test_an_alarm_is_a_stretch_beyond_the_threshold(residual: list[float], count: int) -> None:
+    columns = np.array([residual, np.zeros(len(residual))], dtype=float).T
+    assert scores.alarms(columns, np.ones(2)).tolist() == [count, 0]
+
+
+def test_the_quiet_threshold_raises_no_alarm_and_no_lower_one_is_quiet() -> None:
+    rng = np.random.default_rng(1)
+    residual, raised = rng.normal(size=(500, 3)), rng.uniform(0, 0.5, (500, 3))
+    quiet = scores.quiet_threshold(residual, raised)
+    assert not scores.alarms(residual, quiet + raised + 1e-12).any()
+    assert (scores.alarms(residual, 0.999 * quiet + raised) > 0).all()
+    assert scores.quiet_threshold(residual, raised + 10.0).tolist() == [0, 0, 0]
+
+
+def test_a_perfect_residual_is_half_there_after_ln_2_over_K() -> None:
+    shown = scores.filtered(np.ones((2000, 1)), 25.0, 0.001)[:, 0]
+    assert 1e-3 * np.argmax(shown > 0.5) == pytest.approx(math.log(2) / 25.0, abs=1e-3)
+    assert shown[-1] == pytest.approx(1.0)
+
+
+def trial(residual: list[float], raised: float = 0.0, travelled_from: int = 9) -> Trial:
+    ticks = np.arange(len(residual))
+    return Trial(
+        joint=0,
+        size=1.0,
+        delay_s=0.004 + 0.01 * ticks,
+        residuals=np.array([residual], dtype=float),
+        before=np.zeros(1),
+        raised=np.full(len(residual), raised),
+        travelled=ticks >= travelled_from,
+    )
+
+
+@pytest.mark.parametrize(
+    ("tried", "expected"),
+    [
+        (trial([0.0, 0.4, 0.6, 0.9]), Felt(0.024, False)),
+        (trial([0.0, 0.4, 0.6, 0.9], travelled_from=1), Felt(0.024, True)),
+        (trial([0.0, 0.4, 0.6, 0.9], travelled_from=3), Felt(0.024, False)),
+        (trial([0.0, 0.4, 0.6, 0.9], raised=0.3), Felt(0.034, False)),
+        (trial([0.0, -0.9, -0.9, 0.5]), None),
+        (trial([0.9, 0.0, 0.0, 0.0]), Felt(0.004, False)),
+    ],
+)
+def test_a_step_is_felt_where_the_residual_first_exceeds(tried: Trial, expected: object) -> None:
+    found = scores.felt(tried, 0, 0.5)
+    assert (found is None) == (expected is None)
+    if found is not None and isinstance(expected, Felt):
+        assert found.delay_s == pytest.approx(expected.delay_s)
+        assert found.travelled is expected.travelled
+
+
+@pytest.mark.parametrize(
+    ("sizes", "was_felt", "smallest"),
+    [
+        ([1, 2, 3], [True, True, True], 1),
+        ([3, 1, 2], [True, False, True], 2),
+        ([1, 2, 3], [True, False, True], 3),
+        ([1, 2, 3], [True, True, False], math.inf),
+        ([], [], math.nan),
+    ],
+)
+def test_smallest_step_from_which_on_all_are_felt(
+    sizes: list[float], was_felt: list[bool], smallest: float
+) -> None:
+    assert scores.smallest_felt(sizes, was_felt) == pytest.approx(smallest, nan_ok=True)
+
+
+def test_errors_add_up_over_runs() -> None:
+    error = np.array([[3.0, 1.0], [4.0, 5.0], [0.0, 7.0]])
+    chosen = np.array([[True, False], [True, False], [False, False]])
+    whole = Errors.of(error, chosen)
+    assert whole.rms == pytest.approx([math.sqrt(12.5), 0.0])
+    halves = Errors.of(error[:1], chosen[:1]) + Errors.of(error[1:], chosen[1:])
+    assert halves.rms == pytest.approx(whole.rms)
