@@ -22,7 +22,7 @@ def table(friction: str, by_name: dict[str, Score], title: str) -> Table:
     """One row per residual; delays as p50 / p95."""
     shown = Table(title=f"{friction} friction: {title}", title_justify="left", box=SIMPLE_HEAD)
     shown.add_column("residual", no_wrap=True)
-    for heading in ("alarms\nper h", "delay\n[ms]", "through\ngap", "at\nrest"):
+    for heading in ("alarms\nper h", "delay\nms", "through\ngap", "at\nrest"):
         shown.add_column(heading, justify="right", no_wrap=True)
     for heading in ("missed\nmoving", "missed\nat rest"):
         shown.add_column(heading, justify="right", no_wrap=True)

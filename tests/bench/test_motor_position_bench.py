@@ -1,0 +1,99 @@
+"""What the bench of the motor position counts, on stretches made by hand, and one short run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.estimates import Estimates
+from bench.harness import Recording
+from bench.lockstep import ROMEO
+from bench.motor_position import Job, Tally, ratio, recall, rows_of, run, tally, trend
+from daemon.config.load import load_robot
+from estimator.motor_position import Side
+
+CONTACT = np.array([1.0])
+
+
+def stretch(phi: list[float], gear: list[float]) -> Recording:
+    """One joint, one millisecond per tick, half-gap 0.02 rad."""
+    n = len(phi)
+    return Recording(
+        time_s=0.001 * np.arange(1, n + 1),
+        samples=np.zeros((n, 4, 1)),
+        phi=np.array(phi)[:, np.newaxis],
+        gear_torque=np.array(gear)[:, np.newaxis],
+        external=np.zeros((n, 1)),
+        half_gap=np.array([0.02]),
+    )
+
+
+def said(side: list[Side], phi: list[float], residual: float = 0.1) -> Estimates:
+    n = len(side)
+    return Estimates(
+        residuals={"backlash": np.linspace(0.0, -residual, n)[:, np.newaxis]},
+        threshold=np.ones((n, 1)),
+        phi=np.array(phi)[:, np.newaxis],
+        sigma_phi=np.full((n, 1), 0.001),
+        side=np.array(side, dtype=np.int8)[:, np.newaxis],
+        delay_s=0.0,
+    )
+
+
+@pytest.fixture
+def counted() -> Tally:
+    """In the gap three times, recognised twice; called gap under load once."""
+    truth = stretch([0.0, 0.01, -0.01, 0.02, -0.021], [0.0, 0.0, 0.0, -0.4, 0.6])
+    sides = [Side.GAP, Side.GAP, Side.UNKNOWN, Side.GAP, Side.GAP]
+    estimate = said(sides, [0.0, 0.014, -0.01, 0.02, -0.019], residual=0.5)
+    return tally(truth, estimate, said(sides, [0.0] * 5, residual=0.4), CONTACT)
+
+
+def test_samples_are_counted_for_what_they_are(counted: Tally) -> None:
+    expected = {
+        "samples": 5, "in_gap": 3, "recognised": 2, "called_gap": 4, "false_gap": 1,
+        "unknown": 1, "overconfident": 1, "largest_integrated": 0.5, "largest_exact": 0.4,
+    }  # fmt: skip
+    assert {name: getattr(counted, name)[0] for name in expected} == expected
+
+
+def test_tallies_add_up(counted: Tally) -> None:
+    worse = replace(counted, largest_integrated=np.array([0.7]))
+    both = counted + worse
+    assert both.samples[0] == 10
+    assert both.false_gap[0] == 2
+    assert both.largest_integrated[0] == 0.7
+    assert both.largest_exact[0] == 0.4
+    assert len(both.errors) == 2 * len(counted.errors)
+
+
+@pytest.mark.parametrize(
+    ("largest", "expected"), [(0.5, 1.25), (0.31, 0.775), (0.3, 1.0), (0.01, 1.0)]
+)
+def test_a_residual_small_against_its_threshold_is_good_enough(
+    counted: Tally, largest: float, expected: float
+) -> None:
+    changed = replace(counted, largest_integrated=np.array([largest]))
+    assert ratio(changed, CONTACT)[0] == pytest.approx(expected)
+
+
+def test_only_wide_gaps_must_be_recognised(counted: Tally) -> None:
+    assert recall(counted, np.array([0.010])) == pytest.approx(2 / 3)
+    assert recall(counted, np.array([0.009])) == 0.0
+
+
+def test_trend_is_the_slope_of_the_errors() -> None:
+    time_s = 0.1 * np.arange(50)
+    errors = np.stack([0.003 - 0.001 * time_s, np.zeros(50)], axis=1)
+    assert trend(errors, 0.01) == pytest.approx([-0.001, 0.0], abs=1e-12)
+
+
+def test_a_short_run_counts_every_sample() -> None:
+    c = load_robot(ROMEO).configuration
+    friction, found = run(Job(ROMEO, "smooth", 8, 4.0))
+    assert friction == "smooth"
+    assert found.samples.tolist() == [400] * 7
+    assert (found.in_gap >= found.recognised).all()
+    assert found.in_gap[[4, 5]].tolist() == [0, 0]  # joints without a gap
+    assert (found.largest_exact > 0.0).all()
+    assert set(rows_of(found, c)["phi off, p50 [mrad]"]) != {0.0}
