@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bench.contact_free import BESIDE
 from bench.harness import Recording
+from bench.rivals import KALMAN, KalmanObserver, fair_index
 from daemon.assembly import build_estimator
 from daemon.config.load import Robot
 from estimator.estimator import Estimator
@@ -26,13 +27,17 @@ class Estimates:
     """One row per SYNC, true `delay_s` before it."""
 
     residuals: dict[str, Rows]
-    """by the name of the variant, the one that decides first [Nm]"""
+    """by the name of the variant, the one that decides first, the Kalman rival last [Nm]"""
     threshold: Rows
     """in force, with its raise near rest [Nm]"""
     phi: Rows
     sigma_phi: Rows
     side: NDArray[np.int8]
     delay_s: float
+
+
+KALMAN_BELIEF: Final = "classical+friction+rotor"
+"""What the Kalman observer believes of the joint too: only the filter differs."""
 
 
 def build(robot: Robot, **changes: object) -> Estimator:
@@ -57,6 +62,9 @@ def estimates(estimator: Estimator, recording: Recording) -> Estimates:
         for name, r in e.beside.items():
             residuals[name][k] = r
         threshold[k], phi[k], sigma_phi[k], side[k] = e.threshold, e.phi, e.sigma_phi, e.side
+    if KALMAN_BELIEF in residuals:
+        belief, K = residuals[KALMAN_BELIEF], estimator.settings.gain
+        residuals[KALMAN] = kalman(belief, K, estimator.period_s)
     return Estimates(
         residuals=residuals,
         threshold=threshold,
@@ -65,3 +73,15 @@ def estimates(estimator: Estimator, recording: Recording) -> Estimates:
         side=side,
         delay_s=estimator.delay_s,
     )
+
+
+def kalman(residual: Rows, K: float, period_s: float) -> Rows:
+    """The Kalman rival's torque [Nm], from the residual of KALMAN_BELIEF (ticks, n) from r = 0 on.
+
+    What each interval won beyond belief is (13) read backwards: 2 K e = (2 + T K) r - (2 - T K) r'.
+    """
+    TK = K * period_s
+    before = np.vstack((np.zeros_like(residual[:1]), residual[:-1]))
+    unexplained = ((2.0 + TK) * residual - (2.0 - TK) * before) / (2.0 * K)
+    observer = KalmanObserver(residual.shape[1], fair_index(TK), period_s)
+    return np.array([observer.step(e, period_s) for e in unexplained])
