@@ -60,7 +60,7 @@ def main(chosen: tuple[str, ...], seed: int, *, as_json: bool, docs: bool) -> No
         tables[name] = made.table
         targets += made.targets
         file = {"figure": name, "seed": seed, "targets": [asdict(t) for t in made.targets]}
-        path = OUT / f"{min(made.pictures)}.json"
+        path = OUT / f"figure_{'_'.join(number.zfill(2) for number in numbers)}.json"
         path.write_text(json.dumps({**file, "table": made.table}, indent=1) + "\n")
     print_report("paper", seed, targets, {"figures": tables}, as_json=as_json)
 

@@ -14,7 +14,7 @@ from daemon.commands.story import Story, touch_of
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.messages import Snapshot, State
-from daemon.modes import Event
+from daemon.modes import Event, Mode
 from estimator.residual import Variant
 from simulator.description import Mismatch, SimulationSettings
 from simulator.events import Event as Happening
@@ -109,14 +109,15 @@ def contacts(conditions: Conditions, moving_s: float = 44.0) -> Recording:
         rig.run(REST_S, recorder)
         rig.request(Event.START)
         rig.run(moving_s, recorder)
-        return kalman(recorder.recording())
+        return _finished(rig, recorder)
 
 
 def pushes(c: Configuration) -> tuple[Push, ...]:
     """One push at a time: each of the four joints both ways at rest, then twice that in motion.
 
     Half sines of 0.9 s. At rest they are a quarter stronger than the least that can be promised,
-    where stiction holds back half of itself; in motion at twice the threshold and at four times.
+    where stiction holds back half of itself. In motion at twice the threshold and at four times,
+    or at three quarters of what the motor can hold: beyond that the daemon stops the arm.
     """
     joints = [joint for joint in c.joints if joint.name in FOUR_JOINTS]
     script = []
@@ -126,9 +127,12 @@ def pushes(c: Configuration) -> tuple[Push, ...]:
             script.append(_push(joint, at_s, sign * 1.25 * least_at_rest(joint)))
             at_s += 2.3
     at_s = HAND_AHEAD_S + REST_S + 4.0
-    for times, sign in zip((2.0, 4.0, 4.0, 2.0), cycle((-1.0, 1.0)), strict=False):
+    for strong, sign in zip((False, True, True, False), cycle((-1.0, 1.0)), strict=False):
         for joint in joints:
-            script.append(_push(joint, at_s, sign * times * joint.thresholds.contact))
+            contact = joint.thresholds.contact
+            held = 0.75 * joint.wiring.max_current_A * joint.torque_constant
+            torque = min(4.0 * contact, held) if strong else 2.0 * contact
+            script.append(_push(joint, at_s, sign * torque))
             at_s += 2.3
     return tuple(script)
 
@@ -195,4 +199,10 @@ def _push(joint: Joint, at_s: float, torque: float) -> Push:
 def _record(rig: Rig, seconds: float) -> Recording:
     recorder = Recorder(rig)
     rig.run(seconds, recorder)
+    return _finished(rig, recorder)
+
+
+def _finished(rig: Rig, recorder: Recorder) -> Recording:
+    """With the rival. A fault on the way would have stopped the arm and spoilt the figure."""
+    assert rig.mode is Mode.TRACKING, (rig.mode, rig.cycle.controller.machine.cause)
     return kalman(recorder.recording())

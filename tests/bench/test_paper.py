@@ -76,13 +76,15 @@ def test_part_cuts_every_array(recording):
 
 
 def test_pushes_are_felt_surely_and_stop_nothing():
-    """Every joint both ways at rest, beyond what must be felt; none reaches its collision level."""
+    """Beyond what must be felt, below the collision level and what the motor can hold."""
     c = load_robot(ROMEO).configuration
     joints = {joint.name: joint for joint in c.joints}
     script = pushes(c)
     assert len(script) == 8 + 16
     for push in script:
-        assert abs(push.torque) < joints[push.joint].thresholds.collision
+        joint = joints[push.joint]
+        assert 2.0 * joint.thresholds.contact <= abs(push.torque) < joint.thresholds.collision
+        assert abs(push.torque) < joint.torque_constant * joint.wiring.max_current_A
     for push in script[:8]:
         assert abs(push.torque) > least_at_rest(joints[push.joint])
     ends = [push.at_s + push.duration_s for push in script]
