@@ -14,6 +14,7 @@ from daemon.cycle import Cycle
 from daemon.motion import Manner, Motion
 from daemon.observation import Observer, Patience
 from daemon.plausibility import Bounds, Plausibility
+from daemon.prearm import PreArm
 from daemon.reactions import Reactions
 from daemon.trajectory import Follower, Place, Sinusoids
 from drivers.arm import Arm
@@ -40,7 +41,8 @@ def build_cycle(robot: Robot, bus: can.BusABC, clock: Callable[[], float]) -> Cy
         build_controller(robot),
         build_observer(c),
     )
-    return Cycle(arm, estimator, controller, observer, c.period_s)
+    prearm = PreArm(arm.names, arm.nodes, controller.motion.limits)
+    return Cycle(arm, estimator, controller, observer, prearm, c.period_s)
 
 
 def build_setups(robot: Robot) -> list[DriveSetup]:

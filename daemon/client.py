@@ -13,6 +13,7 @@ from typing import Self, TypeVar
 import msgspec
 
 from daemon.control import GROUP, MAX_REQUEST_BYTES, default_socket_path
+from daemon.lease import LONGEST_S
 from daemon.messages import Command, Header, Reply, Request, Snapshot, State
 from daemon.trajectory_file import PLAUSIBLE, rows_of, slopes
 from errors import ControlError, TrajectoryError, UnreachableError
@@ -67,6 +68,19 @@ class Client:
         except TimeoutError:
             raise UnreachableError("the daemon fell silent: it takes no requests") from None
         return self._decode(self._replies, self.packet("does not answer; is it still starting?"))
+
+    def arm(self, lease_s: float | None = None, *, detached: bool = False) -> Reply:
+        """Arm, or renew what this connection armed; the answer may be a refusal.
+
+        The arm stays armed for `lease_s` [s], 0.5 s unless given: ask again well before. It ends
+        at once when this connection does. `detached` is for people at a command line: the lease
+        (600 s) outlives the connection, and every process of the same user may renew it.
+
+        Raises ControlError unless 0 < lease_s <= 86400.
+        """
+        if lease_s is not None and not 0.0 < lease_s <= LONGEST_S:  # nor NaN
+            raise ControlError(f"{lease_s} is not a lease: more than 0, at most {LONGEST_S:g} s")
+        return self.ask(Request("arm", lease_s=lease_s, detached=detached))
 
     def load_trajectory(
         self,

@@ -1,20 +1,24 @@
 """The control socket: the daemon's only door, polled by the tick and never waited for.
 
 AF_UNIX with message boundaries (SOCK_SEQPACKET): one JSON message is one packet. Whoever may
-connect is decided by the socket file's group; who did connect is known from SO_PEERCRED. One call
-of `poll` accepts at most one connection and serves at most four requests, so that no client,
-however loud, takes more than a bounded share of a tick.
+connect is decided by the socket file's group; who did connect is known from the kernel, which is
+asked once more. One call of `poll` serves at most four requests and accepts at most four
+connections, and begins none of this when its time is over, so that no client, however loud, takes
+more than a bounded share of a tick. Where all places are taken, whoever has been silent longest
+makes room: those who only hold connections lock nobody out.
 """
 
 import contextlib
 import errno
 import grp
 import logging
+import math
 import os
 import select
 import socket
 import stat
 import struct
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,10 +35,13 @@ MAX_REQUEST_BYTES = 8192
 MAX_CONNECTIONS = 32
 MAX_READERS = 8
 EVENTS_PER_POLL = 4
+ACCEPTS_PER_EVENT = 4
 SEND_BUFFER_BYTES = 1 << 20  # the kernel grants what net.core.wmem_max allows
-LISTEN_BACKLOG = 16
+LISTEN_BACKLOG = 64
 
 _UCRED = struct.Struct("3i")  # pid, uid, gid
+_SO_PEERGROUPS = 59  # Linux 4.13; not in Python's socket module
+_MOST_GROUPS = 256
 _log = logging.getLogger("contactd")
 
 
@@ -90,6 +97,13 @@ def peer_of(connected: socket.socket, connection: int = 0) -> Peer:
     return Peer(uid, pid, connection)
 
 
+def _groups_of(connected: socket.socket) -> tuple[int, ...]:
+    """All groups of the process at the other end, from the kernel."""
+    gid = _UCRED.unpack(connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))[2]
+    raw = connected.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, 4 * _MOST_GROUPS)
+    return (gid, *struct.unpack(f"{len(raw) // 4}I", raw))
+
+
 class ControlSocket:
     """Listens at `path` from construction to `close`; belongs to the one thread that polls it.
 
@@ -99,11 +113,13 @@ class ControlSocket:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._listener = _listen(path)
-        self._inode = path.stat().st_ino
+        file = path.stat()
+        self._inode, self._group = file.st_ino, file.st_gid
         self._epoll = select.epoll()
         self._epoll.register(self._listener, select.EPOLLIN)
         self._connections: dict[int, Connection] = {}
         self._accepted = 0
+        self.spare = 0  # the number of a connection that never has to make room
         self.on_close: Listener = lambda _: None  # told of every connection that ends
         self._buffer = bytearray(MAX_REQUEST_BYTES)
         self._packet = bytearray()
@@ -131,18 +147,27 @@ class ControlSocket:
         """The connections that receive every State."""
         return [c for c in self._connections.values() if c.reads]
 
-    def poll(self, handle: Handler) -> None:
+    def poll(self, handle: Handler, budget_s: float = math.inf) -> None:
         """Serve what is waiting, without blocking: one system call when nothing is.
 
         `handle` answers each well-formed request; a ContactdError that it raises becomes a refusal.
+        Nothing more is begun when `budget_s` have passed.
         """
-        # The kernel moves what it reports to the end of its ready list, so every client gets its
-        # turn although only the first few are looked at.
-        for descriptor, _ in self._epoll.poll(0, EVENTS_PER_POLL):
-            if descriptor == self._listener.fileno():
-                self._accept()
+        deadline = time.monotonic() + budget_s
+        for _ in range(EVENTS_PER_POLL):
+            # The kernel moves what it reports to the end of its ready list, so every client gets
+            # its turn; one at a time, or those that are not looked at would lose theirs.
+            ready = self._epoll.poll(0, 1)
+            if not ready:
+                return
+            if ready[0][0] == self._listener.fileno():
+                for _ in range(ACCEPTS_PER_EVENT):
+                    if not self._accept():
+                        break
             else:
-                self._serve(self._connections[descriptor], handle)
+                self._serve(self._connections[ready[0][0]], handle)
+            if time.monotonic() >= deadline:
+                return
 
     def publish(self, state: State) -> None:
         """Send `state` to every reader that has room for it; encoded once, if there is a reader."""
@@ -176,22 +201,43 @@ class ControlSocket:
             if self.path.stat().st_ino == self._inode:
                 self.path.unlink()
 
-    def _accept(self) -> None:
+    def _accept(self) -> bool:
+        """Take in whoever waits next; False if nobody does."""
         try:
             accepted, _ = self._listener.accept()
         except OSError:  # gone again, or out of descriptors: it will be looked at in the next tick
-            return
+            return False
         accepted.setblocking(False)
-        if len(self._connections) >= MAX_CONNECTIONS:
-            reply = Reply(ok=False, message=f"too many connections, at most {MAX_CONNECTIONS}")
+        if not self._admitted(accepted):
+            reply = Reply(ok=False, message=f"you are not in the group of {self.path}: refused")
             with accepted, contextlib.suppress(OSError):
                 accepted.send(self._encoder.encode(reply))
-            return
+            return True
+        if len(self._connections) >= MAX_CONNECTIONS:
+            self._make_room()
         accepted.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         self._accepted += 1
         peer = peer_of(accepted, self._accepted)
         self._connections[accepted.fileno()] = Connection(accepted, peer)
         self._epoll.register(accepted, select.EPOLLIN)
+        return True
+
+    def _admitted(self, accepted: socket.socket) -> bool:
+        """Whether the socket file's group, owner or root is at the other end: what the file's mode
+        says, even where somebody has opened it to all."""
+        try:
+            return peer_of(accepted).uid in (0, os.getuid()) or self._group in _groups_of(accepted)
+        except OSError:  # an old kernel, or too many groups to ask for: the file's mode has decided
+            return True
+
+    def _make_room(self) -> None:
+        """Close the connection that has been silent longest, but no reader and not the spared."""
+        idle = (c for c in self._connections.values() if not c.reads)
+        connection = next(c for c in idle if c.peer.connection != self.spare)
+        text = f"closed to make room: more than {MAX_CONNECTIONS} connections, and this one idle"
+        with contextlib.suppress(OSError):
+            connection.socket.send(self._encoder.encode(Reply(ok=False, message=text)))
+        self._drop(connection)
 
     def _drop(self, connection: Connection) -> None:
         del self._connections[connection.socket.fileno()]
@@ -210,6 +256,10 @@ class ControlSocket:
         if size == 0:
             self._drop(connection)
             return
+        # Whoever speaks goes to the end of the line of those who make room.
+        self._connections[connection.socket.fileno()] = self._connections.pop(
+            connection.socket.fileno()
+        )
         if flags & socket.MSG_TRUNC:
             reply = Reply(ok=False, message=f"a request has at most {MAX_REQUEST_BYTES} bytes")
         else:

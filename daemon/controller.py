@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from daemon.admittance import MAX_GAIN, Allowance, GuidedBounds
 from daemon.modes import ARMABLE, GUIDED, REFUSALS, SENSING, Change, Event, Mode, ModeMachine
 from daemon.motion import Motion
+from daemon.prearm import Objection
 from daemon.reactions import ATTENTIVE, AfterQuiet, Reactions
 from daemon.supervisor import EVENT_OF, Condition, Finding, strongest
 from daemon.trajectory import JointPath, Place
@@ -39,7 +40,7 @@ class Observed:
     hit: str  # the collision that began in this tick, likewise
     energised: bool  # every drive is in operation enabled
     findings: tuple[Finding, ...]
-    not_armable: tuple[str, ...]  # reasons outside the modes why arming would be refused
+    objections: tuple[Objection, ...]  # outside the modes, why arming would be refused
     age_s: Vector | float = 0.0  # of q, where a sample did not come in time
 
 
@@ -124,13 +125,26 @@ class Controller:
             self.machine.arm(f"armed by {who}")
         return reasons
 
+    def disarm(self, cause: str, time_s: float) -> None:
+        """The permission has ended by itself: while guided, the arm stops and holds."""
+        self._apply(Event.DISARM, cause, time_s)
+
     def not_armable(self) -> list[str]:
         """Every reason why `arm` would be refused now."""
-        observed, mode = self._observed, self.machine.mode
-        if observed is None:
-            return ["no samples of the drives yet"]
-        modes = [] if mode in ARMABLE else [REFUSALS[mode]]
-        return [*modes, *observed.not_armable]
+        modes = [reason] if (reason := self.mode_refusal()) else []
+        return [*modes, *map(str, self.objections)]
+
+    def mode_refusal(self) -> str:
+        """Why nobody may arm in this mode; empty where one may."""
+        if self._observed is None:
+            return "no samples of the drives yet"
+        mode = self.machine.mode
+        return "" if mode in ARMABLE else REFUSALS[mode]
+
+    @property
+    def objections(self) -> tuple[Objection, ...]:
+        """Outside the modes, why arming would be refused after the last tick."""
+        return self._observed.objections if self._observed else ()
 
     def set_gain(self, joint: str, gain: float, who: str) -> list[str]:
         """Let K_a [rad/s per Nm] of a joint move to `gain`, in any mode; returns why not."""

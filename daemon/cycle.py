@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from daemon.controller import Controller, Decision, Observed
-from daemon.messages import Contact, Event, State, Timing, Vector
+from daemon.messages import Check, Contact, Event, State, Timing, Vector
 from daemon.modes import Mode
 from daemon.observation import Observer
+from daemon.prearm import FLAG_NAMES, PreArm
 from daemon.supervisor import Finding, Reaction
 from drivers.arm import Arm
 from drivers.cia402 import DriveState, PowerTarget
@@ -22,7 +23,6 @@ from estimator.motor_position import Side
 
 SIDE_NAMES = {side.value: side.name.lower() for side in Side}
 DRIVE_STATE_NAMES = {state: state.name.lower().replace("_", " ") for state in DriveState}
-FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +50,13 @@ class Cycle:
         estimator: Estimator,
         controller: Controller,
         observer: Observer,
+        prearm: PreArm,
         period_s: float,
     ) -> None:
         self.arm, self.estimator, self.controller = arm, estimator, controller
         self.tick = -1
         self.events: list[Event] = []
+        self.prearm = prearm
         self._observer = observer
         self._period_s = period_s
         self._time_s = 0.0
@@ -109,6 +111,7 @@ class Cycle:
             interval_s=self._interval_s,
             finite=finite,
         )
+        self.prearm.watch(samples, findings, self._time_s)
         fatal = (f for f in findings if f.reaction is Reaction.FAULT_EXIT)
         self.fatal = self.fatal or (next(fatal, None) if findings else None)
         if estimate is None:
@@ -178,28 +181,21 @@ class Cycle:
             hit=hit,
             energised=all(state is DriveState.OPERATION_ENABLED for state in samples.states),
             findings=findings,
-            not_armable=self._not_armable(samples, estimate, findings),
+            objections=self.prearm.objections(samples, estimate, findings, self.arm.unheard()),
             age_s=0.0 if self._updated else np.multiply(samples.age_ticks, self._period_s),
         )
 
-    def _not_armable(
-        self, samples: Samples, estimate: Estimate, findings: tuple[Finding, ...]
-    ) -> tuple[str, ...]:
-        """Reasons outside the modes; mostly none, and then cheap."""
-        reasons = [str(finding) for finding in findings]
-        if estimate.thresholded.any():
-            reasons += [
-                f"{name} feels {estimate.residual[i]:+.2f} Nm, beyond its threshold of "
-                f"{estimate.threshold[i]:.2f} Nm: is somebody touching it?"
-                for i, name in enumerate(self.arm.names)
-                if estimate.thresholded[i]
-            ]
-        if estimate.flags:
-            words = ", ".join(FLAG_NAMES[flag] for flag in estimate.flags)
-            reasons.append(f"the estimator is not ready: {words}")
-        return tuple(reasons)
-
     # --- what others see of it --------------------------------------------------------------
+
+    def checks(self) -> list[Check]:
+        """What arming needs, each passed or failed: the mode, and everything else by name."""
+        reason = self.controller.mode_refusal()
+        text = reason or self.controller.machine.mode.value
+        checks = [Check(name="mode", passed=not reason, text=text)]
+        if self._samples is not None and self._estimate is not None:
+            objections = self.controller.objections
+            checks += self.prearm.checks(objections, self._samples, self._estimate)
+        return checks
 
     def _tell(self, findings: tuple[Finding, ...]) -> None:
         """Put this tick's news into `events`; a finding is told once until the latch is reset."""

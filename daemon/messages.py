@@ -42,6 +42,30 @@ class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     header: Header | None = None  # `load`: begin a trajectory
     rows: list[list[float]] | None = None  # `load`: more of it
     loaded: bool = False  # `start`: run what this connection has loaded
+    # `arm`: for how long, unless renewed by another `arm`; 0.5 s, or 600 s if detached.
+    lease_s: Annotated[float, msgspec.Meta(gt=0, le=86_400)] | None = None
+    # `arm`: the lease outlives this connection, and any process of this user may renew it.
+    detached: bool = False
+
+
+class Check(msgspec.Struct, frozen=True, kw_only=True):
+    """One thing that must be right before the arm may be armed; why it is, or why not."""
+
+    name: str
+    passed: bool
+    text: str
+
+    def __str__(self) -> str:
+        return f"{'passed' if self.passed else 'failed'}  {self.name:15} {self.text}"
+
+
+class Permit(msgspec.Struct, frozen=True, kw_only=True):
+    """Who armed the arm, and for how long from now."""
+
+    uid: int
+    pid: int
+    detached: bool  # lives by time alone; otherwise it ends with the connection of `pid`, too
+    left_s: float
 
 
 class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -52,6 +76,7 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     reasons: list[str] = []
     mode: str = ""
     armed: bool = False
+    checks: list[Check] = []  # of `arm`
     row: int | None = None  # of a trajectory: the first that was refused, from 0
     status: "Status | None" = None
     snapshot: "Snapshot | None" = None
@@ -164,9 +189,10 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     uptime_s: float
     mode: str
     armed: bool
+    permit: Permit | None  # while armed
     cause: str
     trajectory: Trajectory
-    not_armable: list[str]  # every reason why `arm` would be refused now
+    checks: list[Check]  # what arming needs
     cycles: int
     missed: int
     lateness_max_us: float

@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 
@@ -12,9 +12,19 @@ from daemon.config.load import Robot
 from daemon.config.motion import limits_of
 from daemon.control import ControlSocket, Peer
 from daemon.cycle import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
+from daemon.lease import PERSON_S, PROGRAM_S, Lease, Owner, in_words
 from daemon.loading import LoadingDock
 from daemon.loop import Loop
-from daemon.messages import Grant, Reply, Request, Snapshot, Status, Trajectory
+from daemon.messages import (
+    Check,
+    Grant,
+    Permit,
+    Reply,
+    Request,
+    Snapshot,
+    Status,
+    Trajectory,
+)
 from daemon.modes import Event, Mode, ModeMachine
 from daemon.notify import Notifier
 from drivers.cia402 import reached
@@ -32,13 +42,22 @@ EVENT_OF_COMMAND = {
 # How long the drives may take to reach the state they end in [s].
 END_PATIENCE_S = 1.0
 
+# Share of the period after which no more requests are begun in a tick.
+DOORS_SHARE = 0.1
+
 _LEVELS = {"fault": logging.ERROR, "contact": logging.INFO, "mode": logging.INFO}
 _log = logging.getLogger("contactd")
 
 
 def _misplaced(request: Request) -> list[str]:
     """What was said beside a command that takes no such thing."""
-    takers = {"header": "load", "rows": "load", "loaded": "start"}
+    takers = {
+        "header": "load",
+        "rows": "load",
+        "loaded": "start",
+        "lease_s": "arm",
+        "detached": "arm",
+    }
     return [
         f"`{field}` belongs to {command}"
         for field, command in takers.items()
@@ -61,17 +80,19 @@ class Service:
     pid: int
     notifier: Notifier
     dock: LoadingDock = field(init=False)
+    _lease: Lease | None = None
 
     def __post_init__(self) -> None:
         c = self.robot.configuration
         self.dock = LoadingDock(c.joint_names, limits_of(c), c.trajectory.ramp_s)
-        self.control.on_close = lambda peer: self.dock.release(peer.connection)
+        self.control.on_close = self._on_close
 
     # --- after every tick -------------------------------------------------------------------
 
     def doors(self) -> None:
         """Publish the tick, log its events, serve the control socket: bounded work."""
         cycle = self.loop.cycle
+        self._check_lease()
         if self.control.readers and cycle.decision is not None:
             self.control.publish(cycle.state(self.loop.wakeup))
         for event in cycle.events:
@@ -79,7 +100,7 @@ class Service:
             _log.log(_LEVELS[event.kind], "%s", event.text, extra=place)
             if event.kind == "mode":
                 self.notifier.status(self.summary())
-        self.control.poll(self.handle)
+        self.control.poll(self.handle, DOORS_SHARE * self.robot.configuration.period_s)
         self.notifier.ticked(self.loop.wakeup.monotonic_s)
 
     def summary(self) -> str:
@@ -92,7 +113,7 @@ class Service:
         if misplaced := _misplaced(request):
             return self._reply(request, misplaced)
         controller = self.loop.cycle.controller
-        who = f"uid {peer.uid} (pid {peer.pid})"
+        who = str(Owner(peer.uid, peer.pid))
         match request.command:
             case "status":
                 return self._reply(request, [], status=self.status())
@@ -101,7 +122,7 @@ class Service:
             case "load":
                 return self._load(request, peer)
             case "arm":
-                return self._reply(request, controller.arm(who))
+                return self._arm(request, peer)
             case command:
                 path = self.dock.take(peer.connection) if request.loaded else None
                 event = EVENT_OF_COMMAND[command]
@@ -112,20 +133,64 @@ class Service:
         request: Request,
         reasons: list[str],
         *,
+        checks: Sequence[Check] = (),
         row: int | None = None,
         status: Status | None = None,
         snapshot: Snapshot | None = None,
+        more: str = "",
     ) -> Reply:
         machine = self.loop.cycle.controller.machine
         return Reply(
             ok=not reasons,
-            message=f"{request.command}: " + ("refused" if reasons else _outcome(machine)),
+            message=f"{request.command}: " + ("refused" if reasons else _outcome(machine) + more),
             reasons=reasons,
             mode=machine.mode.value,
             armed=machine.armed,
+            checks=list(checks),
             row=row,
             status=status,
             snapshot=snapshot,
+        )
+
+    def _arm(self, request: Request, peer: Peer) -> Reply:
+        """Arm, or renew: whoever holds the lease need not pass the checks again."""
+        controller, now = self.loop.cycle.controller, self.loop.time_s
+        owner = Owner(peer.uid, peer.pid, 0 if request.detached else peer.connection)
+        duration = request.lease_s or (PERSON_S if request.detached else PROGRAM_S)
+        held = self._lease if controller.machine.armed else None
+        if held and (refusal := held.refusal(owner, now)):
+            return self._reply(request, [refusal])
+        checks = [] if held else self.loop.cycle.checks()
+        reasons = [] if held else controller.arm(f"{owner}, for {in_words(duration)}")
+        if not reasons:
+            self._lease = Lease(owner, now + duration)
+            self.control.spare = owner.connection
+        return self._reply(request, reasons, checks=checks, more=f" for {in_words(duration)}")
+
+    def _check_lease(self, closed: int = 0) -> None:
+        """End what has run out, or was held by connection number `closed`."""
+        lease, controller = self._lease, self.loop.cycle.controller
+        if lease is None:
+            return
+        if not controller.machine.armed:
+            self._lease = None
+        elif why := lease.ended(self.loop.time_s, closed):
+            self._lease = None
+            controller.disarm(why, self.loop.time_s)
+
+    def _on_close(self, peer: Peer) -> None:
+        self.dock.release(peer.connection)
+        self._check_lease(peer.connection)
+
+    def _permit(self) -> Permit | None:
+        lease = self._lease
+        if lease is None or not self.loop.cycle.controller.machine.armed:
+            return None
+        return Permit(
+            uid=lease.owner.uid,
+            pid=lease.owner.pid,
+            detached=lease.owner.connection == 0,
+            left_s=lease.left_s(self.loop.time_s),
         )
 
     def _load(self, request: Request, peer: Peer) -> Reply:
@@ -152,9 +217,10 @@ class Service:
             uptime_s=loop.time_s,
             mode=machine.mode.value,
             armed=machine.armed,
+            permit=self._permit(),
             cause=machine.cause,
             trajectory=self._trajectory(),
-            not_armable=cycle.controller.not_armable(),
+            checks=cycle.checks(),
             cycles=cycle.tick + 1,
             missed=loop.missed,
             lateness_max_us=loop.lateness_max_s * 1e6,

@@ -4,6 +4,7 @@ Made purely from messages: nothing here reads a socket, a clock or a terminal. `
 100 x 30 characters, and 80 x 24 with narrower bars.
 """
 
+import pwd
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -12,7 +13,8 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from daemon.messages import Grant, Snapshot, State, Status, Trajectory
+from daemon.lease import in_words
+from daemon.messages import Check, Grant, Snapshot, State, Status, Trajectory
 
 WINDOW_TICKS = 1000
 EVENTS_KEPT = 12
@@ -182,13 +184,11 @@ def status_view(status: Status) -> RenderableType:
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold", no_wrap=True, overflow="crop")
     table.add_column()
-    permission = Text("armed", "bold bright_cyan") if status.armed else Text("not armed")
+    permission = _permission(status)
     mode = Text(f" {status.mode.upper()} ", MODE_STYLES.get(status.mode, ""))
     table.add_row("mode", Text.assemble(mode, "  ", permission))
     table.add_row("cause", Text(status.cause))  # Text: our words are no rich markup
-    if not status.armed:
-        reasons = status.not_armable or ["nothing: `contactctl arm` would be accepted"]
-        table.add_row("arming needs", Text("\n".join(reasons)))
+    table.add_row("arming needs", _checks(status.checks))
     table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
     table.add_row("trajectory", Text(_trajectory(status.trajectory)))
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
@@ -202,6 +202,30 @@ def status_view(status: Status) -> RenderableType:
     frame.add_row("")
     frame.add_row(_status_joints(status))
     return frame
+
+
+def _permission(status: Status) -> Text:
+    """Armed or not; by whom and for how long."""
+    if not status.armed:
+        return Text("not armed")
+    text = Text("armed", "bold bright_cyan")
+    if permit := status.permit:
+        user = _user_name(permit.uid)
+        more = "" if permit.detached else ", while its program says so"
+        left = in_words(permit.left_s)
+        text.append(f" by {user} (pid {permit.pid}) for another {left}{more}", "not bold")
+    return text
+
+
+def _user_name(uid: int) -> str:
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return f"uid {uid}"
+
+
+def _checks(checks: list[Check]) -> Text:
+    return Text("\n").join(Text(str(c), "" if c.passed else "yellow") for c in checks)
 
 
 def _grants(grants: list[Grant]) -> Text:

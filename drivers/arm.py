@@ -238,6 +238,14 @@ class Arm:
         """
         self._send([*self._nmt(ENTER_PRE_OPERATIONAL), self._heartbeat])
 
+    def unheard(self) -> tuple[str, ...]:
+        """Joints whose drive sends no heartbeat, or one that says it is not operational."""
+        return tuple(
+            name
+            for name, drive in zip(self.names, self._drives, strict=True)
+            if drive.watch.lost or not drive.watch.operational
+        )
+
     def _nmt(self, command: int) -> list[Frame]:
         return [(NMT, bytes([command, node])) for node in self.nodes]
 

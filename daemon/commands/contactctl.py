@@ -4,15 +4,17 @@ Everything heavy is imported by the command that needs it, so that the others st
 """
 # ruff: noqa: PLC0415
 
+import math
 import signal
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from daemon.lease import LONGEST_S, PERSON_S
 from errors import ContactdError, ControlError, TrajectoryError, UnreachableError
 
 if TYPE_CHECKING:
@@ -46,8 +48,49 @@ class Options:
         return Client(self.socket)
 
 
+def _take_json(ctx: click.Context, _: click.Parameter, given: bool) -> None:
+    if given:
+        ctx.obj = replace(ctx.obj, json=True)
+
+
+def _take_socket(ctx: click.Context, _: click.Parameter, given: Path | None) -> None:
+    if given is not None:
+        ctx.obj = replace(ctx.obj, socket=given)
+
+
+class _Command(click.Command):
+    """Takes the options of all commands, too, so that they may stand before or behind it."""
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        self.params += [_socket_option(_take_socket), _json_option(_take_json)]
+
+
+def _socket_option(callback: Any = None) -> click.Option:
+    return click.Option(
+        ["--socket"],
+        type=click.Path(path_type=Path),
+        metavar="PATH",
+        help="The daemon's control socket, where it is not the usual one.",
+        callback=callback,
+        expose_value=callback is None,
+    )
+
+
+def _json_option(callback: Any = None) -> click.Option:
+    return click.Option(
+        ["--json", "as_json"],
+        is_flag=True,
+        help="Answer in one line of JSON, for programs.",
+        callback=callback,
+        expose_value=callback is None,
+    )
+
+
 class _Group(click.Group):
     """Lists the commands in the order of a session; one line on stderr for each of our errors."""
+
+    command_class = _Command
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(self.commands)
@@ -60,14 +103,11 @@ class _Group(click.Group):
             ctx.exit(error.exit_code)
 
 
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
-@click.option(
-    "--socket",
-    type=click.Path(path_type=Path),
-    metavar="PATH",
-    help="The daemon's control socket, where it is not the usual one.",
+@click.group(
+    cls=_Group,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    params=[_socket_option(), _json_option()],
 )
-@click.option("--json", "as_json", is_flag=True, help="Answer in one line of JSON, for programs.")
 @click.version_option(package_name="contactd", prog_name="contactctl")
 @click.pass_context
 def main(ctx: click.Context, socket: Path | None, as_json: bool) -> None:
@@ -138,10 +178,27 @@ def pause(options: Options, no_wait: bool) -> None:
 
 
 @main.command()
+@click.option(
+    "--lease",
+    "lease_s",
+    type=click.FloatRange(min=0, max=LONGEST_S, min_open=True),
+    default=PERSON_S,
+    show_default=True,
+    metavar="S",
+    help="How long it stays armed, in seconds, unless you arm again.",
+)
 @click.pass_obj
-def arm(options: Options) -> None:
-    """Let the arm yield to contact. Refused, with every reason, while it cannot be trusted."""
-    _command(options, "arm")
+def arm(options: Options, lease_s: float) -> None:
+    """Let the arm yield to contact. Refused, with every reason, while it cannot be trusted.
+
+    Shows each check as passed or failed. Arming again renews the lease; while somebody else holds
+    it, it is refused. When the lease runs out the arm is disarmed, and holds if it is being guided.
+    """
+    if math.isnan(lease_s):
+        raise click.BadParameter("nan is not a time", param_hint="--lease")
+    with options.connect() as client:
+        reply = client.arm(lease_s, detached=True)
+    _answer(options, reply)
 
 
 @main.command()
@@ -194,9 +251,9 @@ def status(options: Options) -> None:
 @main.command()
 @click.pass_obj
 def watch(options: Options) -> None:
-    """Show the joints live, until Ctrl-C. After --json: every state, one line each."""
+    """Show the joints live, until Ctrl-C. With --json: every state, one line each."""
     if not options.json and not sys.stdout.isatty():
-        raise click.UsageError("watch needs a terminal; use `contactctl --json watch` or `record`")
+        raise click.UsageError("watch needs a terminal; use `contactctl watch --json` or `record`")
     with options.connect() as client:
         try:
             _stream_json(client) if options.json else _watch(client)
@@ -246,11 +303,13 @@ def _answer(options: Options, reply: "Reply") -> None:
     """What came of it, on stdout or stderr; exit 1 if nothing did."""
     if options.json:
         _print_json(reply)
-    elif reply.ok:
-        click.echo(reply.message or reply.mode)
     else:
-        click.echo(f"contactctl: {reply.message or 'refused'}", err=True)
-        for reason in reply.reasons:
+        for check in reply.checks:
+            click.echo(check, err=not reply.ok)
+        said = reply.message or (reply.mode if reply.ok else "refused")
+        click.echo(said if reply.ok else f"contactctl: {said}", err=not reply.ok)
+        # The checks have said it already.
+        for reason in reply.reasons if not reply.checks else ():
             click.echo(f"  - {reason}", err=True)
     if not reply.ok:
         sys.exit(1)

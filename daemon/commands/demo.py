@@ -88,7 +88,7 @@ def _play(
             _order(orders, "enable")
             _advance(watch, run, SETTLE_S)
             deadline = time.monotonic() + ARM_PATIENCE_S
-            while not (reply := orders.request("arm")).ok:
+            while not (reply := orders.arm(seconds + ARM_PATIENCE_S, detached=True)).ok:
                 if time.monotonic() > deadline:
                     raise ControlError("arm: " + "; ".join(reply.reasons))
                 _advance(watch, run, 0.2)

@@ -11,6 +11,7 @@ import pytest
 
 from daemon.control import ControlSocket, Peer
 from daemon.messages import (
+    Check,
     Contact,
     Event,
     Grant,
@@ -140,7 +141,12 @@ class FakeDaemon:
             armed=False,
             cause=f"because of {self.mode}",
             trajectory=Trajectory(name="sinusoids", state="ready", time_s=0.0, duration_s=None),
-            not_armable=["not tracking", "LWristYaw: motor position unknown"],
+            checks=[
+                Check(name="mode", passed=False, text="the drives are off"),
+                Check(name="samples", passed=True, text="all fresh in this tick"),
+                Check(name="residual", passed=False, text="LWristYaw feels +0.30 Nm"),
+            ],
+            permit=None,
             cycles=372500,
             missed=3,
             lateness_max_us=412.0,

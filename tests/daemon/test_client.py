@@ -131,14 +131,15 @@ def test_last_words_are_heard_even_if_they_came_first(listener: socket.socket) -
         assert client.request("stop").message == "full"
 
 
-def test_last_words_of_a_daemon_that_hangs_up_are_heard(fake_daemon: Any) -> None:
-    held = [Client(fake_daemon.path) for _ in range(32)]
-    for client in held:
+def test_whoever_made_room_is_told_so(fake_daemon: Any) -> None:
+    held = [Client(fake_daemon.path) for _ in range(33)]
+    for client in held[1:]:
         client.request("status")
-    for _ in range(20):
-        with Client(fake_daemon.path) as late:
-            reply = late.request("stop")
-        assert reply.message == "too many connections, at most 32"
+    reply = held[0].request("stop")
+    assert not reply.ok
+    assert "closed to make room: more than 32 connections" in reply.message
+    with Client(fake_daemon.path) as late:
+        assert late.request("stop").ok
     for client in held:
         client.close()
 

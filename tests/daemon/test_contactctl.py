@@ -118,7 +118,7 @@ def test_status(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     for word in (
         "OFF",
         "not armed",
-        "LWristYaw: motor position unknown",
+        "failed  residual        LWristYaw feels +0.30 Nm",
         "memory not locked",
         "3 missed",
     ):

@@ -6,6 +6,8 @@ import os
 import select
 import socket
 import stat
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -172,34 +174,108 @@ def test_flood_is_bounded_and_starves_nobody(control: ControlSocket, dial: Dial)
     assert told(quiet)["ok"] is True
 
 
-def test_a_thousand_connections(control: ControlSocket) -> None:
+def test_a_thousand_connections_lock_nobody_out(control: ControlSocket, dial: Dial) -> None:
     handler = Handler()
-    clients = []
+    idle: list[socket.socket] = []
     for _ in range(1000):
-        client = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        client.connect(str(control.path))
-        clients.append(client)
+        idle.append(dial())
         control.poll(handler)
     assert control.connections == 32
-    refused = 0
-    for client in clients[32:]:
-        assert "at most 32" in str(told(client)["message"])
-        assert client.recv(10) == b""
-        refused += 1
-    assert refused == 968
-    for client in clients:
-        client.close()
-    for _ in range(10):
+    person = dial()
+    person.send(b'{"command": "disarm"}')
+    for _ in range(2):
         control.poll(handler)
-    assert control.connections == 0
+    assert told(person)["ok"] is True
+    for client in idle[:969]:
+        assert "closed to make room: more than 32" in str(told(client)["message"])
+        assert client.recv(10) == b""
+    with pytest.raises(BlockingIOError):
+        idle[-1].recv(10)
 
 
-def test_one_accept_per_poll(control: ControlSocket, dial: Dial) -> None:
-    for _ in range(3):
+def test_who_speaks_reads_or_owns_keeps_its_place(
+    control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
+) -> None:
+    reader = subscribed(control, dial, make_snapshot(0))
+    handler = Handler()
+    owner, silent, busy = dial(), dial(), dial()
+    control.poll(handler)
+    owner.send(b'{"command": "arm"}')
+    control.poll(handler)
+    control.spare = handler.seen[-1][1].connection
+    for _ in range(60):
         dial()
-    for expected in (1, 2, 3, 3):
-        control.poll(Handler())
-        assert control.connections == expected
+        control.poll(handler)
+        busy.send(b'{"command": "status"}')
+        control.poll(handler)
+        assert told(busy)["ok"]
+    assert told(owner)["ok"]
+    for client in (reader, owner):
+        with pytest.raises(BlockingIOError):
+            client.recv(10)
+    assert "make room" in str(told(silent)["message"])
+
+
+def test_accepts_are_bounded(control: ControlSocket, dial: Dial) -> None:
+    for _ in range(20):
+        dial()
+    control.poll(Handler())
+    assert control.connections == 4 * 4
+    control.poll(Handler(), budget_s=0.0)
+    assert control.connections == 20
+
+
+def test_nothing_is_begun_when_the_time_is_over(control: ControlSocket, dial: Dial) -> None:
+    handler = Handler()
+    clients = [dial() for _ in range(3)]
+    control.poll(handler)
+    for client in clients:
+        client.send(b'{"command": "status"}')
+    for served in (1, 2, 3, 3):
+        control.poll(handler, budget_s=0.0)
+        assert len(handler.seen) == served  # each its turn, however little time there is
+
+
+def test_every_close_is_told(control: ControlSocket, dial: Dial) -> None:
+    gone: list[int] = []
+    control.on_close = lambda peer: gone.append(peer.connection)
+    first, second = dial(), dial()
+    control.poll(Handler())
+    second.close()
+    control.poll(Handler())
+    assert gone == [2]
+    first.close()
+    control.poll(Handler())
+    assert gone == [2, 1]
+
+
+def test_the_kernel_is_asked_who_it_is(control: ControlSocket) -> None:
+    """Although somebody has opened the socket file to all."""
+    if os.getuid() != 0:
+        pytest.skip("only root may become somebody else")
+    control.path.chmod(0o666)
+    for folder in control.path.parents:
+        if folder.stat().st_mode & 0o001 == 0:
+            folder.chmod(folder.stat().st_mode | 0o011)
+    program = (
+        "import os, socket, sys\n"
+        "os.setgroups(eval(sys.argv[2])); os.setgid(65534); os.setuid(65534)\n"
+        "s = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET); s.connect(sys.argv[1])\n"
+        's.send(b\'{"command": "disarm"}\'); print(s.recv(1000).decode())'
+    )
+    said = {}
+    for groups in ("[]", f"[{control.path.stat().st_gid}]"):
+        process = subprocess.Popen(
+            [sys.executable, "-c", program, str(control.path), groups],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        while process.poll() is None:
+            control.poll(Handler())
+        said[groups], _ = process.communicate()
+    refused, served = said.values()
+    assert "you are not in the group of" in refused
+    assert '"ok":true' in served
 
 
 @pytest.mark.parametrize("how", ["close", "shutdown", "empty packet"])

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from rich.console import Console, RenderableType
 
-from daemon.messages import Event, Snapshot, State
+from daemon.messages import Event, Permit, Snapshot, State
 from daemon.view import Dashboard, History, Summary, gap_bar, residual_bar, status_view
 
 MakeState = Callable[..., State]
@@ -146,8 +146,13 @@ def test_history_is_bounded_and_right(make_state: MakeState) -> None:
 
 @pytest.mark.parametrize("armed", [True, False])
 def test_status_report(fake_daemon: Any, armed: bool) -> None:
+    permit = Permit(uid=0, pid=7, detached=True, left_s=552.0)
     status = msgspec.structs.replace(
-        fake_daemon.status(), armed=armed, cause="[bold]not markup[/bold]", mode="holding"
+        fake_daemon.status(),
+        armed=armed,
+        permit=permit if armed else None,
+        cause="[bold]not markup[/bold]",
+        mode="holding",
     )
     lines = text_of(status_view(status), 100, 40)
     report = "\n".join(lines)
@@ -159,8 +164,10 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
         "memory not locked",
     ):
         assert word in report
-    assert ("LWristYaw: motor position unknown" in report) is not armed
+    assert "failed  residual        LWristYaw feels +0.30 Nm" in report
+    assert "passed  samples         all fresh in this tick" in report
     assert ("not armed" in report) is not armed
+    assert ("armed by root (pid 7) for another 9 min 12 s" in report) is armed
     (joint,) = [line for line in lines if line.startswith(" LWristPitch")]
     assert "0.20" in joint
     assert "operation enabled" in joint

@@ -1,0 +1,202 @@
+"""What must be right before the arm may yield to hands: named checks, each passed or failed.
+
+`objections` is asked in every tick and is cheap while there are none; `checks` puts it into words
+when somebody asks. No I/O; time is an argument.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from daemon.limits import Limits
+from daemon.messages import Check
+from daemon.supervisor import Condition, Finding
+from drivers.cia402 import DriveState
+from drivers.events import Emergency, Rebooted
+from drivers.samples import Samples
+from estimator.estimator import Estimate, Flag
+
+#: In the order in which they are shown, after the mode.
+NAMES = (
+    "drives",
+    "samples",
+    "heartbeats",
+    "emergencies",
+    "set-up",
+    "identification",
+    "estimator",
+    "residual",
+    "limits",
+    "loop",
+    "supervisor",
+)
+
+# Which check fails with a finding; any other fails `supervisor`.
+CHECK_OF: dict[Condition, str] = {
+    Condition.DRIVE_FAULT: "drives",
+    Condition.DRIVE_DROPPED: "drives",
+    Condition.SAMPLE_MISSING: "samples",
+    Condition.STALE: "samples",
+    Condition.STARVED: "samples",
+    Condition.HEARTBEAT_LOST: "heartbeats",
+    Condition.EMERGENCY: "emergencies",
+    Condition.REBOOTED: "set-up",
+    Condition.RESIDUAL_LIMIT: "residual",
+    Condition.JOINT_LIMIT: "limits",
+    Condition.LATE: "loop",
+    Condition.OVERRUN: "loop",
+    Condition.SUSPENDED: "loop",
+}
+
+# How long after a late tick the loop is on time again [s].
+ON_TIME_S = 1.0
+# EMCY: the drive misses the master's heartbeat (CiA 301).
+MASTER_SILENT = 0x8130
+FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
+FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class Objection:
+    """Why a check fails."""
+
+    check: str
+    reason: str
+
+    def __str__(self) -> str:
+        return self.reason
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What was found once, at start, of a check that does not change while the daemon runs."""
+
+    passed: bool
+    text: str
+
+
+class PreArm:
+    """Remembers what a single tick does not show: emergencies, restarts, late ticks.
+
+    `identification` is the verdict on identified values: do they belong to these drives, and did
+    they pass? Whoever reads them sets it before the first tick.
+    """
+
+    def __init__(self, joints: Sequence[str], nodes: Sequence[int], limits: Limits) -> None:
+        self.identification = Verdict(True, "none; the values of config.yaml are trusted")
+        self._joints, self._limits = tuple(joints), limits
+        self._index = {node: i for i, node in enumerate(nodes)}
+        self._emergencies: dict[int, Emergency] = {}
+        self._in_fault: set[int] = set()
+        self._restarted: set[int] = set()
+        self._late_s = -ON_TIME_S
+        self._time_s = 0.0
+
+    def watch(self, samples: Samples, findings: Sequence[Finding], time_s: float) -> None:
+        """Take note of one tick."""
+        self._time_s = time_s
+        for event in samples.events:
+            if isinstance(event, Emergency):
+                self._emergencies[event.node] = event
+                if event.code == 0:
+                    del self._emergencies[event.node]
+            elif isinstance(event, Rebooted):
+                self._restarted.add(event.node)
+        # A drive that leaves its fault has no emergency any more, whether it says so or not.
+        for node in tuple(self._emergencies):
+            faulted = node in self._index and samples.states[self._index[node]] in FAULT_STATES
+            if faulted:
+                self._in_fault.add(node)
+            elif node in self._in_fault:
+                self._in_fault.remove(node)
+                del self._emergencies[node]
+        if any(CHECK_OF.get(finding.condition) == "loop" for finding in findings):
+            self._late_s = time_s
+
+    def objections(
+        self,
+        samples: Samples,
+        estimate: Estimate,
+        findings: Sequence[Finding],
+        unheard: Sequence[str],
+    ) -> tuple[Objection, ...]:
+        """Every reason against arming now; `unheard` names the drives whose heartbeat is missing.
+        Empty, and then cheap, in an undisturbed tick."""
+        found = [Objection(CHECK_OF.get(f.condition, "supervisor"), str(f)) for f in findings]
+        if unheard:
+            found.append(Objection("heartbeats", f"not heard from {', '.join(unheard)}"))
+        for emergency in self._emergencies.values():
+            check = "heartbeats" if emergency.code == MASTER_SILENT else "emergencies"
+            found.append(Objection(check, f"{emergency}, and not over"))
+        for node in sorted(self._restarted):
+            reason = f"node {node} was restarted and lost its set-up: start the daemon again"
+            found.append(Objection("set-up", reason))
+        if not self.identification.passed:
+            found.append(Objection("identification", self.identification.text))
+        if estimate.flags:
+            words = ", ".join(FLAG_NAMES[flag] for flag in estimate.flags)
+            found.append(Objection("estimator", f"the estimator is not ready: {words}"))
+        if estimate.thresholded.any():
+            found += [
+                Objection(
+                    "residual",
+                    f"{name} feels {estimate.residual[i]:+.2f} Nm, beyond its threshold of "
+                    f"{estimate.threshold[i]:.2f} Nm: is somebody touching it?",
+                )
+                for i, name in enumerate(self._joints)
+                if estimate.thresholded[i]
+            ]
+        outside = self._limits.outside(samples.link_position)
+        if outside.any():
+            found += [
+                Objection(
+                    "limits",
+                    f"{name} stands at {samples.link_position[i]:.3f} rad, outside its limits "
+                    f"[{self._limits.lower[i]:g}, {self._limits.upper[i]:g}]",
+                )
+                for i, name in enumerate(self._joints)
+                if outside[i]
+            ]
+        late_for_s = self._time_s - self._late_s
+        if 0.0 < late_for_s < ON_TIME_S:
+            found.append(Objection("loop", f"a tick was late {late_for_s:.1f} s ago"))
+        return tuple(found)
+
+    def checks(
+        self, objections: Sequence[Objection], samples: Samples, estimate: Estimate
+    ) -> list[Check]:
+        """Every check by name, with its reasons or with what speaks for it."""
+        reasons: dict[str, list[str]] = {}
+        for objection in objections:
+            reasons.setdefault(objection.check, []).append(objection.reason)
+        return [
+            Check(
+                name=name,
+                passed=name not in reasons,
+                text="; ".join(reasons[name])
+                if name in reasons
+                else self._praise(name, samples, estimate),
+            )
+            for name in NAMES
+        ]
+
+    def _praise(self, name: str, samples: Samples, estimate: Estimate) -> str:
+        """What speaks for a check that passes."""
+        n = len(self._joints)
+        on = samples.states.count(DriveState.OPERATION_ENABLED)
+        i = int(np.argmax(np.abs(estimate.residual) / estimate.threshold))
+        words = {
+            "drives": f"{on} of {n} in operation, none in fault",
+            "samples": "all fresh in this tick",
+            "heartbeats": f"heard from {n} drives, none misses ours",
+            "emergencies": "none",
+            "set-up": "written to the drives and read back",
+            "identification": self.identification.text,
+            "estimator": "ready",
+            "residual": f"at most {estimate.residual[i]:+.2f} of {estimate.threshold[i]:.2f} Nm "
+            f"({self._joints[i]})",
+            "limits": "every joint inside",
+            "loop": f"no late tick for {ON_TIME_S:g} s",
+        }
+        return words.get(name, "nothing found")

@@ -1,0 +1,176 @@
+"""Each pre-arm check fails by name for its reason, and passes again when it is over."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from daemon.cycle import Wakeup
+from daemon.messages import Check
+from daemon.modes import Event
+from daemon.prearm import CHECK_OF, NAMES, Verdict
+from daemon.supervisor import Condition
+from drivers.events import Emergency, Rebooted
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    with lockstep_rig(SINGLE_JOINT) as made:
+        made.enable()
+        yield made
+
+
+def checks(rig: Rig) -> dict[str, Check]:
+    return {check.name: check for check in rig.cycle.checks()}
+
+
+def failed(rig: Rig) -> list[str]:
+    return [name for name, check in checks(rig).items() if not check.passed]
+
+
+def watched(rig: Rig, *events: object) -> None:
+    """As if these had come in the last tick; the supervisor has dealt with them since."""
+    samples = rig.cycle.samples
+    assert samples is not None
+    samples.events = events  # type: ignore[assignment]
+    rig.cycle.prearm.watch(samples, (), rig.time_s)
+    samples.events = ()
+    rig.tick()
+
+
+def test_at_rest_every_check_passes_and_says_why(rig: Rig) -> None:
+    found = checks(rig)
+    assert list(found) == ["mode", *NAMES]
+    assert failed(rig) == []
+    assert all(check.text for check in found.values())
+    assert found["mode"].text == "holding"
+    assert found["drives"].text == "1 of 1 in operation, none in fault"
+    assert found["residual"].text.endswith("Nm (joint)")
+    assert str(found["emergencies"]) == "passed  emergencies     none"
+
+
+def test_before_the_first_samples(rig: Rig) -> None:
+    with lockstep_rig(SINGLE_JOINT) as fresh:
+        assert [str(check) for check in fresh.cycle.checks()] == [
+            "failed  mode            no samples of the drives yet"
+        ]
+
+
+def test_off_only_the_mode_is_wrong() -> None:
+    with lockstep_rig(SINGLE_JOINT) as off:
+        off.run(0.3)
+        assert failed(off) == ["mode"]
+
+
+def touch(rig: Rig) -> None:
+    rig.arm.external_torque[0] = 2.0
+
+
+def fault(rig: Rig) -> None:
+    rig.arm.drives[0].fault(0x2310, "injected by the test")
+
+
+def late(rig: Rig) -> None:
+    rig.cycle.begin(rig.time_s)
+    rig.lockstep.pump()
+    rig.cycle.finish(0.0, Wakeup(lateness_s=0.015, left_out=1))
+    rig.ticks += 1
+
+
+@pytest.mark.parametrize(
+    ("disturb", "names", "words"),
+    [
+        (touch, {"residual"}, "joint feels"),
+        (fault, {"mode", "drives", "emergencies"}, "emergency 0x2310"),
+        (late, {"loop"}, "late"),
+    ],
+)
+def test_what_goes_wrong_fails_by_name(
+    rig: Rig, disturb: Callable[[Rig], None], names: set[str], words: str
+) -> None:
+    disturb(rig)
+    rig.run(0.05)
+    assert names <= set(failed(rig))
+    assert any(words in check.text for check in checks(rig).values() if not check.passed)
+    assert rig.cycle.controller.arm("the test")
+
+
+def test_on_time_again_after_a_second(rig: Rig) -> None:
+    late(rig)
+    rig.run(0.5)
+    assert failed(rig) == ["loop"]
+    assert checks(rig)["loop"].text == "a tick was late 0.5 s ago"
+    rig.run(0.6)
+    assert failed(rig) == []
+
+
+def test_an_emergency_lasts_until_the_drive_takes_it_back(rig: Rig) -> None:
+    watched(rig, Emergency(1, 0x4210, 8))
+    assert failed(rig) == ["emergencies"]
+    text = checks(rig)["emergencies"].text
+    assert text.startswith("node 1: emergency 0x4210")
+    assert text.endswith("and not over")
+    watched(rig, Emergency(1, 0, 0))
+    assert failed(rig) == []
+
+
+def test_a_drive_that_misses_our_heartbeat_fails_heartbeats(rig: Rig) -> None:
+    watched(rig, Emergency(1, 0x8130, 16))
+    assert failed(rig) == ["heartbeats"]
+
+
+def test_a_drive_that_left_its_fault_has_no_emergency(rig: Rig) -> None:
+    fault(rig)
+    rig.run(0.2)
+    assert "emergencies" in failed(rig)
+    rig.arm.drives[0].on_event = lambda _: None  # whatever it says
+    rig.request(Event.RESET)
+    rig.run(0.6)
+    assert failed(rig) == ["mode"]
+    rig.enable()
+    assert failed(rig) == []
+
+
+def test_a_restarted_drive_needs_a_restarted_daemon(rig: Rig) -> None:
+    watched(rig, Rebooted(1))
+    assert failed(rig) == ["set-up"]
+    assert "start the daemon again" in checks(rig)["set-up"].text
+
+
+def test_a_missing_heartbeat(rig: Rig) -> None:
+    arm, samples, estimate = rig.cycle.arm, rig.cycle.samples, rig.cycle.estimate
+    assert samples is not None
+    assert estimate is not None
+    assert arm.unheard() == ()
+    for flag, unheard in (("lost", True), ("operational", False)):
+        setattr(arm._drives[0].watch, flag, unheard)
+        found = rig.cycle.prearm.objections(samples, estimate, (), arm.unheard())
+        assert [(o.check, o.reason) for o in found] == [("heartbeats", "not heard from joint")]
+        setattr(arm._drives[0].watch, flag, not unheard)
+
+
+def test_the_identification_is_somebody_elses_verdict(rig: Rig) -> None:
+    rig.cycle.prearm.identification = Verdict(False, "identified.yaml is of other drives")
+    rig.tick()
+    assert failed(rig) == ["identification"]
+    assert rig.cycle.controller.arm("the test") == ["identified.yaml is of other drives"]
+    rig.cycle.prearm.identification = Verdict(True, "identified.yaml of 2026-11-20")
+    rig.tick()
+    assert checks(rig)["identification"].text == "identified.yaml of 2026-11-20"
+    assert failed(rig) == []
+
+
+def test_a_joint_outside_its_limits(rig: Rig) -> None:
+    prearm, samples, estimate = rig.cycle.prearm, rig.cycle.samples, rig.cycle.estimate
+    assert samples is not None
+    assert estimate is not None
+    for q, inside in ((1.4, True), (1.401, False), (-1.401, False)):
+        samples.link_position = np.array([q])
+        found = prearm.objections(samples, estimate, (), ())
+        assert [objection.check for objection in found] == ([] if inside else ["limits"])
+
+
+def test_every_finding_has_a_check() -> None:
+    assert set(CHECK_OF.values()) <= set(NAMES)
+    assert set(CHECK_OF) <= set(Condition)
