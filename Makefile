@@ -14,7 +14,7 @@ SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
-.PHONY: help demo test check units system install install-env install-files uninstall verify lock clean
+.PHONY: help demo test check units system install install-env install-files uninstall verify reference lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
@@ -125,6 +125,9 @@ endif
 verify: $(STAMP)  ## compare our URDF with the public Romeo description (downloads 400 MB)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps example-robot-data
 	$(BIN)/python -m pytest -q -m verify
+
+reference: $(STAMP)  ## write docs/configuration.md and docs/contactctl.md from the code
+	$(BIN)/python docs/reference.py
 
 lock:  ## resolve the dependencies anew and write both lock files (names and versions)
 	rm -rf build/lock && $(PYTHON) -m venv build/lock

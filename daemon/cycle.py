@@ -34,6 +34,7 @@ class Wakeup:
     work_s: float = 0.0  # of the tick before
     missed: int = 0  # deadlines, since the start
     left_out: int = 0  # deadlines that this tick came too late for
+    doors_s: float = 0.0  # what clients and the log took, after the tick before
 
 
 ON_TIME = Wakeup()
@@ -263,6 +264,7 @@ class Cycle:
                 monotonic_s=wakeup.monotonic_s,
                 lateness_us=wakeup.lateness_s * 1e6,
                 work_us=wakeup.work_s * 1e6,
+                doors_us=wakeup.doors_s * 1e6,
                 missed=wakeup.missed,
             ),
         )

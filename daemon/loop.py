@@ -36,6 +36,7 @@ class Loop:
         self._start_s = clock.now()
         self._deadline_s = self._start_s + period_s  # of the next tick
         self.work_s = 0.0  # of the last tick, from its wake-up
+        self._doors_s = 0.0
 
     @property
     def time_s(self) -> float:
@@ -46,7 +47,9 @@ class Loop:
         """Tick until `running()` is false; `doors()` follows each tick, in its slack."""
         while running():
             self.tick()
+            began = self._clock.now()
             doors()
+            self._doors_s = self._clock.now() - began
 
     def tick(self) -> None:
         """Wait for the next deadline and do one tick."""
@@ -59,7 +62,7 @@ class Loop:
         left_out = max(math.ceil(lateness / period + ANSWER_SHARE) - 1, 0)
         self.missed += left_out
         self._deadline_s = deadline + (1 + left_out) * period
-        self.wakeup = Wakeup(woken, lateness, self.work_s, self.missed, left_out)
+        self.wakeup = Wakeup(woken, lateness, self.work_s, self.missed, left_out, self._doors_s)
         self.cycle.begin(woken - self._start_s)
         self.cycle.finish(woken + ANSWER_SHARE * period, self.wakeup)
         self.work_s = clock.now() - woken

@@ -109,6 +109,7 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
     lateness_us: float  # wake-up after the deadline
     work_us: float  # from the wake-up to the last frame sent, in the tick before this one
     missed: int  # deadlines missed since the start
+    doors_us: float = 0.0  # what clients and the log took, after the tick before this one
 
 
 class State(msgspec.Struct, frozen=True, kw_only=True):

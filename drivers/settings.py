@@ -26,9 +26,9 @@ class BusSettings(Settings, frozen=True):
     interface: Literal["socketcan", "socketcand", "slcan", "virtual"]
     channel: Name
     bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000)] = 1_000_000
-    host: Name = "127.0.0.1"
-    port: Annotated[int, Meta(ge=1, le=65535)] = 29536
-    master_node: NodeId = 127
+    host: Name = "127.0.0.1"  # of socketcand
+    port: Annotated[int, Meta(ge=1, le=65535)] = 29536  # of socketcand
+    master_node: NodeId = 127  # whose heartbeat the drives expect
 
 
 class Quantity(Settings, frozen=True):
@@ -85,10 +85,10 @@ class DriveProfile(Settings, frozen=True):
     torque: Quantity | None = None  # fraction of the rated torque (0x6076)
     motor_position: Quantity | None = None  # rad of the motor shaft
     max_motor_speed: Quantity | None = None  # rad/s of the motor shaft: the drive's own limit
-    heartbeat_ms: Milliseconds = 50
-    master_timeout_ms: Milliseconds = 100
-    fault_reaction: Annotated[int, Meta(ge=-32768, le=2)] = 2
-    write: list[ObjectValue] = []
+    heartbeat_ms: Milliseconds = 50  # of the drive; three that are missing are a fault
+    master_timeout_ms: Milliseconds = 100  # without our heartbeat, and the drive quick-stops
+    fault_reaction: Annotated[int, Meta(ge=-32768, le=2)] = 2  # 0x605E; 2 is a quick stop
+    write: list[ObjectValue] = []  # more objects to set at boot-up
 
     def __post_init__(self) -> None:
         if (self.current is None) is (self.torque is None):
@@ -105,12 +105,13 @@ class JointWiring(Settings, frozen=True):
 
     node: NodeId
     profile: Name
-    gear: Annotated[float, Meta(gt=0, le=10_000)]
+    gear: Annotated[float, Meta(gt=0, le=10_000)]  # turns of the motor per turn of the joint
+    # Of the motor; must be what the drive has in 0x6075.
     rated_current_A: Annotated[float, Meta(gt=0, le=1000)]
     max_current_A: Annotated[float, Meta(gt=0, le=1000)]
-    motor_sign: Sign = 1
-    link_sign: Sign = 1
-    link_offset: float = 0.0
+    motor_sign: Sign = 1  # -1 where the motor counts against the joint
+    link_sign: Sign = 1  # -1 where the link encoder counts against the joint
+    link_offset: float = 0.0  # of the link encoder [rad]
     # Of the motor shaft; given, the drive's own figure (0x6076) must agree with it.
     rated_torque_Nm: Annotated[float, Meta(gt=0, le=10_000)] | None = None
     serial: Annotated[int, Meta(ge=0, le=0xFFFFFFFF)] | None = None

@@ -46,10 +46,10 @@ class Levels(Settings, frozen=True):
 class JointLimits(Settings, frozen=True):
     """What the daemon never commands beyond, at the link: rad, rad/s, rad/s2."""
 
-    lower: float
-    upper: float
-    velocity: Annotated[float, Meta(gt=0, le=20)]
-    acceleration: Annotated[float, Meta(gt=0, le=500)]
+    lower: float  # [rad]
+    upper: float  # [rad]
+    velocity: Annotated[float, Meta(gt=0, le=20)]  # [rad/s]
+    acceleration: Annotated[float, Meta(gt=0, le=500)]  # [rad/s2]
     quick_stop: Annotated[float, Meta(gt=0, le=1000)]  # the drive's own deceleration
 
 
@@ -85,7 +85,7 @@ class Control(Settings, frozen=True):
 class Admittance(Settings, frozen=True):
     """Eq. (15) on the thresholded residual, and what bounds it."""
 
-    quiet_s: Annotated[float, Meta(ge=0.1, le=60)] = 2.0
+    quiet_s: Annotated[float, Meta(ge=0.1, le=60)] = 2.0  # without a contact, until the arm goes on
     virtual_mass_s: VirtualMass = 0.05
     velocity: Speed = 0.5  # [rad/s]
     max_duration_s: Annotated[float, Meta(gt=0, le=3600)] = 120.0
@@ -107,14 +107,14 @@ class ReactionSettings(Settings, frozen=True):
 class Sinusoid(Settings, frozen=True):
     """q = q0 + amplitude * sin(2 pi frequency t), around wherever the joint stands."""
 
-    amplitude: Annotated[float, Meta(gt=0, le=3.2)]
+    amplitude: Annotated[float, Meta(gt=0, le=3.2)]  # [rad]
     frequency_Hz: Annotated[float, Meta(gt=0, le=5)]
 
 
 class Trajectory(Settings, frozen=True):
     """What the joints do after `contactctl start`; a joint that is not named holds."""
 
-    sinusoids: dict[str, Sinusoid] = msgspec.field(default_factory=dict)
+    sinusoids: dict[str, Sinusoid] = msgspec.field(default_factory=dict)  # by joint
     file: Name | None = None  # instead: a CSV file, relative to the configuration
     from_here: bool = False  # run the file from wherever the arm stands, as sinusoids are
     ramp_s: Annotated[float, Meta(ge=0.1, le=30)] = 2.0  # from standstill to full speed
@@ -125,8 +125,9 @@ class SupervisorSettings(Settings, frozen=True):
 
     stale_ticks: Ticks = 3  # ticks without the TPDOs of a drive
     overrun_ticks: Ticks = 5  # deadlines missed in a row
+    # Until every drive is in operation, else off.
     enable_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0
-    stop_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0
+    stop_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0  # until the arm stands, else a fault
     saturated_ticks: Ticks = 20  # ticks in a row at the current limit
     # What the measurements are believed beyond what the joint can do by itself.
     position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, and a bent gear [rad]
@@ -137,11 +138,12 @@ class SupervisorSettings(Settings, frozen=True):
 class Configuration(Settings, frozen=True):
     """One arm, as `config.yaml` describes it."""
 
-    version: Literal[1]
+    version: Literal[1]  # of this format
     name: Name
     urdf: Name  # path, relative to the configuration
-    period_ms: Annotated[int, Meta(ge=1, le=100)]
+    period_ms: Annotated[int, Meta(ge=1, le=100)]  # of the loop, T, and of SYNC
     bus: BusSettings
+    # By a name of your own, which `wiring.profile` of a joint says.
     drives: Annotated[dict[str, DriveProfile], Meta(min_length=1)]
     joints: Annotated[list[Joint], Meta(min_length=1, max_length=32)]
     estimator: EstimatorSettings = EstimatorSettings()

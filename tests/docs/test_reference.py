@@ -1,0 +1,51 @@
+"""The reference pages say what the code says."""
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from daemon.commands import contactctl
+from daemon.config.schema import Configuration, JointLimits
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
+
+@pytest.fixture(scope="module")
+def reference() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("reference", DOCS / "reference.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("page", ["configuration", "contactctl"])
+def test_the_page_is_current(reference: ModuleType, page: str) -> None:
+    made = getattr(reference, f"{page}_page")()
+    on_disk = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    assert on_disk == made, f"docs/{page}.md is not what the code says: run `make reference`"
+
+
+def test_every_key_and_every_link_is_there(reference: ModuleType) -> None:
+    page = reference.configuration_page()
+    titles = {title.lower() for title in re.findall(r"^## (\w+)", page, re.MULTILINE)}
+    assert set(re.findall(r"\]\(#(\w+)\)", page)) <= titles
+    section = page.partition("## JointLimits\n")[2].partition("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE) == list(
+        JointLimits.__struct_fields__
+    )
+    assert "| `velocity` | number > 0 and <= 20 | must be given | [rad/s] |" in section
+    first = page.partition("## The file\n")[2].partition("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)` \|", first, re.MULTILINE) == list(
+        Configuration.__struct_fields__
+    )
+
+
+def test_every_command_is_there(reference: ModuleType) -> None:
+    page = reference.contactctl_page()
+    assert re.findall(r"^## (\w+)", page, re.MULTILINE) == list(contactctl.main.commands)
+    assert "--lease S" in page
