@@ -182,7 +182,7 @@ class Controller:
         return [
             f"{name} stands at {q[i]:.3f} rad, {abs(q[i] - begin[i]):.3f} rad from where "
             f"{place.path.name} begins ({begin[i]:.3f}; allowed {START_TOLERANCE:g}): "
-            "bring it there, or start from here"
+            "bring it there, or start it with --from-here"
             for i, name in enumerate(self._tuning.joints)
             if begin is not None and astray[i]
         ]

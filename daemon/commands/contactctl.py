@@ -8,6 +8,7 @@ import math
 import signal
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -139,8 +140,15 @@ def enable(options: Options, no_wait: bool) -> None:
     is_flag=True,
     help="Run the file as displacements, from wherever the arm stands.",
 )
+@click.option(
+    "--speed",
+    type=click.FloatRange(min=0, max=1, min_open=True),
+    default=1.0,
+    show_default=True,
+    help="Run the file slower, at this share of its speed.",
+)
 @click.pass_obj
-def start(options: Options, file: Path | None, from_here: bool) -> None:
+def start(options: Options, file: Path | None, from_here: bool, speed: float) -> None:
     """Start a trajectory: the arm moves.
 
     Without a file: what was paused goes on; else the configured trajectory begins. A file has a
@@ -148,8 +156,8 @@ def start(options: Options, file: Path | None, from_here: bool) -> None:
     before anything moves, and the arm must stand where it begins.
     """
     if file is None:
-        if from_here:
-            raise click.UsageError("--from-here is about a file")
+        if from_here or speed != 1.0:
+            raise click.UsageError("--from-here and --speed are about a file")
         _command(options, "start")
         return
     from daemon.trajectory_file import read_trajectory
@@ -159,7 +167,7 @@ def start(options: Options, file: Path | None, from_here: bool) -> None:
         try:
             client.load_trajectory(
                 trajectory.joints,
-                trajectory.times,
+                [time_s / speed for time_s in trajectory.times],
                 trajectory.positions,
                 name=file.name,
                 from_here=from_here,
@@ -262,7 +270,7 @@ def watch(options: Options) -> None:
 
 
 @main.command()
-@click.argument("file", type=click.Path(path_type=Path), metavar="FILE.mcap")
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
 @click.option(
     "--seconds",
     type=click.FloatRange(min=0, min_open=True),
@@ -270,15 +278,30 @@ def watch(options: Options) -> None:
 )
 @click.pass_obj
 def record(options: Options, file: Path, seconds: float | None) -> None:
-    """Record every state into a new file. Foxglove, PlotJuggler and replay read it."""
-    from daemon import recorder
+    """Record into a new file.
 
+    FILE.mcap: every state, for Foxglove, PlotJuggler and `contactd replay`. FILE.csv: where the
+    joints go, as a trajectory that `contactctl start` runs.
+    """
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: signals.append(received))
     if not options.json and seconds is None:
         click.echo(f"recording to {file}; Ctrl-C ends it", err=True)
-    made = recorder.record(options.connect, file, seconds=seconds, stop=lambda: bool(signals))
+    as_csv = file.suffix.lower() == ".csv"
+    ended = (_record_csv if as_csv else _record_states)(
+        options, file, seconds, lambda: bool(signals)
+    )
+    if ended:
+        raise UnreachableError(ended)
+
+
+def _record_states(
+    options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
+) -> str:
+    from daemon.recorder import record
+
+    made = record(options.connect, file, seconds=seconds, stop=stop)
     if options.json:
         _print_json(made)
     else:
@@ -286,8 +309,20 @@ def record(options: Options, file: Path, seconds: float | None) -> None:
         click.echo(
             f"{file}: {made.duration_s:.1f} s, {made.states} states, {made.lost} lost{again}"
         )
-    if made.ended:
-        raise UnreachableError(made.ended)
+    return made.ended
+
+
+def _record_csv(
+    options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
+) -> str:
+    from daemon.trajectory_recorder import record_trajectory
+
+    made = record_trajectory(options.connect, file, seconds=seconds, stop=stop)
+    if options.json:
+        _print_json(made)
+    else:
+        click.echo(f"{file}: {made.duration_s:.1f} s, {made.samples} samples")
+    return made.ended
 
 
 def _command(options: Options, command: "Command", wait: bool = False) -> None:

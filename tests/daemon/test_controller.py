@@ -295,7 +295,7 @@ def test_it_is_refused_where_the_arm_does_not_stand_at_its_beginning(holding: Id
     elsewhere = recorded([0.0, 0.16, 0.0], [1.0, 0.2, 0.0])
     assert start(holding, elsewhere) == [
         "a stands at 0.100 rad, 0.060 rad from where move.csv begins (0.160; allowed 0.05): "
-        "bring it there, or start from here"
+        "bring it there, or start it with --from-here"
     ]
     assert holding.mode is Mode.HOLDING
     assert start(holding, recorded([0.0, 0.16, 0.0], [1.0, 0.2, 0.0], from_here=True)) == []

@@ -23,7 +23,9 @@ from daemon.messages import Reply
 from daemon.modes import Mode
 from daemon.notify import Notifier
 from daemon.service import Service
-from errors import ControlError, TrajectoryError
+from daemon.trajectory_file import read_trajectory
+from daemon.trajectory_recorder import Recorded, record_trajectory
+from errors import ControlError, LogError, TrajectoryError
 
 T = 0.01
 
@@ -261,6 +263,49 @@ def test_half_an_upload_is_no_trajectory(house: House) -> None:
         assert house.rig.mode is Mode.HOLDING
     house.run(0.05)
     assert house.service.control.connections == 0
+
+
+def test_what_was_led_by_hand_is_done_again(house: House, tmp_path: Path) -> None:
+    """Recorded while a push leads the arm, then run."""
+    path = tmp_path / "led.csv"
+    house.rig.enable()
+    began = stands(house)
+    assert house.contactctl("arm").exit_code == 0
+    with Client(house.path) as client:
+        made: list[Recorded] = []
+
+        def follow() -> None:
+            made.append(record_trajectory(lambda: client, path, seconds=2.5))
+
+        thread = threading.Thread(target=follow)
+        thread.start()
+        for tick in range(400):
+            house.rig.arm.external_torque[0] = 2.0 if 60 <= tick < 160 else 0.0
+            house.tick()
+            thread.join(0.002)
+            if not thread.is_alive():
+                break
+        assert not thread.is_alive()
+    assert made[0].samples == pytest.approx(51, abs=2)
+    assert made[0].duration_s == pytest.approx(2.5, abs=0.06)
+    file = read_trajectory(path, ["joint"])
+    assert abs(file.positions[0][0] - began) <= 0.101  # somewhere in its gap
+    led = file.positions[-1][0] - file.positions[0][0]
+    assert abs(stands(house) - began - led) <= 0.11
+    assert abs(led) > 0.3
+    house.run(2.5)
+    assert house.contactctl("disarm").exit_code == 0
+    here = stands(house)
+    assert house.contactctl("start", "--speed", "0.5").exit_code == 2
+    result = house.contactctl("start", str(path), "--from-here", "--speed", "0.5")
+    assert result.exit_code == 0, result.stderr
+    begun = house.rig.time_s
+    while house.rig.mode is Mode.TRACKING:
+        house.tick()
+    assert house.rig.time_s - begun == pytest.approx(2.0 * made[0].duration_s + 2.0, abs=0.1)
+    assert stands(house) - here == pytest.approx(led, abs=0.02)
+    with pytest.raises(LogError, match="never overwritten"):
+        record_trajectory(lambda: Client(house.path), path)
 
 
 # --- arming -------------------------------------------------------------------------------------

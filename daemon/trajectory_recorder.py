@@ -1,0 +1,79 @@
+"""Where the joints went, as a CSV file that `contactctl start` runs: lead the arm by hand, and let
+it do the same again.
+
+Taken down are the motors, as seen at the links: what a link does by itself inside its gap, falling
+from one side to the other, is nothing that a motor could repeat.
+"""
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from daemon.client import Client
+from daemon.messages import State
+from daemon.trajectory_file import MAX_ROWS, TIME
+from errors import LogError, UnreachableError
+
+# One sample is the mean of so many seconds: often enough for a hand, and an encoder's last digit
+# is no acceleration.
+SAMPLE_S = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What was written."""
+
+    path: str
+    duration_s: float
+    samples: int
+    ended: str  # empty if it ended as asked, else what the daemon did
+
+
+def record_trajectory(
+    connect: Callable[[], Client],
+    path: Path,
+    *,
+    seconds: float | None = None,
+    stop: Callable[[], bool] = lambda: False,
+) -> Recorded:
+    """Write motor positions, at the link [rad], of all joints to a new CSV file until `stop()`,
+    `seconds` have passed, it is as long as a trajectory may be, or the daemon ends.
+
+    Raises LogError if `path` exists or cannot be written, ControlError if there is no daemon to
+    begin with.
+    """
+    if path.exists():
+        raise LogError(f"{path} exists: a recording is never overwritten")
+    ended, samples, first_s, last_s = "", 0, 0.0, 0.0
+    with connect() as client:
+        snapshot, states = client.subscribe()
+        try:
+            with path.open("x", newline="", encoding="utf-8") as stream:
+                writer = csv.writer(stream, lineterminator="\n")
+                writer.writerow([TIME, *snapshot.joints])
+                window: list[State] = []
+                for state in states:
+                    window.append(state)
+                    if state.time_s - window[0].time_s < SAMPLE_S - 0.5 * snapshot.period_s:
+                        continue
+                    middle_s = _mean([s.time_s for s in window])
+                    first_s = first_s if samples else middle_s
+                    last_s = middle_s
+                    columns = zip(*(s.motor for s in window), strict=True)
+                    row = [last_s - first_s, *(_mean(list(column)) for column in columns)]
+                    writer.writerow([f"{value:.6f}" for value in row])
+                    samples += 1
+                    window = [state]
+                    late = seconds is not None and last_s - first_s >= seconds
+                    if late or stop() or samples == MAX_ROWS:
+                        break
+        except UnreachableError as error:
+            ended = str(error)
+        except OSError as error:
+            raise LogError(f"cannot write {path}: {error.strerror or error}") from error
+    return Recorded(str(path), last_s - first_s, samples, ended)
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values)
