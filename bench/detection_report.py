@@ -93,6 +93,8 @@ def _bars(axes: Any, values: dict[str, Any], c: Configuration) -> None:
     axes.hlines(contact, joints - 0.45, joints + 0.45, colors="black", label="configured threshold")
     axes.set_xticks(joints, [joint.name for joint in c.joints], rotation=30, ha="right")
     axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.grid(axis="y", alpha=0.4)
 
 
 def _delays(axes: Any, by_name: dict[str, Score], filter_ms: float) -> None:

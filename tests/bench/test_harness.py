@@ -74,6 +74,20 @@ def test_recording_in_pieces_is_the_recording_in_one(robot: Robot) -> None:
     assert np.abs(whole.samples[5, 1] - whole.samples[30, 1]).max() > 1e-4  # it gave way
 
 
+def test_the_loop_on_the_link_follows_its_motion(robot: Robot) -> None:
+    zero = np.zeros(7)
+    home = np.array([0.3, 0.3, 0.0, -0.8, -1.2, 0.0, 0.0])
+    motion = Motion(
+        home=home, amplitude=np.full(7, 0.2), omega=np.full(7, 2.0), phase=zero, ramp_s=0.5
+    )
+    subject = Subject(robot=robot, settings=SimulationSettings(seed=4))
+    q = record(subject, Scenario(seconds=2.0, motion=motion, settling_s=0.3)).samples[:, 1]
+    # After the ramp, s runs a quarter of a second behind the time.
+    wanted = np.array([motion.at(t - 0.25, 1.0)[0] for t in 0.01 * np.arange(1, 201)])
+    assert np.abs(q - wanted)[100:].max() < 0.05  # most of it is the gap
+    assert np.ptp(q, axis=0).min() > 0.2
+
+
 def test_every_disturbance_of_the_arm_shows(robot: Robot) -> None:
     """Friction drift, displaced centres of mass and another seed each change the samples."""
     plain = Subject(robot=robot, settings=SimulationSettings(seed=4))
