@@ -85,10 +85,12 @@ def record_fleet(
     settings: SimulationSettings,
     others: Sequence[SimulationSettings] = (),
     push: Push | None = None,
+    *,
+    motors_only: bool = False,
 ) -> list[list[MotionLog]]:
     """Logs `[sensors][arm]` of one motion: what sensors of `settings`, and those of each of
-    `others`, report of the same fleet. The first sensors' link positions close the loop, unless
-    a hand pushes: then the motors stand still."""
+    `others`, report of the same fleet. The first sensors' link positions close the loop;
+    motors_only: the motors follow the reference's velocity and nobody looks at the links."""
     n, count = len(description.joints), len(arms)
     parameters = _joined(arms)
     fleet = replace(description, joints=description.joints * count)
@@ -124,9 +126,9 @@ def record_fleet(
             row[:] = (r.current, r.link_position, r.motor_velocity, r.motor_position)
             np.multiply(row, scale, out=row)
         q_d, qd_d = (np.tile(x, count) for x in reference((k + 1) * period))
-        velocity = qd_d + POSITION_GAIN * (q_d - rows[0, k, 1])
-        if push is not None:
-            velocity[:] = 0.0
+        velocity = qd_d
+        if not motors_only:
+            velocity = velocity + POSITION_GAIN * (q_d - rows[0, k, 1])
         # What `Servo.follow` does for one joint.
         servo.target[:] = velocity
         servo.rate[:] = np.abs(velocity - servo.reference) / round(period / SERVO_PERIOD_S)
@@ -162,3 +164,29 @@ def _joined(arms: Sequence[PlantParameters]) -> PlantParameters:
 
     vectors = {f: joined(f) for f in PlantParameters.__dataclass_fields__ if f != "model"}
     return PlantParameters(model=model, **vectors)
+
+
+class SoftHand:
+    """A hand that leads every link from beyond one border of its gap to beyond the other, and
+    rests there: a `Push`. 0.9 s a visit; it carries gravity (n,), nominal at q0 (n,)."""
+
+    def __init__(
+        self, arms: Sequence[PlantParameters], q0: Vector, gravity: Vector, step_s: float
+    ) -> None:
+        count, n = len(arms), len(q0)
+        link = np.concatenate([arm.coulomb[:n] for arm in arms])
+        lightest = np.concatenate([arm.lightest_link for arm in arms])
+        self._q0, self._gravity = np.tile(q0, count), np.tile(gravity, count)
+        self._half_gap = np.concatenate([arm.half_gap for arm in arms])
+        # Masses differ by some percent, and so does what there is to carry.
+        self._strongest = np.maximum(0.05, 2.5 * link) + 0.1 * np.abs(self._gravity)
+        self._damping = np.minimum(1.0, 0.3 * lightest / step_s)
+
+    def __call__(self, t: float, q: Vector, q_dot: Vector) -> Vector:
+        visit, phase = divmod(t, 0.9)
+        lead = min(phase / 0.25 - 1.0, 1.0) * (1.0 if int(visit) % 2 == 0 else -1.0)
+        further = 0.008 + 0.002 * np.sin(visit)
+        error = self._q0 + lead * (self._half_gap + further) - q
+        spring = np.clip(100.0 * self._strongest * error, -self._strongest, self._strongest)
+        torque: Vector = self._gravity + spring - self._damping * q_dot
+        return torque

@@ -161,6 +161,7 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     memory: dict[str, Any]
     configuration: str  # text of config.yaml
     urdf: str  # text of the URDF
+    identified: str = ""  # text of identified.yaml
     program: str  # name and version
 
 
@@ -207,3 +208,4 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     threshold: Vector
     side: list[str]
     age_ticks: list[int]
+    serials: list[int | None] = []  # 0x1018:4 of the drives

@@ -74,7 +74,9 @@ class _Run:
         self._mode = ""
 
     def restart(self, snapshot: Snapshot) -> None:
-        configuration = parse_configuration(snapshot.configuration, "the recorded configuration")
+        configuration = parse_configuration(
+            snapshot.configuration, "the recorded configuration", snapshot.identified
+        )
         self._estimator = build_estimator(configuration, snapshot.urdf)
         self._estimator.restore(snapshot.memory)
         self._tick, self._mode = snapshot.tick, ""

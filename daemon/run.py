@@ -11,6 +11,7 @@ import can
 import numpy as np
 
 from daemon.assembly import build_cycle, build_estimator, build_setups
+from daemon.config.identified import objections
 from daemon.config.load import Robot
 from daemon.control import ControlSocket, default_socket_path
 from daemon.journal import log_to_stderr
@@ -57,7 +58,9 @@ def _serve(
         _log.info(line)
         notifier.status(f"starting: {line}")
 
-    boot_up(bus, setups, period_ms=c.period_ms, master_node=c.bus.master_node, progress=progress)
+    identities = boot_up(
+        bus, setups, period_ms=c.period_ms, master_node=c.bus.master_node, progress=progress
+    )
     if signals.received:
         return
     cycle = build_cycle(robot, bus, time.monotonic)
@@ -66,7 +69,11 @@ def _serve(
     for grant in realtime:
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
     loop = Loop(cycle, Clock(time.monotonic, sleep_until), c.period_s)
-    service = Service(robot, loop, control, realtime, os.getpid(), notifier)
+    serials = [drive.serial for drive in identities]
+    cycle.controller.objections = objections(
+        robot.identified, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True))
+    )
+    service = Service(robot, loop, control, realtime, os.getpid(), notifier, serials)
     # From the first heartbeat on the drives expect the next.
     cycle.arm.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)

@@ -79,6 +79,7 @@ class Service:
     realtime: list[Grant]
     pid: int
     notifier: Notifier
+    serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
     dock: LoadingDock = field(init=False)
     _lease: Lease | None = None
 
@@ -234,6 +235,7 @@ class Service:
             threshold=estimate.threshold.tolist() if estimate else zeros,
             side=[SIDE_NAMES[s] for s in estimate.side.tolist()] if estimate else [],
             age_ticks=samples.age_ticks.tolist() if samples else [],
+            serials=self.serials,
         )
 
     def _trajectory(self) -> Trajectory:
@@ -261,6 +263,7 @@ class Service:
             memory=cycle.estimator.memory(),
             configuration=self.robot.text,
             urdf=self.robot.urdf,
+            identified=self.robot.identified_text,
             program=f"contactd {version('contactd')}",
         )
 

@@ -38,6 +38,13 @@ class _Group(click.Group):
             ctx.exit(error.exit_code)
 
 
+class _InOrder(click.Group):
+    """Lists its commands in the order in which a person needs them."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
+
+
 @click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="contactd", prog_name="contactd")
 def main() -> None:
@@ -138,6 +145,78 @@ def replay(file: Path, as_json: bool) -> None:
     from daemon.commands.replay import print_replay
 
     sys.exit(0 if print_replay(file, as_json=as_json) else 1)
+
+
+@main.group(cls=_InOrder)
+def identify() -> None:
+    """Find out what an arm's parameters are, step by step, on the arm or on recorded logs.
+
+    Without --log a running daemon moves the arm, and the person beside it has read
+    docs/commissioning.md. Every step can be stopped by Ctrl-C at any time: the arm holds, and the
+    same command goes on from there. Results go to identified.yaml beside the configuration.
+    """
+
+
+def _identification(step: Any) -> Any:
+    """Options that all steps share."""
+    options = [
+        click.option("--config", type=click.Path(path_type=Path),
+                     help="Robot's folder; by default that of the running daemon."),
+        click.option("--log", "logs", type=click.Path(path_type=Path), multiple=True,
+                     metavar="FILE",
+                     help="Learn from a recording (.mcap, may be repeated) or a .csv, "
+                     "instead of moving the arm."),
+        click.option("--dry-run", is_flag=True, help="Write nothing."),
+        SOCKET,
+    ]  # fmt: skip
+    for option in reversed(options):
+        step = option(step)
+    return step
+
+
+def _begin(config: Path | None, logs: tuple[Path, ...], dry_run: bool, socket: Path | None) -> Any:
+    from daemon.commands.identify import Identification, Recorded, terminal
+    from daemon.config.load import load_robot
+
+    if config is None or not logs:
+        raise click.UsageError("needs --config and --log")
+    robot = load_robot(config)
+    source = Recorded(logs, robot.configuration.joint_names)
+    return Identification(robot, source, terminal(), dry=dry_run)
+
+
+@identify.command()
+@click.argument("joints", nargs=-1, metavar="[JOINT]...")
+@_identification
+def wiring(joints: tuple[str, ...], **asked: Any) -> None:
+    """Move joint by joint a little: do signs and scales agree?"""
+    sys.exit(0 if _begin(**asked).wiring(joints) else 1)
+
+
+@identify.command()
+@click.argument("joints", nargs=-1, metavar="[JOINT]...")
+@_identification
+def gap(joints: tuple[str, ...], **asked: Any) -> None:
+    """Hold the motor still while you move the link: how large is the gap?"""
+    sys.exit(0 if _begin(**asked).gap(joints) else 1)
+
+
+@identify.command()
+@click.option("--seconds", default=60.0, show_default=True, type=click.FloatRange(20, 600))
+@_identification
+def friction(seconds: float, **asked: Any) -> None:
+    """Move all joints, without contact: friction and rotor inertia."""
+    sys.exit(0 if _begin(**asked).friction(seconds) else 1)
+
+
+@identify.command()
+@click.option("--seconds", default=120.0, show_default=True, type=click.FloatRange(40, 7200))
+@click.option("--per-hour", default=1.0, show_default=True, type=click.FloatRange(1e-3, 1000),
+              help="False contacts per joint and hour that are bearable.")  # fmt: skip
+@_identification
+def thresholds(seconds: float, per_hour: float, **asked: Any) -> None:
+    """Move all joints, without contact: levels from the residuals."""
+    sys.exit(0 if _begin(**asked).thresholds(seconds, per_hour) else 1)
 
 
 if __name__ == "__main__":

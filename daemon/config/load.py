@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from daemon.config.checks import cross_checks
+from daemon.config.identified import Identified, applied
 from daemon.config.motion import recorded_path
 from daemon.config.schema import Configuration
 from daemon.config.yaml_source import Source, parse_yaml, read_yaml
@@ -28,6 +29,8 @@ class Robot:
     text: str  # of config.yaml
     urdf: str  # text of the URDF
     recorded: SampledPath | None = None  # of trajectory.file
+    identified: Identified | None = None  # values of it are in `configuration` already
+    identified_text: str = ""  # of identified.yaml
 
     @property
     def folder(self) -> Path:
@@ -70,12 +73,41 @@ def load_robot(path: Path) -> Robot:
     except TrajectoryError as error:
         where = f"{path}:{source.line(['trajectory', 'file'])}: trajectory.file"
         raise ConfigurationError(f"{where}: {error}") from error
-    return Robot(path, configuration, source.text, urdf, recorded)
+    return _with_identified(Robot(path, configuration, source.text, urdf, recorded))
 
 
-def parse_configuration(text: str, name: str) -> Configuration:
-    """Of the text of a `config.yaml` alone, without what it refers to; `name` is for messages."""
-    return convert(parse_yaml(text, Path(name)), Configuration)
+def _with_identified(robot: Robot) -> Robot:
+    """With the values of identified.yaml, where there is one, in the place of hand-written ones."""
+    path = robot.folder / robot.configuration.identified
+    if not path.exists():
+        return robot
+    text, found = _identified(read_yaml(path), robot.configuration)
+    configuration = applied(robot.configuration, found)
+    if findings := cross_checks(configuration, robot.urdf, robot.folder):
+        raise ConfigurationError(
+            "\n".join(f"{path}: {finding.where}: {finding.what}" for finding in findings)
+        )
+    return replace(robot, configuration=configuration, identified=found, identified_text=text)
+
+
+def _identified(source: Source, configuration: Configuration) -> tuple[str, Identified]:
+    found = convert(source, Identified)
+    for name in found.joints:
+        if name not in configuration.joint_names:
+            line = source.line(["joints", name])
+            known = ", ".join(configuration.joint_names)
+            raise ConfigurationError(f"{source.path}:{line}: no joint {name}; there are: {known}")
+    return source.text, found
+
+
+def parse_configuration(text: str, name: str, identified: str = "") -> Configuration:
+    """Of the text of a `config.yaml`, and of `identified.yaml` where there was one; `name` is for
+    messages."""
+    configuration = convert(parse_yaml(text, Path(name)), Configuration)
+    if identified:
+        found = _identified(parse_yaml(identified, Path(f"{name}, identified")), configuration)[1]
+        configuration = applied(configuration, found)
+    return configuration
 
 
 def convert(source: Source, kind: type[T]) -> T:

@@ -146,6 +146,7 @@ class Configuration(Settings, frozen=True):
     # By a name of your own, which `wiring.profile` of a joint says.
     drives: Annotated[dict[str, DriveProfile], Meta(min_length=1)]
     joints: Annotated[list[Joint], Meta(min_length=1, max_length=32)]
+    identified: Name = "identified.yaml"  # beside the configuration; need not exist
     estimator: EstimatorSettings = EstimatorSettings()
     control: Control = Control()
     admittance: Admittance = Admittance()

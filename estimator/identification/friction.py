@@ -102,9 +102,9 @@ def identify_friction(
     transmission: half-gaps as identified, and friction to begin with; max_current (n,) [A].
     Raises LogError for a log of less than 10 s.
     """
-    if log.duration_s < SHORTEST_S:
+    if log.measured_s + log.period_s < SHORTEST_S - 1e-6:
         raise LogError(
-            f"the log is too short: {log.duration_s:.1f} s, at least {SHORTEST_S:.0f} s of motion"
+            f"the log is too short: {log.measured_s:.1f} s, at least {SHORTEST_S:.0f} s of motion"
         )
     rows = intervals(log, model, settings)
     cut: Mask = np.abs(rows.current) > 0.98 * max_current

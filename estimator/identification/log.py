@@ -69,6 +69,11 @@ class MotionLog:
     def duration_s(self) -> float:
         return float(self.time_s[-1] - self.time_s[0])
 
+    @property
+    def measured_s(self) -> float:
+        """Duration without what is missing [s]."""
+        return sum(float(self.time_s[s.stop - 1] - self.time_s[s.start]) for s in self.stretches())
+
     def select(self, rows: slice) -> "MotionLog":
         """A stretch of it."""
         position = None if self.motor_position is None else self.motor_position[rows]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from bench.fleet import Scatter, random_arm, record_fleet
+from bench.fleet import Scatter, SoftHand, random_arm, record_fleet
 from bench.lockstep import ROMEO
 from daemon.assembly import build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
@@ -83,22 +83,14 @@ def moved(arm, nominal) -> Moved:
 
 @pytest.fixture(scope="session")
 def handled(arm, nominal) -> tuple[MotionLog, PlantParameters]:
-    """20 s of a hand that leads every link from border to border of its gap and back, while the
+    """17 s of a hand that leads every link from border to border of its gap and back, while the
     motors stand. Their velocity is 1 mrad/s off."""
     settings = SimulationSettings(mismatch=EXACT, velocity_bias=0.001)
     true = random_arm(nominal, Scatter(friction=1.1), settings, np.random.default_rng(8))
     q0 = np.array([joint.initial_position for joint in arm.description.joints])
-    gravity = arm.model.gravity(q0)
-    strongest = np.maximum(0.05, 2.5 * true.coulomb[:7])
-    damping = 0.3 * true.lightest_link / settings.step_s
-
-    def hand(t: float, q: np.ndarray, q_dot: np.ndarray) -> np.ndarray:
-        visit, phase = divmod(t, 1.2)
-        lead = np.clip(phase / 0.3 - 1.0, -1.0, 1.0) * (1.0 if int(visit) % 2 == 0 else -1.0)
-        wanted = q0 + lead * (true.half_gap + 0.008 + 0.002 * np.sin(visit))
-        spring = np.clip(100.0 * strongest * (wanted - q), -strongest, strongest)
-        return gravity + spring - np.minimum(1.0, damping) * q_dot
-
+    hand = SoftHand([true], q0, arm.model.gravity(q0), settings.step_s)
     still = (q0, np.zeros_like(q0))
-    logs = record_fleet(arm.description, [true], lambda t: still, 20.4, settings, push=hand)
+    logs = record_fleet(
+        arm.description, [true], lambda t: still, 17.0, settings, push=hand, motors_only=True
+    )
     return logs[0][0], true

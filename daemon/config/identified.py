@@ -1,0 +1,178 @@
+"""`identified.yaml`: what `contactd identify` found out about one arm, beside its configuration.
+
+Each joint has an entry per step, written when the step passed. Values here replace those of
+`config.yaml`; the daemon refuses to arm with a file that belongs to other drives or to another
+configuration of them.
+"""
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import yaml
+from msgspec import Meta
+
+from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels
+from drivers.settings import Settings
+from errors import ConfigurationError
+
+FILE = "identified.yaml"
+STEPS = ("wiring", "gap", "friction", "thresholds")
+NotNegative = Annotated[float, Meta(ge=0)]
+# Buses without a real arm: what is simulated was never wired by anybody.
+_SIMULATED = frozenset({"socketcand", "virtual"})
+
+
+class Entry(Settings, frozen=True):
+    """When a step passed, and on which measurements."""
+
+    date: str
+    log: str  # sha256 of what was measured
+
+
+class Wiring(Entry, frozen=True):
+    """Signs and scales agree."""
+
+    follows: float  # link motion over motor motion
+
+
+class Gap(Entry, frozen=True):
+    """half_gap [rad] and half its 95 % interval; skew between the encoders, where it showed."""
+
+    half_gap: Annotated[float, Meta(ge=0, le=0.5)]
+    confidence: NotNegative
+    skew_ms: float | None = None
+
+
+class FrictionEntry(Entry, frozen=True):
+    """Coefficients of (6) with standard errors of what was identified: K_theta, B, ..."""
+
+    friction: Friction
+    errors: dict[str, float]
+    r2: float
+    condition: float
+    gap_spring: GapSpring = GapSpring()
+    rotor_inertia: NotNegative | None = None  # None where the current cannot tell
+
+
+class Thresholds(Entry, frozen=True):
+    """Levels [Nm] at a rate of false alarms per hour, and the largest |r| that was seen."""
+
+    thresholds: Levels
+    per_hour: float
+    largest: NotNegative
+
+
+class IdentifiedJoint(Settings, frozen=True):
+    """What is known of one joint, and of which drive."""
+
+    serial: int | None = None  # 0x1018:4; None where the drive keeps it to itself
+    wiring: Wiring | None = None
+    gap: Gap | None = None
+    friction: FrictionEntry | None = None
+    thresholds: Thresholds | None = None
+
+
+class Identified(Settings, frozen=True):
+    """The whole file."""
+
+    version: Literal[1] = 1
+    configuration: str = ""  # `fingerprint` of what the values depend on
+    joints: dict[str, IdentifiedJoint] = msgspec.field(default_factory=dict)
+
+
+def fingerprint(c: Configuration, urdf: str) -> str:
+    """Of everything in a configuration that changes what the measurements mean: drives, wiring,
+    torque constants, period, URDF. Limits, gains and old values do not."""
+    about = (c.drives, [(j.name, j.wiring, j.torque_constant) for j in c.joints], c.period_ms, urdf)
+    return hashlib.sha256(msgspec.json.encode(about, order="sorted")).hexdigest()
+
+
+def applied(c: Configuration, found: Identified) -> Configuration:
+    """The configuration with what was identified in the place of what was written by hand."""
+    return msgspec.structs.replace(
+        c, joints=[_applied(joint, found.joints.get(joint.name)) for joint in c.joints]
+    )
+
+
+def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
+    if found is None:
+        return joint
+    changes: dict[str, object] = {}
+    if found.gap is not None:
+        changes["half_gap"] = found.gap.half_gap
+    if found.friction is not None:
+        changes["friction"] = found.friction.friction
+        rigid = changes.get("half_gap", joint.half_gap) == 0.0
+        changes["gap_spring"] = GapSpring() if rigid else found.friction.gap_spring
+        if found.friction.rotor_inertia is not None:
+            changes["rotor_inertia"] = found.friction.rotor_inertia
+    if found.thresholds is not None:
+        changes["thresholds"] = found.thresholds.thresholds
+    return msgspec.structs.replace(joint, **changes)
+
+
+def objections(
+    found: Identified | None, c: Configuration, urdf: str, serials: dict[str, int | None]
+) -> list[str]:
+    """Why this arm may not be armed with this file; empty if it may.
+
+    serials: of the drives that answered, by joint. A simulated arm may do without a file.
+    """
+    if found is None and c.bus.interface in _SIMULATED:
+        return []
+    reasons = []
+    if found is not None and found.configuration != fingerprint(c, urdf):
+        reasons.append(
+            f"{c.identified} belongs to another configuration: drives, wiring, torque constants, "
+            "period or URDF were changed since (`contactd identify wiring` again)"
+        )
+    unpassed = []
+    for joint in c.joints:
+        known = found.joints.get(joint.name) if found is not None else None
+        if known is None or known.wiring is None:
+            unpassed.append(joint.name)
+        elif known.serial != (serial := serials.get(joint.name)):
+            reasons.append(
+                f"{joint.name} was identified on drive {known.serial}, this is drive {serial}"
+            )
+    if unpassed:
+        reasons.append(
+            f"the wiring of {', '.join(unpassed)} was never checked (`contactd identify wiring`)"
+        )
+    return reasons
+
+
+def write_identified(path: Path, found: Identified) -> None:
+    """Replace the file at once: a reader sees the old one or the new one, also after a power cut.
+
+    Raises ConfigurationError if it cannot be written; the old file is then untouched.
+    """
+    text = (
+        "# Written by `contactd identify`; values here replace those of config.yaml.\n"
+        "# Delete a step of a joint to go back to the value of config.yaml.\n"
+    )
+    plain = msgspec.to_builtins(found)
+    text += yaml.safe_dump(plain, sort_keys=False, default_flow_style=None, width=100)
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+            Path(name).chmod(0o644)
+            Path(name).replace(path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+    except OSError as error:
+        raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error

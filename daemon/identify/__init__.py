@@ -1,0 +1,1 @@
+"""`contactd identify`: a process of its own beside the daemon, or on a recorded log."""

@@ -1,0 +1,191 @@
+"""Measurements for the identification: from the daemon's stream, an MCAP recording or a CSV."""
+
+import csv
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from daemon.messages import State
+from daemon.modes import SENSING
+from daemon.recorder import read_log
+from errors import LogError
+from estimator.identification.log import MotionLog
+from estimator.types import Matrix
+
+COLUMNS = ("current", "link_position", "motor_velocity", "motor_position")
+_SENSING = frozenset(mode.value for mode in SENSING)
+_APART_S = 10.0  # between recordings, so that they are stretches
+_TOUCH_S = 0.5  # what lies so close to a touch is discarded with it
+_GROSS = 4.0  # times the usual largest residual of a second
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A log, what the estimator thought meanwhile, and a hash of it all."""
+
+    log: MotionLog
+    sha256: str
+    residual: Matrix | None = None  # (N, n) [Nm]
+    threshold: Matrix | None = None  # in force
+    touched: NDArray[np.bool_] | None = None  # (N,) thresholded residual not zero
+    notes: tuple[str, ...] = ()
+
+
+def read_measured(paths: Sequence[Path], joints: Sequence[str]) -> Measured:
+    """Recordings of `contactctl record`, one after another, or one CSV. Raises LogError."""
+    if any(path.suffix == ".csv" for path in paths):
+        if len(paths) > 1:
+            raise LogError("one CSV at a time")
+        return from_csv(paths[0], joints)
+    states: list[State] = []
+    notes: list[str] = []
+    for path in paths:
+        later = states[-1].time_s + _APART_S if states else 0.0
+        found, broken = _states_of(path, joints)
+        if broken:
+            notes.append(f"{broken}; what is whole is used")
+        begun = found[0].time_s
+        states += [replace(s, time_s=s.time_s - begun + later) for s in found]
+    return from_states(states, joints, tuple(notes))
+
+
+def _states_of(path: Path, joints: Sequence[str]) -> tuple[list[State], str]:
+    """The States of a recording, and why it breaks off. Raises LogError where there are none."""
+    states: list[State] = []
+    other: list[str] = []
+    broken: LogError | None = None
+    try:
+        for message in read_log(path):
+            if isinstance(message, State):
+                states.append(message)
+            elif message.joints != list(joints):
+                other = message.joints
+                break
+    except LogError as error:
+        broken = error
+    if other:
+        raise LogError(f"{path} is of another arm, with the joints {', '.join(other)}")
+    if not states:
+        raise broken or LogError(f"{path}: there are no samples in it")
+    return states, str(broken or "")
+
+
+def from_states(
+    states: Iterable[State], joints: Sequence[str], notes: tuple[str, ...] = ()
+) -> Measured:
+    """Of ticks with complete samples in which the arm was energised. Raises LogError."""
+    used = [s for s in states if s.updated and s.mode in _SENSING]
+    if len(used) < 2:
+        raise LogError("the log is too short: the arm was never energised in it")
+    columns = {
+        name: np.array([getattr(s, name) for s in used], dtype=np.float64)
+        for name in COLUMNS
+        if getattr(used[0], name) is not None
+    }
+    log = MotionLog(tuple(joints), np.array([s.time_s for s in used]), **columns)
+    thresholded = np.array([s.thresholded for s in used])
+    return Measured(
+        log=log,
+        sha256=_hash(log),
+        residual=np.array([s.residual for s in used]),
+        threshold=np.array([s.threshold for s in used]),
+        touched=(thresholded != 0.0).any(axis=1),
+        notes=notes,
+    )
+
+
+def from_csv(path: Path, joints: Sequence[str]) -> Measured:
+    """Columns `time` [s] and, for every joint, `current.JOINT` [A], `link_position.JOINT` [rad],
+    `motor_velocity.JOINT` [rad/s at the link] and perhaps `motor_position.JOINT` [rad at the link].
+
+    Times that were rounded so that neighbours are equal are spread evenly. Raises LogError.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = csv.reader(stream)
+            header = [name.strip() for name in next(rows, [])]
+            wanted = ["time", *(f"{c}.{j}" for c in COLUMNS[:3] for j in joints)]
+            if missing := [name for name in wanted if name not in header]:
+                raise LogError(f"{path}: no column {', '.join(missing)}")
+            values = []
+            for line, row in enumerate(rows, start=2):
+                if len(row) != len(header):
+                    raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
+                                   f"{len(header)}: is the file cut off?")  # fmt: skip
+                values.append(_numbers(path, line, row))
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"cannot read {path}: {error}") from error
+    table = np.array(values, dtype=np.float64).reshape(-1, len(header))
+    if len(table) == 0:
+        raise LogError(f"{path}: there are no samples in it")
+
+    def columns(name: str) -> Matrix | None:
+        places = [header.index(f"{name}.{j}") for j in joints if f"{name}.{j}" in header]
+        return table[:, places] if len(places) == len(joints) else None
+
+    found = {name: column for name in COLUMNS if (column := columns(name)) is not None}
+    log = MotionLog(tuple(joints), _spread(table[:, header.index("time")]), **found)
+    return Measured(log, _hash(log))
+
+
+def _numbers(path: Path, line: int, row: list[str]) -> list[float]:
+    try:
+        return [float(field) for field in row]
+    except ValueError as error:
+        raise LogError(f"{path}:{line}: not a number: {error}") from error
+
+
+def _spread(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    steps = np.diff(time_s)
+    if len(steps) and (steps >= 0.0).all() and (steps == 0.0).any() and time_s[-1] > time_s[0]:
+        return np.linspace(time_s[0], time_s[-1], len(time_s))
+    return time_s
+
+
+def contact_free(measured: Measured) -> Measured:
+    """Without what lies around a touch; says how much that was.
+
+    A touch is a residual above its threshold that also stands out from the joint's usual residual,
+    so that friction nobody has identified yet is not taken for a hand.
+    """
+    r, threshold = measured.residual, measured.threshold
+    if r is None or threshold is None:
+        return measured
+    log = measured.log
+    size, block = np.abs(r), max(1, round(1.0 / log.period_s))
+    count = max(1, len(size) // block)
+    maxima = size[: count * block].reshape(count, -1, log.n).max(axis=1)
+    touch = (size > threshold) & (size > _GROSS * np.median(maxima, axis=0))
+    if not touch.any():
+        return measured
+    around = round(_TOUCH_S / log.period_s)
+    near = np.convolve(touch.any(axis=1), np.ones(2 * around + 1), mode="same") > 0.5
+    names = [log.joints[i] for i in np.flatnonzero(touch.any(axis=0))]
+    note = f"{near.sum() * log.period_s:.1f} s discarded: {', '.join(names)} was touched"
+    return _kept(measured, ~near, note)
+
+
+def _kept(measured: Measured, keep: NDArray[np.bool_], note: str) -> Measured:
+    log = measured.log
+    position = None if log.motor_position is None else log.motor_position[keep]
+    shorter = MotionLog(log.joints, log.time_s[keep], log.current[keep], log.link_position[keep],
+                        log.motor_velocity[keep], position)  # fmt: skip
+
+    def rows(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+        return None if values is None else values[keep]
+
+    touched = None if measured.touched is None else measured.touched[keep]
+    return Measured(shorter, measured.sha256, rows(measured.residual), rows(measured.threshold),
+                    touched, (*measured.notes, note))  # fmt: skip
+
+
+def _hash(log: MotionLog) -> str:
+    digest = hashlib.sha256()
+    for values in (log.time_s, log.current, log.link_position, log.motor_velocity):
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,57 @@
+"""The motions of `contactd identify`, as link positions (N, n) [rad] every period."""
+
+import numpy as np
+
+from daemon.config.schema import Configuration
+from estimator.identification.excitation import Bounds, fourier_within, trajectory
+from estimator.model import Model
+from estimator.types import Matrix, Vector
+
+SHARE = 0.7
+"""Of the range, velocity and acceleration that the limits allow."""
+HAND_S = 300.0
+"""A hand has so long for one joint."""
+WIRING_TRAVEL = 0.02
+"""[rad] of the link, each way."""
+WIRING_SPEED = 0.03
+
+
+def bounds_of(c: Configuration) -> Bounds:
+    """The configured limits."""
+    rows = [
+        (j.limits.lower, j.limits.upper, j.limits.velocity, j.limits.acceleration) for j in c.joints
+    ]
+    return Bounds(*np.array(rows, dtype=np.float64).T)
+
+
+def excitation(
+    bounds: Bounds, model: Model, here: Vector, seconds: float, period_s: float, seed: int
+) -> Matrix:
+    """From here to a Fourier series for all joints, and along it."""
+    inner = bounds.shrunk(SHARE)
+    motion = fourier_within(inner, model, np.random.default_rng(seed))
+    slow = Bounds(bounds.lower, bounds.upper, 0.3 * bounds.velocity, 0.3 * bounds.acceleration)
+    return trajectory(motion, here, slow, seconds, period_s)
+
+
+def wiring_motion(here: Vector, joint: int, half_gap: float, period_s: float) -> Matrix:
+    """One joint's motor to and fro, twice: through its gap, and further by what its link is to
+    move; ramps of a fifth of a second."""
+    way = 2.0 * half_gap + WIRING_TRAVEL
+    length = way / WIRING_SPEED
+    speeds = np.concatenate(
+        [sign * _trapezium(length, period_s) for sign in (0.5, -1.0, 1.0, -1.0, 0.5)]
+    )
+    path = np.tile(here, (len(speeds) + 1, 1))
+    path[1:, joint] += np.cumsum(speeds) * WIRING_SPEED * period_s
+    return path
+
+
+def _trapezium(length_s: float, period_s: float) -> Vector:
+    t = np.arange(0.0, length_s + 0.4, period_s)
+    return np.asarray(np.clip(np.minimum(t, length_s + 0.4 - t) / 0.2, 0.0, 1.0))
+
+
+def there_and_back(here: Vector, seconds: float, period_s: float) -> Matrix:
+    """Stand still: two rows would do, but a trajectory is judged by its samples."""
+    return np.tile(here, (round(seconds / period_s), 1))

@@ -1,0 +1,47 @@
+"""What a person sees of an identification: tables, and phi as it is moved by hand."""
+
+import numpy as np
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from daemon.identify.steps import Outcome
+from estimator.identification.gap import CROSSINGS, Gap
+
+_BARS = " ▁▂▃▄▅▆▇█"
+_WIDTH = 64
+
+
+def print_outcome(console: Console, outcome: Outcome, title: str) -> None:
+    """One row for each joint; reasons under the table, which would not fit in it."""
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for column in ("joint", "verdict", "figures"):
+        table.add_column(column, overflow="fold")
+    for line in outcome.lines:
+        style = "green" if line.good else "red"
+        table.add_row(line.joint, Text(line.verdict, style=style), line.figures)
+    console.print(table)
+    for line in outcome.lines:
+        if line.reason:
+            console.print(f"  {line.joint}: {line.reason}", markup=False, highlight=False)
+    for note in outcome.notes:
+        console.print(f"note: {note}", markup=False, highlight=False)
+
+
+def histogram(phi: list[float], gap: Gap | None) -> RenderableType:
+    """phi [rad] so far: where it was how long, its range, and how many crossings are missing."""
+    values = 1e3 * np.array(phi)
+    low, high = float(values.min()), float(values.max())
+    counts, _ = np.histogram(values, bins=_WIDTH, range=(low, max(high, low + 0.1)))
+    # Of a root, or the few samples on the way would not be seen beside the many at rest.
+    heights = np.sqrt(counts / max(int(counts.max()), 1))
+    bars = "".join(_BARS[round(h * (len(_BARS) - 1))] for h in heights)
+    here = int((values[-1] - low) / max(high - low, 0.1) * (_WIDTH - 1))
+    crossings = 0 if gap is None else gap.crossings
+    about = "" if gap is None else f"{gap.verdict.value}: {gap.reason}"
+    return Group(
+        Text(f"phi from {low:+.1f} to {high:+.1f} mrad, range {high - low:.1f} mrad"),
+        Text(bars, style="cyan"),
+        Text(" " * here + "^ here"),
+        Text(f"crossings {crossings} of at least {CROSSINGS}   {about}", style="dim"),
+    )

@@ -1,0 +1,205 @@
+"""One step each: from measurements to entries of `identified.yaml` and lines for a person."""
+
+from dataclasses import dataclass, field
+
+import msgspec
+import numpy as np
+
+from daemon.assembly import build_transmission
+from daemon.config import identified as file
+from daemon.config.load import Robot
+from daemon.config.schema import Configuration, Friction, GapSpring, Levels
+from daemon.identify.logs import Measured, contact_free
+from errors import LogError
+from estimator.identification.friction import (
+    FrictionFit,
+    Reconstruction,
+    Verdict,
+    adopt,
+    identify_friction,
+)
+from estimator.identification.gap import Gap, identify_gap
+from estimator.identification.levels import LevelSettings, LevelVerdict, identify_levels
+from estimator.identification.plausible import refuse_implausible
+from estimator.identification.wiring import check_wiring
+from estimator.model import Model
+from estimator.types import Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """What is said of one joint."""
+
+    joint: str
+    verdict: str
+    good: bool
+    figures: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Lines for a person, entries for the file by joint, and what is worth a plot."""
+
+    lines: list[Line]
+    entries: dict[str, file.Entry]
+    notes: tuple[str, ...] = ()
+    shown: Reconstruction | None = None
+    gaps: list[Gap] = field(default_factory=list)
+
+
+def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> Outcome:
+    """Half-gaps of the named joints."""
+    names = robot.configuration.joint_names
+    constants = [joint.torque_constant for joint in robot.configuration.joints]
+    lines, entries, gaps = [], dict[str, file.Entry](), []
+    for name in joints:
+        i = names.index(name)
+        gap = identify_gap(measured.log, i, constants[i])
+        gaps.append(gap)
+        figures = ""
+        if np.isfinite(gap.half_gap):
+            figures = f"alpha {1e3 * gap.half_gap:.2f} mrad"
+        if np.isfinite(gap.confidence):
+            figures += f" +- {1e3 * gap.confidence:.2f}"
+        if np.isfinite(gap.skew_s):
+            figures += f"; link encoder {1e3 * gap.skew_s:+.2f} ms late"
+        lines.append(Line(name, gap.verdict.value, gap.usable, figures, gap.reason))
+        if gap.usable:
+            entries[name] = file.Gap(
+                date=date,
+                log=measured.sha256,
+                half_gap=round(gap.half_gap, 6),
+                confidence=0.0 if np.isnan(gap.confidence) else round(float(gap.confidence), 6),
+                skew_ms=None if np.isnan(gap.skew_s) else round(1e3 * gap.skew_s, 3),
+            )
+    return Outcome(lines, entries, measured.notes, gaps=gaps)
+
+
+def friction_step(robot: Robot, measured: Measured, date: str) -> Outcome:
+    """Friction and rotor inertia of all joints, from contact-free motion."""
+    c = robot.configuration
+    measured = contact_free(measured)
+    limit = np.array([joint.wiring.max_current_A for joint in c.joints])
+    refuse_implausible(measured.log, limit)
+    old = build_transmission(c)
+    model = Model(robot.urdf, c.joint_names)
+    fits, shown = identify_friction(measured.log, model, old, c.estimator, limit)
+    new = adopt(old, fits)
+    lines, entries = [], dict[str, file.Entry]()
+    for i, fit in enumerate(fits):
+        good = fit.verdict is Verdict.GOOD
+        lines.append(Line(fit.joint, fit.verdict.value, good, _friction_figures(fit), fit.reason))
+        if good:
+            rotor = round(float(new.rotor_inertia[i]), 6) if fit.rotor_trusted else None
+            names = list(Friction.__struct_fields__)
+            entries[fit.joint] = file.FrictionEntry(
+                date=date,
+                log=measured.sha256,
+                friction=Friction(**{n: round(float(getattr(new, n)[i]), 6) for n in names}),
+                errors={name: float(f"{e:.3g}") for name, e in fit.errors.items()},
+                r2=round(fit.r2, 4),
+                condition=round(fit.condition, 2),
+                gap_spring=GapSpring(
+                    stiffness=round(float(new.contact_stiffness[i]), 4),
+                    damping=round(float(new.contact_damping[i]), 4),
+                ),
+                rotor_inertia=rotor,
+            )
+    notes = measured.notes
+    if not fits[0].rotor_trusted:
+        notes += ("B is not trusted: the drives do not filter their current "
+                  "(estimator.current_delay_ms is 0); the old values stay",)  # fmt: skip
+    return Outcome(lines, entries, notes, shown)
+
+
+def _friction_figures(fit: FrictionFit) -> str:
+    def one(name: str, unit: str) -> str:
+        if name not in fit.values:
+            return ""
+        return f"{name} {fit.values[name]:.3g} +- {fit.errors[name]:.1g} {unit}"
+
+    parts = [one("K_theta_s", "Nm"), one("K_theta_v", "Nm s/rad"), one("B", "kg m2")]
+    parts += [f"R2 {fit.r2:.3f}", f"cond {fit.condition:.0f}"]
+    if np.isfinite(fit.gravity_scale):
+        parts.append(f"K_c/gravity {fit.gravity_scale:.2f}")
+    return ", ".join(part for part in parts if part)
+
+
+def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str) -> Outcome:
+    """Two levels per joint from contact-free motion."""
+    c = robot.configuration
+    r, threshold, touched = measured.residual, measured.threshold, measured.touched
+    if r is None or threshold is None or touched is None:
+        raise LogError("thresholds need residuals: a recording of `contactctl record`, not a CSV")
+    # What was in force beyond the level of the configuration that recorded it is the raise.
+    raised = threshold - threshold.min(axis=0)
+    levels = identify_levels(
+        measured.log.joints, measured.log.period_s, r, raised, touched, _level_settings(c, per_hour)
+    )
+    lines, entries = [], dict[str, file.Entry]()
+    for one in levels:
+        good = one.verdict is LevelVerdict.GOOD
+        figures = ""
+        if np.isfinite(one.contact):
+            figures = (f"contact {one.contact:.3g} Nm, collision {one.collision:.3g} Nm, "
+                       f"largest |r| {one.largest:.3g} Nm in {one.used_s:.0f} s")  # fmt: skip
+        lines.append(Line(one.joint, one.verdict.value, good, figures, one.reason))
+        if good:
+            entries[one.joint] = file.Thresholds(
+                date=date,
+                log=measured.sha256,
+                thresholds=Levels(
+                    contact=float(f"{one.contact:.4g}"), collision=float(f"{one.collision:.4g}")
+                ),
+                per_hour=per_hour,
+                largest=float(f"{one.largest:.4g}"),
+            )
+    return Outcome(lines, entries, measured.notes)
+
+
+def _level_settings(c: Configuration, per_hour: float) -> LevelSettings:
+    """Floor: two counts of the current's noise cannot be a touch. Ceiling: a fifth of the torque
+    that the drive can give; a level above it protects nobody."""
+    strongest = np.array([j.torque_constant * j.wiring.max_current_A for j in c.joints])
+    floor: Vector = 0.01 * strongest
+    return LevelSettings(per_hour, per_hour / 100.0, floor, 0.2 * strongest)
+
+
+def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outcome:
+    """Signs and scales of joints that were moved one by one: the log of each."""
+    c = robot.configuration
+    model = Model(robot.urdf, c.joint_names)
+    lines, entries = [], dict[str, file.Entry]()
+    for name, one in measured.items():
+        i = c.joint_names.index(name)
+        joint = c.joints[i]
+        found = check_wiring(one.log, i, model, joint.torque_constant, joint.half_gap)
+        figures = f"link/motor {found.follows:.3f}" if np.isfinite(found.follows) else ""
+        if np.isfinite(found.held):
+            figures += f", holds {found.held:.2g} Nm of {found.gravity:.2g} Nm gravity"
+        reason = "; ".join([*found.problems, *found.notes])
+        verdict = "good" if found.passed else "wrong"
+        lines.append(Line(name, verdict, found.passed, figures, reason))
+        if found.passed:
+            entries[name] = file.Wiring(date=date, log=one.sha256, follows=round(found.follows, 4))
+    return Outcome(lines, entries)
+
+
+def merged(
+    robot: Robot, step: str, entries: dict[str, file.Entry], serials: dict[str, int | None]
+) -> file.Identified:
+    """The robot's file with the entries of one step in it.
+
+    What belongs to another configuration, or another drive, is dropped.
+    """
+    mark = file.fingerprint(robot.configuration, robot.urdf)
+    old = robot.identified
+    joints = dict(old.joints) if old is not None and old.configuration == mark else {}
+    for name, entry in entries.items():
+        known = joints.get(name, file.IdentifiedJoint(serial=serials.get(name)))
+        if name in serials and known.serial != serials[name]:
+            known = file.IdentifiedJoint(serial=serials[name])
+        joints[name] = msgspec.structs.replace(known, **{step: entry})
+    order = {name: joints[name] for name in robot.configuration.joint_names if name in joints}
+    return file.Identified(configuration=mark, joints=order)

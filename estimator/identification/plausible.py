@@ -1,0 +1,56 @@
+"""Logs that no arm can have produced: wrong units, swapped joints, clipped encoders."""
+
+import numpy as np
+
+from errors import LogError
+from estimator.identification.log import MotionLog
+from estimator.types import Vector
+
+_MOVED = 0.1  # [rad]: less motion than this says little
+_STUCK = 0.1  # share of the moving time at one extreme position
+
+
+def refuse_implausible(log: MotionLog, max_current: Vector) -> None:
+    """Raises LogError with everything that is wrong; max_current (n,) [A]."""
+    wrong: list[str] = []
+    for i, name in enumerate(log.joints):
+        peak = float(np.abs(log.current[:, i]).max())
+        if peak > 1.5 * max_current[i]:
+            wrong.append(
+                f"current of {name} reaches {peak:.4g} A, its drive gives {max_current[i]:g} A: "
+                f"unit wrong by {_decades(peak / max_current[i])}?"
+            )
+        wrong += _encoders(log, i)
+    if wrong:
+        raise LogError("; ".join(wrong))
+
+
+def _encoders(log: MotionLog, i: int) -> list[str]:
+    name, q, v = log.joints[i], log.link_position[:, i], log.motor_velocity[:, i]
+    steps = np.diff(log.time_s, prepend=log.time_s[0])
+    theta = np.cumsum(v * np.minimum(steps, 2.0 * log.period_s))
+    # Without what an unknown bias of the velocity adds.
+    theta = theta - np.polyval(np.polyfit(log.time_s, theta, 1), log.time_s)
+    flat = q - np.polyval(np.polyfit(log.time_s, q, 1), log.time_s)
+    moved_q, moved_theta = float(np.ptp(flat)), float(np.ptp(theta))
+    if max(moved_q, moved_theta) < _MOVED:
+        return []
+    moving = np.abs(v) > 0.2 * np.abs(v).max()
+    for end in (q.min(), q.max()):
+        stuck = float((q[moving] == end).mean()) if moving.any() else 0.0
+        if stuck > _STUCK and moved_q > 0.0:
+            return [f"link_position of {name} stays at {end:.4g} rad while its motor moves: "
+                    "the encoder is clipped"]  # fmt: skip
+    ratio = moved_q / moved_theta if moved_theta > 0.0 else float("inf")
+    if not 0.5 < ratio < 2.0:
+        return [f"link_position of {name} moves {ratio:.3g} times as far as its motor: "
+                f"units wrong by {_decades(ratio)}, or swapped joints?"]  # fmt: skip
+    together = float(np.corrcoef(flat, theta)[0, 1])
+    if together < 0.8:
+        return [f"link and motor of {name} do not move together (correlation {together:.2f}): "
+                "swapped joints, or a wrong sign?"]  # fmt: skip
+    return []
+
+
+def _decades(ratio: float) -> str:
+    return f"{10.0 ** round(np.log10(max(ratio, 1e-9))):g}"

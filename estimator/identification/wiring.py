@@ -1,0 +1,146 @@
+"""Whether motor velocity, link position and current of a joint agree in sign and scale, with each
+other and with the URDF's gravity. A wrong sign is positive feedback once somebody moves the arm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.identification.log import MotionLog
+from estimator.model import Model
+from estimator.types import Vector
+
+SCALE_TOLERANCE = 0.05
+GRAVITY_TOLERANCE = 0.25
+LEAST_MOTION = 0.005
+"""[rad] the motor must have turned."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wiring:
+    """What moving one joint to and fro showed; passed when there are no problems."""
+
+    joint: str
+    problems: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    """What could not be checked, and why"""
+    follows: float = float("nan")
+    """Link motion over motor motion while the gear is engaged: 1"""
+    friction: float = float("nan")
+    """Half the difference of the torques both ways [Nm]; positive"""
+    held: float = float("nan")
+    """Their mean [Nm]: what K_c * current says gravity is"""
+    gravity: float = float("nan")
+    """What the URDF says [Nm]"""
+
+    @property
+    def passed(self) -> bool:
+        return not self.problems
+
+
+def check_wiring(
+    log: MotionLog, joint: int, model: Model, torque_constant: float, half_gap: float
+) -> Wiring:
+    """Of a log in which only this joint was driven, slowly, both ways, through its gap."""
+    name = log.joints[joint]
+    q, velocity = log.link_position[:, joint], log.motor_velocity[:, joint]
+    steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
+    theta = np.cumsum(velocity * steps)
+    turned = float(np.ptp(theta))
+    if turned < LEAST_MOTION:
+        about = (f"the motor turned only {1e3 * turned:.2g} mrad at the link: does the drive get "
+                 "its setpoints, is the unit of motor_velocity right?")  # fmt: skip
+        return Wiring(joint=name, problems=(about,))
+    problems = [*_position_disagrees(log, joint, theta)]
+    moved = np.ptp(log.link_position, axis=0)
+    expected = turned - 2.0 * half_gap
+    if moved[joint] < 0.3 * expected:
+        other = int(np.argmax(moved))
+        about = f"the motor turned {1e3 * turned:.3g} mrad, its link moved {1e3 * moved[joint]:.3g}"
+        if moved[other] > 0.3 * expected:
+            about += f"; {log.joints[other]} moved {1e3 * moved[other]:.3g}: are they swapped?"
+        else:
+            about += ": wrong link_position object or scale, or a larger gap than configured"
+        return Wiring(joint=name, problems=(*problems, about))
+    engaged, follows = _follows(q, velocity, steps)
+    if follows < 0.0:
+        problems.append("the link goes the other way than the motor: link_sign or motor_sign")
+    elif abs(follows - 1.0) > SCALE_TOLERANCE:
+        problems.append(
+            f"the link moves {follows:.3f} times as far as the motor says: gear, or a scale"
+        )
+    notes: list[str] = []
+    friction, held, gravity = _torques(log, joint, model, torque_constant, engaged)
+    noise = _noise(torque_constant * log.current[:, joint])
+    if friction < -2.0 * noise:
+        problems.append(
+            f"torque is {-2 * friction:.3g} Nm less in the direction of motion than against it: "
+            "the sign of the current is wrong"
+        )
+    elif friction < 2.0 * noise:
+        notes.append("too little friction to see the sign of the current")
+    off, allowed = abs(held - gravity), GRAVITY_TOLERANCE * abs(gravity) + 0.3 * abs(friction)
+    if off > allowed:
+        problems.append(
+            f"the current holds {held:.3g} Nm, gravity is {gravity:.3g} Nm by the URDF: "
+            "torque_constant, link_offset, masses, or another joint than this one moved"
+        )
+    elif abs(gravity) < abs(friction):
+        notes.append(f"gravity ({gravity:.2g} Nm) is too small in this pose to check K_c by it")
+    return Wiring(joint=name, problems=tuple(problems), notes=tuple(notes), follows=follows,
+                  friction=friction, held=held, gravity=gravity)  # fmt: skip
+
+
+def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
+    """The motor's own position against its velocity."""
+    if log.motor_position is None:
+        return []
+    position = log.motor_position[:, joint] - log.motor_position[0, joint]
+    turned = theta - theta[0]
+    scale = float(position @ turned / (turned @ turned))
+    if abs(scale - 1.0) <= SCALE_TOLERANCE:
+        return []
+    return [f"motor_position changes {scale:.3g} times as much as motor_velocity says: a scale"]
+
+
+def _follows(q: Vector, velocity: Vector, steps: Vector) -> tuple[NDArray[np.bool_], float]:
+    """Where the link moves along with the motor, and how far it goes for the motor's way.
+
+    Through the gap the motor runs alone; once engaged both run at one speed. So only runs count in
+    which the link moves, without their first 30 %."""
+    width = 5
+    smooth = np.convolve(np.pad(q, width // 2, mode="edge"), np.full(width, 1 / width), "valid")
+    link = np.abs(np.gradient(smooth) / steps)
+    fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
+    moving = fast & (link > 0.3 * np.percentile(link[fast], 80.0))
+    way, turned = 0.0, 0.0
+    engaged = np.zeros(len(q), dtype=np.bool_)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], moving.astype(int), [0]])))
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        a += (b - a) * 3 // 10  # noqa: PLW2901
+        if b - a < 10:
+            continue
+        engaged[a:b] = True
+        direction = np.sign(velocity[a:b].mean())
+        way += direction * float(q[b - 1] - q[a])
+        turned += direction * float((velocity[a + 1 : b] * steps[a + 1 : b]).sum())
+    return engaged, way / turned if turned > 0.0 else float("nan")
+
+
+def _torques(
+    log: MotionLog, joint: int, model: Model, torque_constant: float, engaged: NDArray[np.bool_]
+) -> tuple[float, float, float]:
+    """Half the difference and the mean of the torques both ways, and the URDF's gravity [Nm]."""
+    torque, velocity = torque_constant * log.current[:, joint], log.motor_velocity[:, joint]
+    ways = [engaged & (velocity > 0.0), engaged & (velocity < 0.0)]
+    if not all(way.any() for way in ways):
+        return float("nan"), float("nan"), float("nan")
+    up, down = (float(np.median(torque[way])) for way in ways)
+    rows = np.flatnonzero(engaged)[:: max(1, int(engaged.sum()) // 50)]
+    gravity = float(np.mean([model.gravity(log.link_position[k])[joint] for k in rows]))
+    return 0.5 * (up - down), 0.5 * (up + down), gravity
+
+
+def _noise(torque: Vector) -> float:
+    """Of single samples, from the differences between neighbours."""
+    return float(1.4826 * np.median(np.abs(np.diff(torque))) / np.sqrt(2.0))

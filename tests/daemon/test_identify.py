@@ -1,0 +1,261 @@
+"""`contactd identify` on logs: from measurements to identified.yaml, and from there to arming."""
+
+import csv
+import itertools
+import shutil
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from bench.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
+from daemon.commands.contactd import main
+from daemon.config import identified as file
+from daemon.config.load import load_robot, parse_configuration
+from daemon.identify.logs import contact_free, from_states, read_measured
+from daemon.identify.steps import friction_step, merged, thresholds_step
+from daemon.modes import Event
+from errors import ConfigurationError, LogError
+
+DAY = "2026-01-02T03:04:05+00:00"
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    """A copy of the single joint."""
+    shutil.copytree(ROMEO, tmp_path / "romeo_left_arm")
+    return Path(shutil.copytree(SINGLE_JOINT, tmp_path / "single_joint"))
+
+
+@pytest.fixture(scope="session")
+def states():
+    """20 s of the single joint on its sinusoid, pushed once."""
+    with lockstep_rig(SINGLE_JOINT) as rig:
+        rig.enable()
+        rig.request(Event.START)
+        found = rig.states(14.0)
+        rig.arm.external_torque[0] = 3.0
+        found += rig.states(0.3)
+        rig.arm.external_torque[0] = 0.0
+        rig.run(1.0)
+        rig.request(Event.START) if rig.mode.value == "holding" else None
+        return found + rig.states(16.0)
+
+
+def write(path: Path, columns: dict[str, np.ndarray]) -> Path:
+    with path.open("w", newline="") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(columns)
+        rows.writerows(zip(*columns.values(), strict=True))
+    return path
+
+
+def by_hand(alpha: float = 0.09, visits: int = 24) -> dict[str, np.ndarray]:
+    """A link led from border to border of its gap, the motor standing."""
+    way = np.clip(np.arange(90) / 40.0, 0.0, 1.0)
+    ends = np.concatenate([[0.0], np.resize([alpha, -alpha], visits)])
+    q = np.concatenate([a + (b - a) * way for a, b in itertools.pairwise(ends)])
+    q = q + 2e-5 * np.random.default_rng(0).standard_normal(len(q))
+    zero = np.zeros_like(q)
+    return {
+        "time": 0.01 * np.arange(len(q)),
+        "current.joint": zero,
+        "link_position.joint": q,
+        "motor_velocity.joint": zero,
+        "motor_position.joint": zero,
+    }
+
+
+def identify(folder: Path, log: Path, *step: str):
+    return CliRunner().invoke(main, ["identify", *step, "--config", str(folder), "--log", str(log)])
+
+
+def test_gap_of_a_csv_ends_in_the_configuration(folder):
+    log = write(folder / "hand.csv", by_hand())
+    result = identify(folder, log, "gap")
+    assert result.exit_code == 0, result.output
+    assert "alpha 90.0" in result.output
+    found = yaml.safe_load((folder / "identified.yaml").read_text())
+    assert found["joints"]["joint"]["gap"]["half_gap"] == pytest.approx(0.09, abs=1e-4)
+    robot = load_robot(folder)
+    assert robot.configuration.joints[0].half_gap == pytest.approx(0.09, abs=1e-4)
+    # A replay of what this daemon records thinks with the same gap.
+    again = parse_configuration(robot.text, "recorded", robot.identified_text)
+    assert again == robot.configuration
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda c: {k: v[:50] for k, v in c.items()}, "too short"),
+        (lambda c: {k: v for k, v in c.items() if k != "time"}, "no column time"),
+        (lambda c: {**c, "current.joint": np.full(len(c["time"]), np.nan)}, "is nan at sample 0"),
+        (lambda c: {**c, "time": c["time"][::-1]}, "time does not grow"),
+        (lambda c: {**c, "current.joint": ["x"] * len(c["time"])}, "not a number"),
+    ],
+)
+def test_bad_logs_write_nothing(folder, change, says):
+    log = write(folder / "bad.csv", change(by_hand()))
+    result = identify(folder, log, "gap")
+    assert result.exit_code == 65
+    assert says in result.output
+    assert not (folder / "identified.yaml").exists()
+
+
+def test_a_csv_cut_in_the_middle_is_named(folder):
+    log = write(folder / "cut.csv", by_hand())
+    log.write_text(log.read_text()[:-30])
+    result = identify(folder, log, "gap")
+    assert result.exit_code == 65
+    assert "is the file cut off?" in result.output
+
+
+def test_an_unclear_gap_writes_nothing(folder):
+    log = write(folder / "few.csv", by_hand(visits=8))
+    result = identify(folder, log, "gap")
+    assert result.exit_code == 1
+    assert "too few crossings" in result.output
+    assert "nothing written" in result.output
+    assert not (folder / "identified.yaml").exists()
+
+
+def test_usage(folder):
+    log = write(folder / "hand.csv", by_hand())
+    assert "no joint elbow" in identify(folder, log, "gap", "elbow").output
+    assert identify(folder, folder / "none.csv", "gap").exit_code == 65
+
+
+def test_friction_without_the_touched_stretch(states, folder):
+    robot = load_robot(folder)
+    measured = from_states(states, ["joint"])
+    assert len(contact_free(measured).log.time_s) < len(measured.log.time_s) - 80
+    outcome = friction_step(robot, measured, DAY)
+    assert [line.verdict for line in outcome.lines] == ["good"], outcome.lines
+    assert any("joint was touched" in note for note in outcome.notes)
+    f = outcome.entries["joint"].friction
+    # The plant's friction is 10 % off the configured 0.33 Nm.
+    assert abs(f.motor_coulomb + f.link_coulomb) == pytest.approx(0.33, rel=0.16)
+    assert outcome.entries["joint"].r2 > 0.9
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda s: {"current": [1000.0 * x for x in s.current]}, "unit wrong by 1000"),
+        (lambda s: {"link_position": [1000.0 * x for x in s.link_position]}, "wrong by 1000"),
+        (lambda s: {"link_position": [min(x, 0.1) for x in s.link_position]}, "clipped"),
+        (lambda s: {"link_position": [-x for x in s.link_position]}, "do not move together"),
+    ],
+)
+def test_what_no_arm_can_have_measured(states, folder, change, says):
+    spoilt = [msgspec.structs.replace(s, **change(s)) for s in states]
+    with pytest.raises(LogError, match=says):
+        friction_step(load_robot(folder), from_states(spoilt, ["joint"]), DAY)
+
+
+def test_thresholds_leave_the_touch_out(states, folder):
+    doubled = from_states([*states, *later(states)], ["joint"])
+    outcome = thresholds_step(load_robot(folder), doubled, 1.0, DAY)
+    (line,) = outcome.lines
+    assert line.good, line
+    levels = outcome.entries["joint"].thresholds
+    assert levels.contact < 1.5  # the touch was of 3 Nm
+    assert levels.collision >= 3.0 * levels.contact
+
+
+def later(states):
+    end = states[-1].time_s + 10.0 - states[0].time_s
+    return [msgspec.structs.replace(s, time_s=s.time_s + end) for s in states]
+
+
+def test_the_file_is_replaced_at_once_or_not_at_all(folder, monkeypatch):
+    robot = load_robot(folder)
+    path = folder / "identified.yaml"
+    gap = file.Gap(date=DAY, log="0", half_gap=0.02, confidence=0.001)
+    first = merged(robot, "gap", {"joint": gap}, {"joint": 7})
+    file.write_identified(path, first)
+    before = path.read_bytes()
+    monkeypatch.setattr(file.os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "no space")))
+    with pytest.raises(ConfigurationError, match="no space"):
+        file.write_identified(path, file.Identified())
+    assert path.read_bytes() == before
+    assert [p.name for p in folder.glob(".identified*")] == []
+    assert load_robot(folder).identified == first
+
+
+WIRED = file.Wiring(date=DAY, log="0", follows=1.0)
+
+
+def test_arming_needs_wiring_these_drives_and_this_configuration(folder):
+    robot = load_robot(folder)
+    c, urdf = robot.configuration, robot.urdf
+    on_can = msgspec.structs.replace(
+        c, bus=msgspec.structs.replace(c.bus, interface="socketcan", channel="can0")
+    )
+    (never,) = file.objections(None, on_can, urdf, {"joint": 7})
+    assert "never checked" in never
+    assert file.objections(None, c, urdf, {"joint": 7}) == []  # a simulated arm
+    passed = merged(robot, "wiring", {"joint": WIRED}, {"joint": 7})
+    assert file.objections(passed, on_can, urdf, {"joint": 7}) == []
+    (other_drive,) = file.objections(passed, on_can, urdf, {"joint": 8})
+    assert "drive 7, this is drive 8" in other_drive
+    joint = c.joints[0]
+    geared = msgspec.structs.replace(
+        joint, wiring=msgspec.structs.replace(joint.wiring, gear=joint.wiring.gear * 1.1)
+    )
+    changed = msgspec.structs.replace(on_can, joints=[geared])
+    (other,) = file.objections(passed, changed, urdf, {"joint": 7})
+    assert "another configuration" in other
+    # Limits and gains change nothing of what was measured.
+    gentler = msgspec.structs.replace(
+        on_can, joints=[msgspec.structs.replace(joint, admittance_gain=0.1)]
+    )
+    assert file.objections(passed, gentler, urdf, {"joint": 7}) == []
+
+
+def test_a_new_drive_forgets_what_was_known_of_the_old(folder):
+    robot = load_robot(folder)
+    gap = file.Gap(date=DAY, log="0", half_gap=0.02, confidence=0.001)
+    old = merged(robot, "gap", {"joint": gap}, {"joint": 7})
+    known = msgspec.structs.replace(old)
+    file.write_identified(folder / "identified.yaml", known)
+    robot = load_robot(folder)
+    same = merged(robot, "wiring", {"joint": WIRED}, {"joint": 7}).joints["joint"]
+    other = merged(robot, "wiring", {"joint": WIRED}, {"joint": 8}).joints["joint"]
+    assert (same.gap, same.serial) == (gap, 7)
+    assert (other.gap, other.serial) == (None, 8)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("version: 2\n", "version"),
+        ("joints: {elbow: {}}\n", "no joint elbow"),
+        (
+            "version: 1\njoints: {joint: {gap: {date: d, log: l, half_gap: -1, confidence: 0}}}\n",
+            ">= 0",
+        ),
+    ],
+)
+def test_a_file_that_does_not_fit_is_refused(folder, text, says):
+    (folder / "identified.yaml").write_text(text)
+    with pytest.raises(ConfigurationError, match=says):
+        load_robot(folder)
+
+
+def test_a_recording_of_another_arm_is_refused(tmp_path):
+    with pytest.raises(LogError):
+        read_measured([tmp_path / "none.mcap"], ["joint"])
+
+
+def test_an_objection_keeps_the_arm_unarmed():
+    with lockstep_rig(SINGLE_JOINT) as rig:
+        rig.cycle.controller.objections = ["the wiring of joint was never checked"]
+        rig.enable()
+        rig.run(1.0)
+        assert "the wiring of joint was never checked" in rig.cycle.controller.arm("a test")
+        rig.cycle.controller.objections = []
+        assert rig.cycle.controller.arm("a test") == []

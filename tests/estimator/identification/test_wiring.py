@@ -1,0 +1,136 @@
+"""A wrong sign, a wrong scale and another joint's drive are seen in a motion of 20 mrad."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.fleet import record_fleet
+from daemon.identify.motions import WIRING_SPEED, WIRING_TRAVEL, wiring_motion
+from estimator.identification.log import MotionLog
+from estimator.identification.wiring import check_wiring
+from simulator.description import SimulationSettings
+from simulator.mismatch import true_parameters
+
+SHOULDER, ELBOW, WRIST = 0, 2, 5  # gravity and a gap; a small gap; no gap and no gravity
+
+
+@pytest.fixture(scope="session")
+def wired(arm) -> MotionLog:
+    """Three joints moved as `contactd identify wiring` does, at a pose with gravity; the arm is off
+    by what simulation.yaml says."""
+    settings = SimulationSettings()
+    pose = np.array([0.5, 0.3, 0.0, -0.8, -1.5, 0.0, 0.0])
+    paths = [
+        wiring_motion(pose, i, arm.transmission.half_gap[i], 0.01) for i in (SHOULDER, ELBOW, WRIST)
+    ]
+    seconds = max(len(path) for path in paths) * 0.01 + 0.3
+    speed = np.zeros((round(seconds / 0.01) + 1, 7))
+    for i, path in zip((SHOULDER, ELBOW, WRIST), paths, strict=True):
+        speed[30 : 30 + len(path), i] = np.gradient(path[:, i], 0.01)
+    true = true_parameters(arm.description, settings)
+    logs = record_fleet(
+        arm.description,
+        [true],
+        lambda t: (pose, speed[min(round(t / 0.01), len(speed) - 1)]),
+        seconds,
+        settings,
+        motors_only=True,
+    )
+    return logs[0][0]
+
+
+@pytest.fixture
+def check(arm):
+    t = arm.transmission
+
+    def run(log: MotionLog, joint: int):
+        return check_wiring(
+            log, joint, arm.model, float(t.torque_constant[joint]), float(t.half_gap[joint])
+        )
+
+    return run
+
+
+def scaled(log: MotionLog, field: str, factor: float, joint: int) -> MotionLog:
+    by = np.where(np.arange(log.n) == joint, factor, 1.0)
+    return replace(log, **{field: getattr(log, field) * by})
+
+
+@pytest.mark.parametrize("joint", [SHOULDER, ELBOW, WRIST])
+def test_a_well_wired_joint_passes(wired, check, joint):
+    found = check(wired, joint)
+    assert found.passed, found
+    assert found.follows == pytest.approx(1.0, abs=0.02)
+    assert found.friction > 0.0
+
+
+def test_gravity_is_compared_where_there_is_some(wired, check):
+    found = check(wired, SHOULDER)
+    assert found.held == pytest.approx(found.gravity, rel=0.15)
+    assert abs(found.gravity) > 1.0
+    assert "too small" in "; ".join(check(wired, WRIST).notes)
+
+
+@pytest.mark.parametrize("joint", [SHOULDER, ELBOW, WRIST])
+@pytest.mark.parametrize(
+    ("fields", "factor", "says"),
+    [
+        (["link_position"], -1.0, "link_sign or motor_sign"),
+        (["motor_velocity", "motor_position"], -1.0, "link_sign or motor_sign"),
+        (["motor_velocity", "motor_position"], 1.1, "times as far as the motor says"),
+        (["motor_velocity", "motor_position"], 1 / 1.1, "times as far as the motor says"),
+        (["motor_position"], 1.1, "motor_position changes 1.1"),
+        (["current"], -1.0, "sign of the current"),
+        (["motor_velocity"], 0.001, "the motor turned only"),
+        (["link_position"], 0.001, "wrong link_position object or scale"),
+    ],
+)
+def test_what_is_wired_wrong_is_named(wired, check, joint, fields, factor, says):
+    log = wired
+    for field in fields:
+        log = scaled(log, field, factor, joint)
+    found = check(log, joint)
+    assert not found.passed
+    assert any(says in problem for problem in found.problems), found.problems
+
+
+def swapped(log: MotionLog, one: int, other: int, fields: tuple[str, ...]) -> MotionLog:
+    order = np.arange(log.n)
+    order[[one, other]] = other, one
+    return replace(log, **{field: getattr(log, field)[:, order] for field in fields})
+
+
+def only(log: MotionLog, joint: int) -> MotionLog:
+    """As if the others had stood."""
+    others = np.arange(log.n) != joint
+    return replace(
+        log,
+        link_position=np.where(others, log.link_position[0], log.link_position),
+        motor_velocity=np.where(others, 0.0, log.motor_velocity),
+        motor_position=np.where(others, log.motor_position[0], log.motor_position),
+    )
+
+
+def test_link_encoders_of_two_joints_are_swapped(wired, check):
+    log = swapped(only(wired, SHOULDER), SHOULDER, 1, ("link_position",))
+    (problem,) = check(log, SHOULDER).problems
+    assert "LShoulderYaw moved" in problem
+    assert "swapped" in problem
+
+
+def test_whole_drives_are_swapped(wired, check):
+    """Their encoders agree with each other; gravity does not."""
+    everything = ("current", "link_position", "motor_velocity", "motor_position")
+    log = swapped(wired, SHOULDER, ELBOW, everything)
+    assert any("gravity" in problem for problem in check(log, SHOULDER).problems)
+
+
+def test_the_motion_is_small(arm):
+    for i, alpha in enumerate(arm.transmission.half_gap):
+        here = np.zeros(7)
+        path = wiring_motion(here, i, alpha, 0.01)
+        assert np.ptp(path[:, i]) == pytest.approx(2 * alpha + WIRING_TRAVEL, rel=0.1)
+        assert path[-1] == pytest.approx(here, abs=1e-9)
+        assert np.abs(np.diff(path[:, i])).max() <= WIRING_SPEED * 0.01 + 1e-9
+        assert (np.delete(path, i, axis=1) == 0.0).all()
