@@ -91,6 +91,7 @@ class Client:
         *,
         name: str = "trajectory",
         from_here: bool = False,
+        motors_only: bool = False,
     ) -> None:
         """Hand the daemon a trajectory, which judges every row against the arm's limits.
 
@@ -98,7 +99,9 @@ class Client:
         `velocities` (m, k) [rad, rad/s] at the link, rows of numbers or arrays; 2 <= m <= 60000.
         Between the samples runs a cubic Hermite spline; without velocities they are those of
         parabolas through the neighbours. The arm must stand within 0.05 rad of the first row when
-        it starts, unless `from_here` makes displacements of all.
+        it starts, unless `from_here` makes displacements of all. With `motors_only` the motors run
+        at the path's velocity and no loop closes over the links: a motor that is to stand does,
+        while a hand moves its link through the gap.
 
         Nothing moves until `start_loaded`; the trajectory lives as long as this connection, unless
         another loads one. Raises TrajectoryError, whose `row` is the first that is refused.
@@ -109,7 +112,12 @@ class Client:
         for i, numbers in enumerate(rows):
             if not all(abs(x) <= PLAUSIBLE for x in numbers):
                 raise TrajectoryError(f"{numbers} cannot be followed by an arm", row=i)
-        header = Header(name=name[-64:], joints=list(joints), from_here=from_here)
+        header = Header(
+            name=name[-64:],
+            joints=list(joints),
+            from_here=from_here,
+            motors_only=motors_only,
+        )
         self._load(Request("load", header=header))
         for chunk in _chunks(rows):
             self._load(Request("load", rows=chunk))

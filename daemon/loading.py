@@ -28,6 +28,7 @@ class LoadingDock:
             self._limits,
             self._ramp_s,
             from_here=header.from_here,
+            motors_only=header.motors_only,
         )
         self._owner = owner
 

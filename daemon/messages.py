@@ -33,6 +33,7 @@ class Header(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     name: Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
     joints: Annotated[list[str], msgspec.Meta(max_length=32)]  # all others hold
     from_here: bool = False  # may begin from any pose, run as displacements
+    motors_only: bool = False  # by the motors' velocity alone, whatever the links do
 
 
 class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

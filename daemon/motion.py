@@ -129,6 +129,9 @@ class Motion:
                 return self.limits.soft_stop(q, pushed, gain)
             case Mode.TRACKING:
                 wanted = self.follower.step(dt)
+                if self.follower.place.path.motors_only:
+                    self.reference = q
+                    return wanted.velocity
             case Mode.RETRACTING | Mode.RETURNING:
                 self._line_s += dt
                 wanted = self._line.at(self._line_s)

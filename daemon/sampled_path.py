@@ -41,9 +41,15 @@ class SampledPath:
     """Cubic Hermite pieces as a JointPath: displacements from the first knot."""
 
     def __init__(
-        self, name: str, blocks: Sequence[_Block], named: NDArray[np.bool_], *, from_here: bool
+        self,
+        name: str,
+        blocks: Sequence[_Block],
+        named: NDArray[np.bool_],
+        *,
+        from_here: bool,
+        motors_only: bool = False,
     ) -> None:
-        self.name = name
+        self.name, self.motors_only = name, motors_only
         self._blocks = tuple(blocks)
         self._starts = [float(block.times[0]) for block in blocks]
         self._first = blocks[0].knots[0, 0]
@@ -110,8 +116,10 @@ class PathBuilder:
         ramp_s: float,
         *,
         from_here: bool = False,
+        motors_only: bool = False,
     ) -> None:
         refuse_columns(columns, joints)
+        self._motors_only = motors_only
         self.name, self.rows = name, 0
         self._joints, self._limits, self._ramp_s = tuple(joints), limits, ramp_s
         self._from_here = from_here
@@ -145,7 +153,13 @@ class PathBuilder:
         """The whole path. Raises TrajectoryError if there are fewer than two rows."""
         if not self._blocks:
             raise TrajectoryError(f"{self.rows} rows of samples; a trajectory needs two or more")
-        return SampledPath(self.name, self._blocks, self._named, from_here=self._from_here)
+        return SampledPath(
+            self.name,
+            self._blocks,
+            self._named,
+            from_here=self._from_here,
+            motors_only=self._motors_only,
+        )
 
     def _keep(self, times: Vector, knots: Tensor, low: Vector, high: Vector) -> None:
         """As a block of its own, or behind the last one while that is short."""

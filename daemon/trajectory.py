@@ -34,6 +34,10 @@ class JointPath(Protocol):
         """Where the path asks the arm to stand at s = 0 [rad], NaN for a joint that may stand
         anywhere; None where it may begin from any pose."""
 
+    @property
+    def motors_only(self) -> bool:
+        """Whether the motors follow the slope and no loop closes over the links."""
+
     def offset(self, s: float) -> Vector:
         """Displacement from the anchor's origin [rad] at path time s [s]."""
 
@@ -53,6 +57,7 @@ class Sinusoids:
     name: str = "sinusoids"
     duration: float = math.inf
     begin: Vector | None = None
+    motors_only: bool = False
 
     @classmethod
     def from_settings(cls, joints: Sequence[str], waves: Mapping[str, Sinusoid]) -> "Sinusoids":
