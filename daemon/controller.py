@@ -164,6 +164,8 @@ class Controller:
             return [f"cannot {event.value}: {REFUSALS[mode]}"]
         if event in (Event.ENABLE, Event.START, Event.RESET) and observed is None:
             return ["no samples of the drives yet"]
+        if event is Event.START and self.motion.blind and not place.path.motors_only:
+            return ["the wiring was never checked (`contactd identify wiring`)"]
         if event is Event.START and observed is not None:
             return self._astray(place, observed.q) or self._misfits(place, observed.q)
         if event is Event.ENABLE and observed is not None:

@@ -45,6 +45,8 @@ class Motion:
         """target velocity [rad/s]"""
         self.reference = np.zeros_like(limits.lower)
         """desired q [rad]"""
+        self.blind = False
+        """The links' signs were never checked: hold by the motors, close no loop over the links."""
         self.limits, self.gains, self.follower = limits, gains, follower
         self._manner, self._law = manner, law
         self._go(self.reference, self.reference, 1.0)
@@ -123,7 +125,7 @@ class Motion:
             case Mode.OFF | Mode.ENABLING | Mode.STOPPING | Mode.FAULTED:
                 return np.zeros_like(self.velocity)
             case Mode.HOLDING:
-                return gain * (self.reference - q)
+                return np.zeros_like(q) if self.blind else gain * (self.reference - q)
             case Mode.ADMITTANCE:
                 pushed = self._law.velocity_after(self.velocity, self.gains.value, push, dt)
                 return self.limits.soft_stop(q, pushed, gain)

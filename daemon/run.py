@@ -11,7 +11,7 @@ import can
 import numpy as np
 
 from daemon.assembly import build_cycle, build_estimator, build_setups
-from daemon.config.identified import objections
+from daemon.config.identified import objections, unwired
 from daemon.config.load import Robot
 from daemon.control import ControlSocket, default_socket_path
 from daemon.journal import log_to_stderr
@@ -73,6 +73,7 @@ def _serve(
     cycle.controller.objections = objections(
         robot.identified, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True))
     )
+    cycle.controller.motion.blind = bool(unwired(robot.identified, c))
     service = Service(robot, loop, control, realtime, os.getpid(), notifier, serials)
     # From the first heartbeat on the drives expect the next.
     cycle.arm.start(0.0)

@@ -175,14 +175,9 @@ def _identification(step: Any) -> Any:
 
 
 def _begin(config: Path | None, logs: tuple[Path, ...], dry_run: bool, socket: Path | None) -> Any:
-    from daemon.commands.identify import Identification, Recorded, terminal
-    from daemon.config.load import load_robot
+    from daemon.commands.identify import identification
 
-    if config is None or not logs:
-        raise click.UsageError("needs --config and --log")
-    robot = load_robot(config)
-    source = Recorded(logs, robot.configuration.joint_names)
-    return Identification(robot, source, terminal(), dry=dry_run)
+    return identification(config, logs, socket, dry=dry_run)
 
 
 @identify.command()

@@ -9,7 +9,8 @@ from typing import Protocol
 from rich.console import Console
 
 from daemon.config.identified import write_identified
-from daemon.config.load import Robot
+from daemon.config.load import Robot, load_robot
+from daemon.identify.live_source import LiveArm, open_session
 from daemon.identify.logs import Measured, read_measured
 from daemon.identify.plots import plot_friction, plot_gap
 from daemon.identify.show import print_outcome
@@ -142,6 +143,26 @@ class Identification:
 
     def _tell(self, text: str) -> None:
         self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def identification(
+    config: Path | None, logs: tuple[Path, ...], socket: Path | None, *, dry: bool
+) -> Identification:
+    """Of logs, or of the running daemon's arm; raises ContactdError."""
+    console = terminal()
+    if logs:
+        if config is None:
+            raise ConfigurationError("--log needs --config: the folder that results go to")
+        robot = load_robot(config)
+        return Identification(
+            robot, Recorded(logs, robot.configuration.joint_names), console, dry=dry
+        )
+    session = open_session(socket, console)
+    robot = load_robot(Path(session.status().configuration))
+    if config is not None and load_robot(config).path.resolve() != robot.path.resolve():
+        raise ConfigurationError(f"the running daemon is that of {robot.path}, not of {config}")
+    session.folder = robot.folder / "identify"
+    return Identification(robot, LiveArm(robot, session, console), console, dry=dry)
 
 
 def terminal() -> Console:

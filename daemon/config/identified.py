@@ -130,20 +130,30 @@ def objections(
             f"{c.identified} belongs to another configuration: drives, wiring, torque constants, "
             "period or URDF were changed since (`contactd identify wiring` again)"
         )
-    unpassed = []
     for joint in c.joints:
         known = found.joints.get(joint.name) if found is not None else None
-        if known is None or known.wiring is None:
-            unpassed.append(joint.name)
-        elif known.serial != (serial := serials.get(joint.name)):
+        if (
+            known is not None
+            and known.wiring is not None
+            and known.serial != (serial := serials.get(joint.name))
+        ):
             reasons.append(
                 f"{joint.name} was identified on drive {known.serial}, this is drive {serial}"
             )
-    if unpassed:
+    if names := unwired(found, c):
         reasons.append(
-            f"the wiring of {', '.join(unpassed)} was never checked (`contactd identify wiring`)"
+            f"the wiring of {', '.join(names)} was never checked (`contactd identify wiring`)"
         )
     return reasons
+
+
+def unwired(found: Identified | None, c: Configuration) -> list[str]:
+    """Joints of a real arm whose signs and scales were never checked. A wrong sign makes every loop
+    over the links drive them away."""
+    if found is None and c.bus.interface in _SIMULATED:
+        return []
+    known = found.joints if found is not None else {}
+    return [j.name for j in c.joints if j.name not in known or known[j.name].wiring is None]
 
 
 def write_identified(path: Path, found: Identified) -> None:

@@ -52,6 +52,6 @@ def _trapezium(length_s: float, period_s: float) -> Vector:
     return np.asarray(np.clip(np.minimum(t, length_s + 0.4 - t) / 0.2, 0.0, 1.0))
 
 
-def there_and_back(here: Vector, seconds: float, period_s: float) -> Matrix:
-    """Stand still: two rows would do, but a trajectory is judged by its samples."""
+def stand(here: Vector, seconds: float, period_s: float) -> Matrix:
+    """Stay here."""
     return np.tile(here, (round(seconds / period_s), 1))

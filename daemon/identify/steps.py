@@ -69,9 +69,9 @@ def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> 
             entries[name] = file.Gap(
                 date=date,
                 log=measured.sha256,
-                half_gap=round(gap.half_gap, 6),
+                half_gap=round(float(gap.half_gap), 6),
                 confidence=0.0 if np.isnan(gap.confidence) else round(float(gap.confidence), 6),
-                skew_ms=None if np.isnan(gap.skew_s) else round(1e3 * gap.skew_s, 3),
+                skew_ms=None if np.isnan(gap.skew_s) else round(1e3 * float(gap.skew_s), 3),
             )
     return Outcome(lines, entries, measured.notes, gaps=gaps)
 
@@ -182,7 +182,9 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
         verdict = "good" if found.passed else "wrong"
         lines.append(Line(name, verdict, found.passed, figures, reason))
         if found.passed:
-            entries[name] = file.Wiring(date=date, log=one.sha256, follows=round(found.follows, 4))
+            entries[name] = file.Wiring(
+                date=date, log=one.sha256, follows=round(float(found.follows), 4)
+            )
     return Outcome(lines, entries)
 
 

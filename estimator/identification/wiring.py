@@ -1,6 +1,7 @@
 """Whether motor velocity, link position and current of a joint agree in sign and scale, with each
 other and with the URDF's gravity. A wrong sign is positive feedback once somebody moves the arm."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ SCALE_TOLERANCE = 0.05
 GRAVITY_TOLERANCE = 0.25
 LEAST_MOTION = 0.005
 """[rad] the motor must have turned."""
+_STROKE_END = 0.012  # [rad]: less than the link is to move
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,26 +106,25 @@ def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
 
 
 def _follows(q: Vector, velocity: Vector, steps: Vector) -> tuple[NDArray[np.bool_], float]:
-    """Where the link moves along with the motor, and how far it goes for the motor's way.
+    """Samples at which the gear surely carries, and the link's way there over the motor's.
 
-    Through the gap the motor runs alone; once engaged both run at one speed. So only runs count in
-    which the link moves, without their first 30 %."""
-    width = 5
-    smooth = np.convolve(np.pad(q, width // 2, mode="edge"), np.full(width, 1 / width), "valid")
-    link = np.abs(np.gradient(smooth) / steps)
+    That is the end of each stroke: the gap is crossed at its beginning, and a link without load may
+    bounce ahead of the motor and wait for it."""
     fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
-    moving = fast & (link > 0.3 * np.percentile(link[fast], 80.0))
+    direction = np.where(fast, np.sign(velocity), 0.0)
+    edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(q)]
     way, turned = 0.0, 0.0
     engaged = np.zeros(len(q), dtype=np.bool_)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], moving.astype(int), [0]])))
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
-        a += (b - a) * 3 // 10  # noqa: PLW2901
-        if b - a < 10:
+    for a, b in itertools.pairwise(edges):
+        travel = np.cumsum((np.abs(velocity[a:b]) * steps[a:b])[::-1])[::-1]
+        if not direction[a] or travel[0] < LEAST_MOTION:
             continue
-        engaged[a:b] = True
-        direction = np.sign(velocity[a:b].mean())
-        way += direction * float(q[b - 1] - q[a])
-        turned += direction * float((velocity[a + 1 : b] * steps[a + 1 : b]).sum())
+        first = a + int(np.argmax(travel <= min(0.5 * travel[0], _STROKE_END)))
+        if b - first < 10:
+            continue
+        engaged[first:b] = True
+        way += direction[a] * float(q[b - 1] - q[first])
+        turned += direction[a] * float((velocity[first + 1 : b] * steps[first + 1 : b]).sum())
     return engaged, way / turned if turned > 0.0 else float("nan")
 
 

@@ -1,0 +1,168 @@
+"""Motions on the running daemon, recorded as they happen.
+
+What is measured goes into recordings like those of `contactctl record`: a step that was stopped
+goes on with what it has, and live steps share all code behind with `--log`.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from daemon import recorder
+from daemon.client import Client
+from daemon.messages import Command, State, Status
+from daemon.modes import Mode
+from errors import ContactdError, ControlError
+from estimator.types import Matrix
+
+_SETTLE_S = 6.0
+# What may follow a trajectory of ours; anything else ended it.
+_OURS = frozenset({Mode.HOLDING.value, Mode.TRACKING.value})
+
+
+class InterruptedStepError(ContactdError):
+    """A step was stopped; what was measured is kept."""
+
+
+@dataclass(slots=True)
+class Session:
+    """The daemon's door, and the folder for recordings; `say` tells the person."""
+
+    socket: Path | None
+    folder: Path
+    say: Callable[[str], None]
+    client: Client = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.client = Client(self.socket)
+
+    def status(self) -> Status:
+        """Of the daemon now."""
+        reply = self.client.request("status")
+        if reply.status is None:
+            raise ControlError("; ".join([reply.message or "no status", *reply.reasons]))
+        return reply.status
+
+    def hold(self) -> Status:
+        """Wait until the arm holds, disarmed. Raises ControlError where it does not: enabling is
+        left to the person."""
+        status = self.status()
+        if status.mode == Mode.OFF:
+            raise ControlError("the drives are off: look at the arm, then `contactctl enable`")
+        if status.mode == Mode.FAULTED:
+            raise ControlError(f"a fault is latched: {status.cause}")
+        if status.armed:
+            self.ask("disarm")
+        if status.mode == Mode.TRACKING:
+            self.ask("pause")
+        deadline = time.monotonic() + _SETTLE_S
+        while (status := self.status()).mode != Mode.HOLDING:
+            if time.monotonic() > deadline:
+                raise ControlError(f"the arm does not hold: {status.mode}, {status.cause}")
+            time.sleep(0.05)
+        return status
+
+    def ask(self, command: Command) -> None:
+        """Raises ControlError with the reasons of a refusal."""
+        reply = self.client.request(command)
+        if not reply.ok:
+            raise ControlError("; ".join([reply.message, *reply.reasons]))
+
+    def parts(self, step: str) -> list[Path]:
+        """Recordings of a step that is not concluded, in the order of their making."""
+        return sorted(self.folder.glob(f"{step}.part*.mcap"))
+
+    def conclude(self, step: str, stamp: str) -> None:
+        """The results are written: the recordings are evidence now."""
+        for number, path in enumerate(self.parts(step), start=1):
+            path.rename(self.folder / f"{step}-{stamp.replace(':', '')}-{number}.mcap")
+
+    def run(
+        self,
+        step: str,
+        path: Matrix,
+        period_s: float,
+        each: Callable[[State], bool],
+        *,
+        motors_only: bool = False,
+    ) -> None:
+        """Run link positions (N, n) and record them; `each` sees every State of it and may end it.
+
+        Raises InterruptedStepError for Ctrl-C and for whatever else ends it; ControlError and
+        TrajectoryError where it cannot begin. The arm holds afterwards if it still can.
+        """
+        status = self.hold()
+        times = (period_s * np.arange(len(path))).tolist()
+        self.client.load_trajectory(
+            status.joints, times, path.tolist(), name=f"identify {step}", motors_only=motors_only
+        )
+        number = len(self.parts(step)) + 1
+        with self._recording(self.folder / f"{step}.part{number:02}.mcap"):
+            reply = self.client.start_loaded()
+            if not reply.ok:
+                raise ControlError("; ".join([reply.message, *reply.reasons]))
+            try:
+                ended = self._follow(each)
+            except KeyboardInterrupt:
+                ended = "stopped by Ctrl-C"
+            except ControlError as error:
+                ended = str(error)
+            with suppress(ContactdError):
+                self.client.request("pause")
+                self.hold()
+        if ended:
+            raise InterruptedStepError(
+                f"{ended}. What was measured is kept: the same command goes on from there"
+            )
+
+    def _follow(self, each: Callable[[State], bool]) -> str:
+        """Until the trajectory has come to its end, `each` has enough, or something ended it: the
+        answer says what."""
+        with Client(self.socket) as reader:
+            _, states = reader.subscribe()
+            begun = False
+            for state in states:
+                for event in state.events:
+                    if event.kind == "contact":
+                        self.say(f"{event.text}: if that was you, hands off; it is discarded")
+                tracking = state.mode == Mode.TRACKING
+                begun = begun or tracking
+                if state.mode not in _OURS or (begun and not tracking):
+                    over = state.mode == Mode.HOLDING and state.cause.endswith("came to its end")
+                    return "" if over else f"the arm is {state.mode}: {state.cause}"
+                if tracking and each(state):
+                    return ""
+        return "the daemon ended"
+
+    @contextmanager
+    def _recording(self, path: Path) -> Iterator[None]:
+        """Record beside what the block does."""
+        self.folder.mkdir(exist_ok=True)
+        ended = threading.Event()
+        failures: list[ContactdError] = []
+
+        def work() -> None:
+            try:
+                made = recorder.record(lambda: Client(self.socket), path, stop=ended.is_set)
+                if made.lost:
+                    self.say(f"{made.lost} ticks were not recorded: this machine is too busy")
+            except ContactdError as error:
+                failures.append(error)
+
+        thread = threading.Thread(target=work, name="recorder")
+        thread.start()
+        deadline = time.monotonic() + 2.0
+        while not path.exists() and thread.is_alive() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+        if failures:
+            raise failures[0]
