@@ -18,6 +18,7 @@ from daemon.journal import log_to_stderr
 from daemon.last_resort import stop_on_error
 from daemon.loop import Clock, Loop
 from daemon.notify import Notifier, notifier_of
+from daemon.prearm import Verdict
 from daemon.realtime import go_realtime
 from daemon.service import Service
 from drivers.boot_up import boot_up, forget_master
@@ -70,9 +71,7 @@ def _serve(
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
     loop = Loop(cycle, Clock(time.monotonic, sleep_until), c.period_s)
     serials = [drive.serial for drive in identities]
-    cycle.controller.objections = objections(
-        robot.identified, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True))
-    )
+    cycle.prearm.identification = _identification(robot, serials)
     cycle.controller.motion.blind = bool(unwired(robot.identified, c))
     service = Service(robot, loop, control, realtime, os.getpid(), notifier, serials)
     # From the first heartbeat on the drives expect the next.
@@ -93,6 +92,17 @@ def _serve(
     if stragglers:
         raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")
     _log.info("ended: %s", _ending(robot))
+
+
+def _identification(robot: Robot, serials: list[int | None]) -> Verdict:
+    """On what was identified, for the drives that answered."""
+    c, found = robot.configuration, robot.identified
+    against = objections(found, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True)))
+    if against:
+        return Verdict(False, "; ".join(against))
+    if found is None:
+        return Verdict(True, "none; a simulated arm is trusted to be that of config.yaml")
+    return Verdict(True, f"{c.identified} is of these drives")
 
 
 def _warm_up(robot: Robot) -> None:

@@ -17,7 +17,9 @@ from daemon.config import identified as file
 from daemon.config.load import load_robot, parse_configuration
 from daemon.identify.logs import contact_free, from_states, read_measured
 from daemon.identify.steps import friction_step, merged, thresholds_step
-from daemon.modes import Event
+from daemon.modes import Event, Mode
+from daemon.prearm import Verdict
+from daemon.sampled_path import PathBuilder
 from errors import ConfigurationError, LogError
 
 DAY = "2026-01-02T03:04:05+00:00"
@@ -253,9 +255,54 @@ def test_a_recording_of_another_arm_is_refused(tmp_path):
 
 def test_an_objection_keeps_the_arm_unarmed():
     with lockstep_rig(SINGLE_JOINT) as rig:
-        rig.cycle.controller.objections = ["the wiring of joint was never checked"]
+        rig.cycle.prearm.identification = Verdict(False, "the wiring of joint was never checked")
         rig.enable()
         rig.run(1.0)
         assert "the wiring of joint was never checked" in rig.cycle.controller.arm("a test")
-        rig.cycle.controller.objections = []
+        rig.cycle.prearm.identification = Verdict(True, "")
+        rig.tick()
         assert rig.cycle.controller.arm("a test") == []
+
+
+def test_motors_alone_stand_while_a_hand_moves_the_link():
+    """With the loop over the link the motor would follow the hand through the gap."""
+    with lockstep_rig(SINGLE_JOINT) as rig:
+        rig.enable()
+        controller = rig.cycle.controller
+
+        def run(*, motors_only: bool) -> float:
+            builder = PathBuilder(
+                "stand", ["joint"], ["joint"], controller.motion.limits, 1.0,
+                from_here=True, motors_only=motors_only,
+            )  # fmt: skip
+            builder.append([[0.0, 0.0, 0.0], [60.0, 0.0, 0.0]])
+            assert controller.request(Event.START, "a test", rig.time_s, builder.finish()) == []
+            before = float(rig.arm.plant.theta[0])
+            moved = []
+            for sign in (1.0, -1.0, 1.0):
+                rig.arm.external_torque[0] = 0.15 * sign
+                rig.run(1.0, lambda: moved.append(abs(float(rig.arm.plant.theta[0]) - before)))
+            rig.arm.external_torque[0] = 0.0
+            controller.request(Event.PAUSE, "a test", rig.time_s)
+            rig.run(1.0)
+            assert rig.mode is Mode.HOLDING
+            return max(moved)
+
+        assert run(motors_only=True) < 0.01
+        assert run(motors_only=False) > 0.03
+
+
+def test_an_arm_that_was_never_wired_closes_no_loop_over_its_links():
+    with lockstep_rig(SINGLE_JOINT) as rig:
+        rig.cycle.controller.motion.blind = True
+        rig.enable()
+        controller = rig.cycle.controller
+        refused = controller.request(Event.START, "a test", rig.time_s)
+        assert "wiring was never checked" in refused[0]
+        rig.arm.external_torque[0] = 0.15
+        rig.run(1.0, lambda: check_still(rig))
+
+
+def check_still(rig):
+    assert rig.cycle.decision is not None
+    assert rig.cycle.decision.velocity.tolist() == [0.0]
