@@ -18,7 +18,8 @@ from daemon.supervisor import Finding, Reaction
 from drivers.arm import Arm
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.samples import Samples
-from estimator.estimator import Estimate, Estimator, Flag
+from estimator.estimate import Estimate, Flag
+from estimator.estimator import Estimator
 from estimator.motor_position import Side
 
 SIDE_NAMES = {side.value: side.name.lower() for side in Side}
@@ -252,6 +253,7 @@ class Cycle:
             residual=estimate.residual.tolist(),
             threshold=estimate.threshold.tolist(),
             thresholded=estimate.thresholded.tolist(),
+            touched_link=estimate.touched_link,
             beside={name: values.tolist() for name, values in estimate.beside.items()},
             flags=[FLAG_NAMES[flag] for flag in estimate.flags],
             updated=self._updated,

@@ -140,6 +140,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     residual: Vector  # [Nm]
     threshold: Vector  # in force in this tick [Nm]
     thresholded: Vector  # sign(r) max(|r| - threshold, 0) [Nm]
+    touched_link: str  # named by its joint; empty: nothing is felt, or nobody can tell
     beside: dict[str, Vector]  # other residuals on the same samples [Nm]
     flags: list[str]  # what the estimator complains about
     updated: bool  # the estimator took these samples

@@ -14,7 +14,8 @@ from daemon.modes import Mode
 from daemon.prearm import FLAG_NAMES
 from daemon.recorder import read_log
 from errors import LogError
-from estimator.estimator import Estimate, Estimator
+from estimator.estimate import Estimate
+from estimator.estimator import Estimator
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +120,7 @@ def _difference(state: State, estimate: Estimate) -> Difference | None:
         "residual": estimate.residual.tolist(),
         "threshold": estimate.threshold.tolist(),
         "thresholded": estimate.thresholded.tolist(),
+        "touched_link": estimate.touched_link,
         "beside": {name: values.tolist() for name, values in estimate.beside.items()},
         "flags": [FLAG_NAMES[flag] for flag in estimate.flags],
     }

@@ -117,8 +117,9 @@ class Dashboard:
             table.add_column("drive", no_wrap=True, overflow="crop")
         for i, joint in enumerate(self.snapshot.joints):
             residual, threshold = state.residual[i], state.threshold[i]
+            touched = "bold bright_cyan" if joint == state.touched_link else ""
             row: list[RenderableType] = [
-                Text(f" {joint}", "" if state.fresh[i] else "dim"),
+                Text(f" {joint}", touched if state.fresh[i] else "dim"),
                 f"{state.link_position[i]:+.3f}",
                 gap_bar(state.gap[i], self.snapshot.half_gap[i], 4 if wide else 3),
                 Text(state.side[i], SIDE_STYLES.get(state.side[i], "")),

@@ -6,69 +6,24 @@ motor position to the residual, belongs to that instant, `Estimator.delay_s` bef
 
 import math
 from collections.abc import Mapping
-from enum import IntFlag
 from typing import Any
 
-import msgspec
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from errors import ModelError
 from estimator import memory
 from estimator.contact import Contact, ContactDetector, Thresholds, dead_band
+from estimator.estimate import Estimate, Flag
 from estimator.interval import ROW, Interval
 from estimator.link_velocity import ALIGNED, Alignment
 from estimator.model import Model
 from estimator.motor_position import MOTION, MotorPosition
 from estimator.residual import Residual
 from estimator.settings import EstimatorSettings
+from estimator.touched_link import touched_link
 from estimator.transmission import Transmission, coulomb_viscous, penetration, resting
 from estimator.types import Matrix, Vector
-
-
-class Flag(IntFlag):
-    """What the estimator complains about in a tick."""
-
-    INVALID = 1
-    """A sample or dt was not a finite number: everything holds, the samples are not used."""
-    LATE = 2
-    """More than one and a half periods since the last samples; the true interval was used."""
-    RESTARTED = 4
-    """More than two periods: residual and motor position start anew."""
-    STARTING = 8
-    """Not enough samples yet for a link velocity: the residual is zero."""
-
-
-class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """Result of one tick; arrays of shape (n,), never changed afterwards."""
-
-    q: Vector
-    """link position at the common instant [rad]"""
-    qd: Vector
-    """link velocity [rad/s]"""
-    theta: Vector
-    """motor position at the link side [rad]"""
-    phi: Vector
-    """q - theta [rad]"""
-    sigma_phi: Vector
-    """standard uncertainty of phi [rad]"""
-    side: NDArray[np.int8]
-    """`motor_position.Side`"""
-    tau_M: Vector
-    """K_c * current [Nm]"""
-    residual: Vector
-    """the residual that decides: estimate of the external torque [Nm]"""
-    beside: dict[str, Vector]
-    """other residuals on the same samples [Nm]"""
-    threshold: Vector
-    """contact threshold in force [Nm]"""
-    thresholded: Vector
-    """sign(r) max(|r| - threshold, 0) [Nm]"""
-    contacts: tuple[Contact, ...]
-    """contacts that begin in this tick"""
-    flags: Flag
-
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
 _TURNED = {"integrated": {"velocity": 1.0}, "measured": {"position": 1.0}}
@@ -129,6 +84,7 @@ class Estimator:
             gain=settings.gain,
             debounce=settings.debounce,
         )
+        self._contact = thresholds.contact
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         t = transmission
         # What a fit adds to tau_M while engaged, for the variants that know of engagement.
@@ -284,6 +240,7 @@ class Estimator:
         q, qd, tau_M, threshold = self._shown.copy()
         residuals = self.residual.values.copy()
         theta = position.theta
+        thresholded = dead_band(residuals[0], threshold)
         return Estimate(
             q=q,
             qd=qd,
@@ -295,7 +252,12 @@ class Estimator:
             residual=residuals[0],
             beside={name: residuals[row] for row, name in self._beside},
             threshold=threshold,
-            thresholded=dead_band(residuals[0], threshold),
+            thresholded=thresholded,
             contacts=contacts,
+            touched_link=self._touched_link(residuals[0]) if np.count_nonzero(thresholded) else "",
             flags=flags,
         )
+
+    def _touched_link(self, residual: Vector) -> str:
+        link = touched_link(residual, self._contact)
+        return "" if link is None else self.model.names[link]

@@ -6,7 +6,7 @@ import pytest
 
 from bench.estimator import LATE, TURN, Subject, kept, subjects, two_arms
 from bench.lockstep import ROMEO
-from estimator.estimator import Flag
+from estimator.estimate import Flag
 
 
 @pytest.fixture(scope="module")

@@ -69,6 +69,7 @@ def state_at(tick: int, **changes: object) -> State:
         residual=residual,
         threshold=THRESHOLDS,
         thresholded=excess,
+        touched_link="",
         beside={"classical": [3.0 * r for r in residual]},
         flags=[],
         updated=True,

@@ -104,6 +104,12 @@ def test_the_first_touch_is_the_push_and_no_false_alarm(run: Run) -> None:
     assert 0 < felt[0] - pushed < 15
 
 
+def test_the_pushed_link_is_named_while_it_is_pushed(run: Run) -> None:
+    touched = [state.touched_link for state in run.states if any(state.thresholded)]
+    assert touched.count("LElbowRoll") > 0.5 * len(touched)
+    assert not any(state.touched_link for state in run.states if not any(state.thresholded))
+
+
 def test_it_yields_the_way_it_is_pushed(run: Run) -> None:
     ticks = run.ticks(Mode.ADMITTANCE)
     moved = np.ptp([state.link_position[ELBOW] for state in ticks])

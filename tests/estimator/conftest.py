@@ -9,7 +9,8 @@ import pinocchio as pin
 import pytest
 
 from estimator.contact import Thresholds
-from estimator.estimator import Estimate, Estimator
+from estimator.estimate import Estimate
+from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission

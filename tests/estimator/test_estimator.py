@@ -7,7 +7,8 @@ import pytest
 
 from errors import ModelError
 from estimator.contact import Thresholds
-from estimator.estimator import Estimator, Flag
+from estimator.estimate import Flag
+from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.motor_position import Side
 from estimator.residual import Variant

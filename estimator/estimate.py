@@ -1,0 +1,55 @@
+"""What the estimator says of one tick."""
+
+from enum import IntFlag
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.contact import Contact
+from estimator.types import Vector
+
+
+class Flag(IntFlag):
+    """What the estimator complains about in a tick."""
+
+    INVALID = 1
+    """A sample or dt was not a finite number: everything holds, the samples are not used."""
+    LATE = 2
+    """More than one and a half periods since the last samples; the true interval was used."""
+    RESTARTED = 4
+    """More than two periods: residual and motor position start anew."""
+    STARTING = 8
+    """Not enough samples yet for a link velocity: the residual is zero."""
+
+
+class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """Result of one tick; arrays of shape (n,), never changed afterwards."""
+
+    q: Vector
+    """link position at the common instant [rad]"""
+    qd: Vector
+    """link velocity [rad/s]"""
+    theta: Vector
+    """motor position at the link side [rad]"""
+    phi: Vector
+    """q - theta [rad]"""
+    sigma_phi: Vector
+    """standard uncertainty of phi [rad]"""
+    side: NDArray[np.int8]
+    """`motor_position.Side`"""
+    tau_M: Vector
+    """K_c * current [Nm]"""
+    residual: Vector
+    """the residual that decides: estimate of the external torque [Nm]"""
+    beside: dict[str, Vector]
+    """other residuals on the same samples [Nm]"""
+    threshold: Vector
+    """contact threshold in force [Nm]"""
+    thresholded: Vector
+    """sign(r) max(|r| - threshold, 0) [Nm]"""
+    contacts: tuple[Contact, ...]
+    """contacts that begin in this tick"""
+    touched_link: str
+    """joint whose link is touched; empty while nothing is felt, and where nobody can tell"""
+    flags: Flag
