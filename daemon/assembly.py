@@ -73,6 +73,7 @@ def build_estimator(c: Configuration, urdf: str) -> Estimator:
         Thresholds(
             contact=row(c, lambda j: j.thresholds.contact),
             collision=row(c, lambda j: j.thresholds.collision),
+            per_speed=row(c, lambda j: j.thresholds.per_speed),
         ),
         c.period_s,
     )

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -25,6 +25,8 @@ class Thresholds:
 
     contact: Vector
     collision: Vector
+    per_speed: Vector = field(default_factory=lambda: np.array(0.0))
+    """both grow by this times |theta_dot| [Nm s/rad], >= 0; one number stands for all"""
 
     def __post_init__(self) -> None:
         for name in LEVELS:
@@ -36,6 +38,10 @@ class Thresholds:
                 f"thresholds: contact {self.contact.shape}, collision {self.collision.shape}"
             )
         good = (self.contact > 0.0) & (self.contact < self.collision) & np.isfinite(self.collision)
+        growth = np.broadcast_to(np.asarray(self.per_speed, dtype=np.float64), self.contact.shape)
+        object.__setattr__(self, "per_speed", growth)
+        if not np.all((growth >= 0.0) & np.isfinite(growth)):
+            raise ModelError(f"thresholds: per_speed is {growth}; it must be >= 0")
         for i in np.flatnonzero(~good):
             raise ModelError(
                 f"thresholds of joint {i + 1}: contact {self.contact[i]}, collision "
@@ -90,15 +96,18 @@ class ContactDetector:
             raise ModelError(f"debounce is {debounce} ticks; at least 1")
         self._joints = tuple(joints)
         self._levels = np.stack([thresholds.contact, thresholds.collision])
+        self._per_speed = thresholds.per_speed if np.any(thresholds.per_speed) else None
         self._hidden = hidden
         self._gain = gain
         self._debounce = debounce
         self.raised = np.zeros(n)
+        self._above = self.raised  # what is added to both levels in this tick
         # Ticks in a row past each level, signed as the residual.
         self.streak = np.zeros((2, n), dtype=np.int64)
 
-    def thresholds(self, resting: Vector, dt: float) -> Vector:
-        """Contact thresholds in force [Nm], raised by hidden * exp(-(w / 0.05)^2) near rest.
+    def thresholds(self, resting: Vector, theta_dot: Vector, dt: float) -> Vector:
+        """Contact thresholds in force [Nm], raised by hidden * exp(-(theta_dot / 0.05)^2) near
+        rest, and by `Thresholds.per_speed` in motion.
 
         resting: that exponential, `transmission.resting`. After break-away friction still builds up
         while the residual forgets what stiction left in it, so the raise fades with half the
@@ -107,12 +116,15 @@ class ContactDetector:
         raised = self.raised
         np.multiply(raised, math.exp(-0.5 * self._gain * dt), out=raised)
         np.maximum(raised, self._hidden * resting, out=raised)
-        in_force: Vector = self._levels[0] + raised
+        self._above = raised
+        if self._per_speed is not None:
+            self._above = raised + self._per_speed * np.abs(theta_dot)
+        in_force: Vector = self._levels[0] + self._above
         return in_force
 
     def step(self, residual: Vector, side: NDArray[np.int8], time_s: float) -> tuple[Contact, ...]:
         """Contacts that begin in this tick, at most one per joint and level."""
-        levels = self._levels + self.raised
+        levels = self._levels + self._above
         if not np.count_nonzero(np.abs(residual) > levels[0]):
             self.streak[:] = 0
             return ()

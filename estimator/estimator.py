@@ -191,7 +191,7 @@ class Estimator:
             self.motor_position.start(q)
             self._started = True
             flags |= Flag.STARTING
-        threshold = self.detector.thresholds(rest, dt)
+        threshold = self.detector.thresholds(rest, theta_dot, dt)
         side = self.motor_position.side
         contacts = self.detector.step(self.residual.values[0], side, time_s)
         self._show(q, qd, tau_M, threshold)
@@ -227,7 +227,7 @@ class Estimator:
         """No velocity yet: no residual."""
         zero = np.zeros(self.model.n)
         self.motor_position.start(q)
-        threshold = self.detector.thresholds(resting(zero), self.period_s)
+        threshold = self.detector.thresholds(resting(zero), zero, self.period_s)
         self._show(q, zero, zero, threshold)
         return self._estimate((), flags)
 

@@ -41,6 +41,7 @@ class Levels(Settings, frozen=True):
 
     contact: Positive
     collision: Positive
+    per_speed: NotNegative = 0.0  # both grow by this times the motor's speed [Nm s/rad]
 
 
 class JointLimits(Settings, frozen=True):

@@ -10,6 +10,7 @@ from estimator.contact import ContactDetector, Thresholds, dead_band
 
 FINITE = st.floats(-100, 100)
 SIDE = np.array([0, 1], dtype=np.int8)
+SPEED = np.array([0.5, -2.0])
 
 
 def detector(debounce: int = 1, hidden: float = 0.0) -> ContactDetector:
@@ -45,11 +46,28 @@ def test_thresholds_out_of_order(contact: list, collision: list, message: str) -
 def test_the_raise_comes_at_once_and_fades_with_half_the_gain() -> None:
     d = detector(hidden=0.4)
     at_rest, fast = np.ones(2), np.zeros(2)
-    np.testing.assert_allclose(d.thresholds(fast, 0.01), [1.0, 2.0])
-    np.testing.assert_allclose(d.thresholds(at_rest, 0.01), [1.4, 2.4])
+    np.testing.assert_allclose(d.thresholds(fast, SPEED, 0.01), [1.0, 2.0])
+    np.testing.assert_allclose(d.thresholds(at_rest, SPEED, 0.01), [1.4, 2.4])
     for k in range(1, 10):
         expected = 0.4 * np.exp(-12.5 * 0.01 * k)
-        np.testing.assert_allclose(d.thresholds(fast, 0.01), [1 + expected, 2 + expected])
+        np.testing.assert_allclose(d.thresholds(fast, SPEED, 0.01), [1 + expected, 2 + expected])
+
+
+def test_levels_may_grow_with_speed() -> None:
+    levels = Thresholds(np.array([1.0, 2.0]), np.array([3.0, 4.0]), per_speed=np.array([0.2, 0.1]))
+    d = ContactDetector(("a", "b"), levels, hidden=np.full(2, 0.4), gain=25.0)
+    np.testing.assert_allclose(d.thresholds(np.ones(2), SPEED, 0.01), [1.5, 2.6])
+    assert d.step(np.array([1.49, -2.59]), SIDE, 0.0) == ()
+    (contact,) = d.step(np.array([1.51, -2.59]), SIDE, 0.1)
+    assert (contact.joint, contact.threshold) == ("a", 1.5)
+    d.thresholds(np.ones(2), 0.0 * SPEED, 0.01)
+    assert len(d.step(np.array([0.0, -2.59]), SIDE, 0.2)) == 1
+
+
+@pytest.mark.parametrize("growth", [-0.1, np.nan, np.inf])
+def test_growth_that_is_none(growth: float) -> None:
+    with pytest.raises(ModelError, match="per_speed"):
+        Thresholds(np.ones(1), np.full(1, 2.0), per_speed=np.array(growth))
 
 
 @pytest.mark.parametrize(
