@@ -15,7 +15,7 @@ from daemon.supervisor import Condition, Finding
 from drivers.cia402 import DriveState
 from drivers.events import Emergency, Rebooted
 from drivers.samples import Samples
-from estimator.estimator import Estimate, Flag
+from estimator.estimate import Estimate, Flag
 
 #: In the order in which they are shown, after the mode.
 NAMES = (
