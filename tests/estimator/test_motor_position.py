@@ -5,8 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from estimator.motor_position import MOTION, GapSettings, MotorPosition, Side
+from estimator.motor_position import MOTION, GapSettings, JointGap, MotorPosition, Side
 from estimator.transmission import Transmission, resting
 
 T = 0.01
@@ -225,3 +227,48 @@ def test_a_joint_without_gap_is_always_engaged() -> None:
         assert joint.position.theta[1] == pytest.approx(q, abs=1e-12)
         assert joint.position.sigma[1] == 0.0
         assert joint.position.side[1] == side
+
+
+VELOCITY = st.floats(-2.0, 2.0)
+TORQUE = st.floats(-20.0, 20.0)
+
+
+@given(
+    ticks=st.lists(st.tuples(VELOCITY, VELOCITY, TORQUE, TORQUE), min_size=1, max_size=40),
+    alpha=st.sampled_from([0.0, 0.003, 0.1]),
+    compliance=st.sampled_from([0.0, 1e-3]),
+    measured=st.booleans(),
+)
+def test_a_correction_never_goes_beyond_where_phi_can_be(
+    ticks: list[tuple[float, float, float, float]], alpha: float, compliance: float, measured: bool
+) -> None:
+    joint = JointGap(
+        GapSettings(), alpha=alpha, compliance=compliance, coulomb=0.5, viscous=0.1,
+        measured=measured,
+    )  # fmt: skip
+    q = 0.3
+    joint.start(q)
+    for q_dot, theta_dot, tau_M, transmitted in ticks:
+        q += q_dot * T
+        still = not measured and abs(theta_dot) <= 0.002 and abs(q_dot) <= 0.01
+        uncorrected = joint.theta + (0.0 if still else theta_dot * T)
+        joint.step(
+            q=q, q_dot=q_dot, theta_dot=theta_dot, resting=0.0, tau_M=tau_M,
+            advance=theta_dot * T, rotor=0.0, transmitted=transmitted, dt=T,
+        )  # fmt: skip
+        bent = alpha + abs(transmitted) * compliance
+        engaged = abs(joint.streak) >= 3
+        low, high = -bent, bent
+        if engaged:
+            low, high = (-bent, -alpha) if transmitted > 0.0 else (alpha, bent)
+        phi = q - uncorrected
+        needed = phi - min(max(phi, low), high)
+        done = joint.theta - uncorrected
+        assert abs(done) <= abs(needed) + 1e-12
+        assert done * needed >= 0.0
+        if not engaged:
+            assert done == pytest.approx(needed, abs=1e-12)
+        assert 0.0 <= joint.sigma <= alpha
+        # Never "in the gap" while the gear carries more than can be friction.
+        doubtful = 0.2 * (0.5 + 0.1 * abs(theta_dot)) + 0.05 * abs(tau_M)
+        assert not (joint.gap and abs(transmitted) > doubtful)
