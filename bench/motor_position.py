@@ -228,7 +228,7 @@ def table(title: str, rows: dict[str, list[float]]) -> Table:
     for i in range(n):
         shown.add_column(str(i + 1), justify="right", no_wrap=True)
     for name, row in rows.items():
-        shown.add_row(escape(name), *(f"{x:.2f}" for x in row))
+        shown.add_row(escape(name), *(f"{x:.2f}" if abs(x) < 10.0 else f"{x:.1f}" for x in row))
     return shown
 
 
