@@ -50,13 +50,8 @@ def jobs(
 
 def worth(deciding: Score, classical: Score, gaps: Sequence[int]) -> float:
     """On the joints with a gap, how much smaller a step is felt in motion than by the classical
-    residual; the least of them. Where that did not even feel the largest step, the largest counts.
-    """
-    ratios = [
-        min(classical.smallest_moving_nm[i], classical.largest_moving_nm[i])
-        / deciding.smallest_moving_nm[i]
-        for i in gaps
-    ]
+    residual; the least of them."""
+    ratios = [classical.smallest_moving_nm[i] / deciding.smallest_moving_nm[i] for i in gaps]
     return min(ratios, default=math.nan)
 
 

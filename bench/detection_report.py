@@ -60,9 +60,7 @@ def joint_table(friction: str, by_name: dict[str, Score], c: Configuration) -> T
 
 
 def _number(x: float) -> str:
-    if math.isnan(x):
-        return "-"
-    return "none" if math.isinf(x) else f"{x:.2f}"
+    return "-" if math.isnan(x) else f"{x:.2f}"
 
 
 def picture(found: Mapping[Friction, dict[str, Score]], c: Configuration, path: Path) -> Path:
@@ -72,8 +70,7 @@ def picture(found: Mapping[Friction, dict[str, Score]], c: Configuration, path: 
     for row, (friction, by_name) in zip(panels, found.items(), strict=True):
         _bars(row[0], {n: s.quiet_nm for n, s in by_name.items()}, c)
         row[0].set_title(f"{friction}: lowest threshold without an alarm [Nm]")
-        tried = {n: np.fmin(s.smallest_moving_nm, s.largest_moving_nm) for n, s in by_name.items()}
-        _bars(row[1], tried, c)
+        _bars(row[1], {n: s.smallest_moving_nm for n, s in by_name.items()}, c)
         row[1].set_title(f"{friction}: smallest step felt in motion at it [Nm]")
         _delays(row[2], by_name, 1000.0 * math.log(2.0) / c.estimator.gain)
         row[2].set_title(f"{friction}: delay to twice the threshold [ms]")

@@ -15,6 +15,8 @@ from bench.scores import Felt, Trial
 from daemon.assembly import build_transmission
 from daemon.config.schema import Configuration
 
+Vector = NDArray[np.float64]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
@@ -25,10 +27,8 @@ class Score:
     quiet_nm: list[float]
     """lowest thresholds without an alarm"""
     smallest_moving_nm: list[float]
-    """from this step on all are felt at those thresholds; inf: not the largest tried"""
+    """step that is felt at those thresholds in every trial"""
     smallest_rest_nm: list[float]
-    largest_moving_nm: list[float]
-    """that was tried"""
     missed_moving: int
     """of the steps of twice the configured threshold"""
     tried_moving: int
@@ -64,12 +64,8 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
         alarms=count,
         alarms_per_hour=scores.per_hour(count, sum(r.job.seconds for r in free)),
         quiet_nm=quiet.tolist(),
-        smallest_moving_nm=smallest(moving, variant, quiet),
-        smallest_rest_nm=smallest(resting, variant, quiet),
-        largest_moving_nm=[
-            max((t.size for t in moving if t.joint == i), default=math.nan)
-            for i in range(len(c.joints))
-        ],
+        smallest_moving_nm=smallest(moving, variant, quiet, 2.0 * contact),
+        smallest_rest_nm=smallest(resting, variant, quiet, beyond),
         missed_moving=sum(f is None for f in told),
         tried_moving=len(told),
         missed_rest=sum(f is None for f in told_resting),
@@ -81,9 +77,7 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
     )
 
 
-def tell(
-    trials: Sequence[Trial], variant: int, threshold: NDArray[np.float64]
-) -> list[Felt | None]:
+def tell(trials: Sequence[Trial], variant: int, threshold: Vector) -> list[Felt | None]:
     """How each step was felt; without those in whose direction an alarm was on already."""
     return [
         scores.felt(t, variant, float(threshold[t.joint]))
@@ -92,18 +86,16 @@ def tell(
     ]
 
 
-def smallest(trials: Sequence[Trial], variant: int, threshold: NDArray[np.float64]) -> list[float]:
-    """Per joint, at these thresholds."""
-    by_joint: list[list[Trial]] = [[] for _ in threshold]
+def smallest(
+    trials: Sequence[Trial], variant: int, threshold: Vector, largest: Vector
+) -> list[float]:
+    """Per joint, what would have been felt in every trial at these thresholds; from the trials with
+    steps up to `largest`, as a large one disturbs the arm more than a small one would."""
+    needed: list[list[float]] = [[] for _ in threshold]
     for t in trials:
-        by_joint[t.joint].append(t)
-    return [
-        scores.smallest_felt(
-            [t.size for t in mine],
-            [scores.felt(t, variant, float(threshold[t.joint])) is not None for t in mine],
-        )
-        for mine in by_joint
-    ]
+        if t.size <= largest[t.joint] * (1.0 + 1e-9):
+            needed[t.joint].append(scores.size_needed(t, variant, float(threshold[t.joint])))
+    return [max(sizes, default=math.nan) for sizes in needed]
 
 
 def delays(felt: Sequence[Felt]) -> tuple[float, float]:

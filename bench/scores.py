@@ -76,15 +76,13 @@ def felt(trial: Trial, variant: int, threshold: float) -> Felt | None:
     return Felt(float(trial.delay_s[first]), bool(trial.travelled[first]))
 
 
-def smallest_felt(sizes: Sequence[float], was_felt: Sequence[bool]) -> float:
-    """The smallest step [Nm] from which on every tried step was felt; inf if the largest was not,
-    nan without a trial."""
-    smallest = np.nan
-    for size, so in sorted(zip(sizes, was_felt, strict=True), reverse=True):
-        if not so:
-            return smallest if np.isfinite(smallest) else np.inf
-        smallest = size
-    return smallest
+def size_needed(trial: Trial, variant: int, threshold: float) -> float:
+    """How large the step would have had to be to be felt [Nm].
+
+    The residual is linear in the external torque and follows it whole: a step that is smaller by x
+    lifts it x less. What the residual was beyond the threshold, the step could have been smaller.
+    """
+    return trial.size + threshold - float(np.max(trial.residuals[variant] - trial.raised))
 
 
 @dataclass(slots=True)

@@ -1,6 +1,7 @@
 """The statistics of the detection bench, by tables."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -72,19 +73,20 @@ def test_a_step_is_felt_where_the_residual_first_exceeds(tried: Trial, expected:
 
 
 @pytest.mark.parametrize(
-    ("sizes", "was_felt", "smallest"),
+    ("tried", "needed"),
     [
-        ([1, 2, 3], [True, True, True], 1),
-        ([3, 1, 2], [True, False, True], 2),
-        ([1, 2, 3], [True, False, True], 3),
-        ([1, 2, 3], [True, True, False], math.inf),
-        ([], [], math.nan),
+        (trial([0.0, 0.4, 0.6, 0.9]), 0.6),
+        (trial([0.0, 0.4, 0.6, 0.9], raised=0.2), 0.8),
+        (trial([-0.3, 0.1, 0.4, 0.2]), 1.1),
     ],
 )
-def test_smallest_step_from_which_on_all_are_felt(
-    sizes: list[float], was_felt: list[bool], smallest: float
-) -> None:
-    assert scores.smallest_felt(sizes, was_felt) == pytest.approx(smallest, nan_ok=True)
+def test_size_needed_would_just_have_been_felt(tried: Trial, needed: float) -> None:
+    """Steps of 1 Nm, threshold 0.5 Nm."""
+    size = scores.size_needed(tried, 0, 0.5)
+    assert size == pytest.approx(needed)
+    other = replace(tried, residuals=tried.residuals + (size - tried.size))
+    assert scores.felt(other, 0, 0.5 - 1e-9) is not None
+    assert scores.felt(other, 0, 0.5 + 1e-9) is None
 
 
 def test_errors_add_up_over_runs() -> None:
