@@ -23,6 +23,7 @@ from daemon.identify.steps import (
     wiring_step,
 )
 from errors import ConfigurationError
+from estimator.identification.gap import GapVerdict
 
 
 class Source(Protocol):
@@ -107,7 +108,9 @@ class Identification:
             picture = self._folder / f"gap-{name}.png"
             plotted = plot_gap(measured.log, i, outcome.gaps[0].half_gap, picture)
             pictures = [plotted] if plotted else []
-            outcomes.append(self._conclude("gap", f"gap-{name}", outcome, pictures))
+            # Too few crossings are a beginning: the next ones are added to them.
+            more = outcome.gaps[0].verdict is GapVerdict.FEW
+            outcomes.append(self._conclude("gap", f"gap-{name}", outcome, pictures, more=more))
         return all(outcomes)
 
     def friction(self, seconds: float) -> bool:
@@ -124,7 +127,13 @@ class Identification:
         return self._conclude("thresholds", "thresholds", outcome)
 
     def _conclude(
-        self, step: str, name: str, outcome: Outcome, pictures: list[Path] | None = None
+        self,
+        step: str,
+        name: str,
+        outcome: Outcome,
+        pictures: list[Path] | None = None,
+        *,
+        more: bool = False,
     ) -> bool:
         print_outcome(self._console, outcome, f"{step} of {self._robot.configuration.name}")
         for picture in pictures or []:
@@ -138,7 +147,8 @@ class Identification:
             self._tell("the daemon takes it up when it is started again")
         else:
             self._tell("nothing written")
-        self._source.conclude(name, now())
+        if not more:
+            self._source.conclude(name, now())
         return all(line.good for line in outcome.lines)
 
     def _tell(self, text: str) -> None:

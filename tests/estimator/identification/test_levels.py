@@ -101,3 +101,10 @@ def test_a_residual_that_is_no_number_is_refused():
     r[7, 1] = np.nan
     with pytest.raises(LogError, match="not a number"):
         learn(r)
+
+
+def test_no_level_below_what_was_seen():
+    """However many false alarms are bearable: what happened in a minute happens again."""
+    found = learn(noise(120.0), settings=replace(PLAIN, contact_per_hour=600.0))[0]
+    assert found.verdict is LevelVerdict.GOOD
+    assert found.contact == pytest.approx(1.1 * found.largest)
