@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from errors import LogError
-from estimator.identification.log import MotionLog
+from estimator.identification.log import SHORTEST, MotionLog
 from estimator.link_velocity import SAMPLES, Alignment
 from estimator.model import Model
 from estimator.motor_position import MotorPosition
@@ -59,10 +59,12 @@ def intervals(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inte
     parts = [
         _stretch(log.select(rows), model, settings)
         for rows in log.stretches()
-        if rows.stop - rows.start > 10
+        if rows.stop - rows.start >= SHORTEST
     ]
     if not parts:
-        raise LogError("samples are missing everywhere in the log: no stretch of 10 in a row")
+        raise LogError(
+            f"samples are missing everywhere in the log: no stretch of {SHORTEST} in a row"
+        )
     names = [f.name for f in fields(Intervals) if f.name != "measured"]
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     return Intervals(measured=parts[0].measured, **joined)
