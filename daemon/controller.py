@@ -154,7 +154,7 @@ class Controller:
             return [f"{gain:g} is not a gain: 0 to {MAX_GAIN:g} rad/s per Nm"]
         i = self._tuning.joints.index(joint)
         text = f"gain of {joint} {self.motion.gains.goal[i]:g} -> {gain:g} rad/s per Nm"
-        self.machine.changes.append(Change(text, f"gain by {who}"))
+        self.machine.changes.append(Change(text, f"by {who}"))
         self.motion.gains.change(i, gain)
         return []
 

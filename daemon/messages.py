@@ -19,6 +19,7 @@ Command = Literal[
     "stop",
     "disable",
     "reset",
+    "gain",
     "status",
     "subscribe",
 ]
@@ -47,6 +48,8 @@ class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     lease_s: Annotated[float, msgspec.Meta(gt=0, le=86_400)] | None = None
     # `arm`: the lease outlives this connection, and any process of this user may renew it.
     detached: bool = False
+    joint: str | None = None  # `gain`: of which joint
+    gain: float | None = None  # `gain`: its K_a from now on [rad/s per Nm]
 
 
 class Check(msgspec.Struct, frozen=True, kw_only=True):
@@ -209,5 +212,6 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     residual: Vector
     threshold: Vector
     side: list[str]
+    gain: Vector  # K_a, as it is or is about to be [rad/s per Nm]
     age_ticks: list[int]
     serials: list[int | None] = []  # 0x1018:4 of the drives

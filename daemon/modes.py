@@ -148,7 +148,7 @@ DISARMING = frozenset(
 )
 
 # Events after which a trajectory that was halted goes on with the next `start`...
-HALTING = frozenset({_E.PAUSE, _E.SETTLE})
+HALTING = frozenset({_E.PAUSE, _E.SETTLE, _E.HALT})
 # ...and after which it begins anew.
 FORGETTING = frozenset({_E.STOP, _E.DISABLE, _E.TIMEOUT, _E.FAULT, _E.RESET})
 

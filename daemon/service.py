@@ -57,6 +57,8 @@ def _misplaced(request: Request) -> list[str]:
         "loaded": "start",
         "lease_s": "arm",
         "detached": "arm",
+        "joint": "gain",
+        "gain": "gain",
     }
     return [
         f"`{field}` belongs to {command}"
@@ -117,17 +119,20 @@ class Service:
         who = str(Owner(peer.uid, peer.pid))
         match request.command:
             case "status":
-                return self._reply(request, [], status=self.status())
+                reply = self._reply(request, [], status=self.status())
             case "subscribe":
-                return self._reply(request, [], snapshot=self.snapshot())
+                reply = self._reply(request, [], snapshot=self.snapshot())
             case "load":
-                return self._load(request, peer)
+                reply = self._load(request, peer)
+            case "gain":
+                reply = self._gain(request, who)
             case "arm":
-                return self._arm(request, peer)
+                reply = self._arm(request, peer)
             case command:
                 path = self.dock.take(peer.connection) if request.loaded else None
                 event = EVENT_OF_COMMAND[command]
-                return self._reply(request, controller.request(event, who, self.loop.time_s, path))
+                reply = self._reply(request, controller.request(event, who, self.loop.time_s, path))
+        return reply
 
     def _reply(
         self,
@@ -135,15 +140,17 @@ class Service:
         reasons: list[str],
         *,
         checks: Sequence[Check] = (),
+        said: str = "",
         row: int | None = None,
         status: Status | None = None,
         snapshot: Snapshot | None = None,
         more: str = "",
     ) -> Reply:
         machine = self.loop.cycle.controller.machine
+        outcome = "refused" if reasons else said or _outcome(machine) + more
         return Reply(
             ok=not reasons,
-            message=f"{request.command}: " + ("refused" if reasons else _outcome(machine) + more),
+            message=f"{request.command}: {outcome}",
             reasons=reasons,
             mode=machine.mode.value,
             armed=machine.armed,
@@ -204,6 +211,13 @@ class Service:
             return self._reply(request, [str(error)], row=error.row)
         return self._reply(request, [])
 
+    def _gain(self, request: Request, who: str) -> Reply:
+        joint, gain = request.joint, request.gain
+        if joint is None or gain is None:
+            return self._reply(request, ["it takes a `joint` and a `gain`"])
+        reasons = self.loop.cycle.controller.set_gain(joint, gain, who)
+        return self._reply(request, reasons, said=f"{joint} {gain:g} rad/s per Nm")
+
     def status(self) -> Status:
         """For `contactctl status`."""
         loop, c = self.loop, self.robot.configuration
@@ -234,6 +248,7 @@ class Service:
             residual=estimate.residual.tolist() if estimate else zeros,
             threshold=estimate.threshold.tolist() if estimate else zeros,
             side=[SIDE_NAMES[s] for s in estimate.side.tolist()] if estimate else [],
+            gain=cycle.controller.motion.gains.goal.tolist(),
             age_ticks=samples.age_ticks.tolist() if samples else [],
             serials=self.serials,
         )

@@ -239,6 +239,36 @@ def reset(options: Options) -> None:
     _command(options, "reset")
 
 
+@main.command(context_settings={"ignore_unknown_options": True})  # -0.1 is no option
+@click.argument("joint", required=False)
+@click.argument("value", type=float, required=False)
+@click.pass_obj
+def gain(options: Options, joint: str | None, value: float | None) -> None:
+    """Show or change how softly joints yield: K_a [rad/s per Nm].
+
+    The joint gets there within half a second, also in somebody's hand. The configuration is not
+    changed: the next start of the daemon begins from it.
+    """
+    from daemon.messages import Request
+
+    if value is not None and not math.isfinite(value):
+        raise click.UsageError(f"{value:g} is not a gain")  # nor is it a number in JSON
+    with options.connect() as client:
+        if joint is not None and value is not None:
+            _answer(options, client.ask(Request("gain", joint=joint, gain=value)))
+            return
+        found = _status(client)
+    gains = dict(zip(found.joints, found.gain, strict=True))
+    if joint is not None and joint not in gains:
+        raise click.UsageError(f"no joint {joint!r}; there are: {', '.join(gains)}")
+    shown = gains if joint is None else {joint: gains[joint]}
+    if options.json:
+        _print_json(shown)
+        return
+    for name, k in shown.items():
+        click.echo(f"{name:16} {k:g}")
+
+
 @main.command()
 @click.pass_obj
 def status(options: Options) -> None:

@@ -131,7 +131,10 @@ def convert(source: Source, kind: type[T]) -> T:
         else:
             line = source.line(keys)
             message = message[:1].lower() + message[1:]
-            message += _value_at(keys, source.data)
+            if choices := _choices_at(kind, keys):
+                message += f" (allowed: {', '.join(choices)})"
+            else:
+                message += _value_at(keys, source.data)
         raise ConfigurationError(f"{source.path}:{line}: {place}: {message}") from error
 
 
@@ -178,18 +181,36 @@ def _spell(keys: list[str | int], data: Any) -> str:
     return text
 
 
-def _fields_at(kind: Any, keys: list[str | int]) -> list[str]:
-    """Names that are allowed at the end of `keys`, from msgspec's own view of the types."""
+def _type_at(kind: Any, keys: list[str | int]) -> Any:
+    """What is expected at the end of `keys`, from msgspec's own view of the types."""
     node: Any = msgspec.inspect.type_info(kind)
     for key in keys:
-        if isinstance(node, msgspec.inspect.UnionType):
-            node = next((t for t in node.types if hasattr(t, "fields")), node)
+        node = _struct_of(node)
         if isinstance(node, msgspec.inspect.StructType):
             node = next((f.type for f in node.fields if f.encode_name == key), None)
         elif isinstance(node, msgspec.inspect.DictType):
             node = node.value_type
         elif isinstance(node, msgspec.inspect.ListType):
             node = node.item_type
+    return _struct_of(node)
+
+
+def _struct_of(node: Any) -> Any:
+    """The struct among the choices of a union, where there is one."""
     if isinstance(node, msgspec.inspect.UnionType):
-        node = next((t for t in node.types if hasattr(t, "fields")), node)
+        return next((t for t in node.types if hasattr(t, "fields")), node)
+    return node
+
+
+def _fields_at(kind: Any, keys: list[str | int]) -> list[str]:
+    """Names that are allowed at the end of `keys`."""
+    node = _type_at(kind, keys)
     return [f.encode_name for f in node.fields] if hasattr(node, "fields") else []
+
+
+def _choices_at(kind: Any, keys: list[str | int]) -> list[str]:
+    """Values that are allowed at the end of `keys`, where they are few."""
+    node = _type_at(kind, keys)
+    if isinstance(node, msgspec.inspect.EnumType):
+        return [str(choice.value) for choice in node.cls]
+    return [str(choice) for choice in getattr(node, "values", ())]

@@ -87,11 +87,11 @@ class Admittance(Settings, frozen=True):
     """Eq. (15) on the thresholded residual, and what bounds it."""
 
     quiet_s: Annotated[float, Meta(ge=0.1, le=60)] = 2.0  # without a contact, until the arm goes on
-    virtual_mass_s: VirtualMass = 0.05
+    virtual_mass_s: VirtualMass = 0.05  # time constant of the velocity; 0 is none [s]
     velocity: Speed = 0.5  # [rad/s]
     max_duration_s: Annotated[float, Meta(gt=0, le=3600)] = 120.0
     max_excursion: Annotated[float, Meta(gt=0, le=6.3)] = 1.5  # of all contacts since `arm` [rad]
-    after_quiet: AfterQuiet = AfterQuiet.RESUME
+    after_quiet: AfterQuiet = AfterQuiet.RESUME  # how an interrupted trajectory goes on
     return_velocity: Speed = 0.2  # with `after_quiet: return` [rad/s]
 
 
@@ -99,8 +99,8 @@ class ReactionSettings(Settings, frozen=True):
     """What a contact leads to while the arm is armed. While it is not, a contact is only reported
     and a collision stops the arm, whatever is said here."""
 
-    contact: Reaction = Reaction.ADMITTANCE
-    collision: Reaction = Reaction.ADMITTANCE
+    contact: Reaction = Reaction.ADMITTANCE  # beyond `thresholds.contact`
+    collision: Reaction = Reaction.ADMITTANCE  # beyond `thresholds.collision`
     retract_distance: Annotated[float, Meta(gt=0, le=1)] = 0.15  # of the furthest joint [rad]
     retract_velocity: Speed = 0.4  # [rad/s]
 

@@ -163,6 +163,7 @@ class FakeDaemon:
             residual=state.residual,
             threshold=state.threshold,
             side=state.side,
+            gain=[0.1 * (i + 1) for i in range(len(JOINTS))],
             age_ticks=[0] * len(JOINTS),
         )
 

@@ -88,7 +88,14 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "admittance_gain: 0.5\n    end: fall",
         "end: fall",
         "joints[2] (LElbowRoll).end",
-        ("invalid enum value", "fall"),
+        ("invalid enum value 'fall'", "(allowed: brake, hold, limp)"),
+    ),
+    "not one of the reactions": (
+        "contact: admittance,",
+        "contact: hug,",
+        "contact: hug,",
+        "reactions.contact",
+        ("'hug'", "(allowed: report, admittance, retract, hold, quick_stop)"),
     ),
     "not a number": (
         "acceleration: 5.0",

@@ -173,6 +173,7 @@ def test_it_backs_away_towards_a_limit_only_as_far_as_that(tracking: Make) -> No
     arm.run(1.0)
     assert arm.q[0] == pytest.approx(1.0, abs=2e-3)
     assert arm.q[0] <= 1.0
+    assert arm.decisions[-1].reference[0] == 1.0
 
 
 def test_a_joint_without_gain_does_not_back_away(tracking: Make) -> None:
@@ -274,6 +275,7 @@ def test_a_biased_residual_does_not_walk_the_arm_away(after: AfterQuiet) -> None
         arm.run(2.1)
         if not arm.armed:
             break
+        assert arm.controller.arm("a program that renews") == []  # which renews no bound
     assert arm.cause == "guided further than 0.4 rad since it was armed"
     assert abs(arm.q[0] - start[0]) < 0.41
     arm.run(2.0, **arm.push(0.1))
@@ -322,7 +324,7 @@ def test_a_gain_changes_while_it_acts_without_a_bump(tracking: Make) -> None:
     assert arm.decisions[-1].velocity[0] == pytest.approx(0.1, rel=1e-3)
     assert arm.controller.set_gain("a", 2.0, "me") == []
     changes = [(change.text, change.cause) for change in arm.controller.machine.changes]
-    assert changes[-1] == ("gain of a 0.5 -> 2 rad/s per Nm", "gain by me")
+    assert changes[-1] == ("gain of a 0.5 -> 2 rad/s per Nm", "by me")
     begun = len(arm.decisions)
     arm.run(1.0, **arm.push(0.2))
     velocity = np.array([decision.velocity[0] for decision in arm.decisions[begun:]])

@@ -19,7 +19,7 @@ from daemon.client import Client
 from daemon.commands import contactctl
 from daemon.control import ControlSocket
 from daemon.loop import Clock, Loop
-from daemon.messages import Reply
+from daemon.messages import Reply, Request
 from daemon.modes import Mode
 from daemon.notify import Notifier
 from daemon.service import Service
@@ -519,3 +519,46 @@ def test_whatever_clients_do_a_tick_does_little_and_disarm_comes_through(
         one.close()
     house.run(0.5)
     assert house.service.control.connections == 0
+
+
+# --- gains --------------------------------------------------------------------------------------
+
+
+def test_a_gain_is_shown_changed_and_told(house: House) -> None:
+    assert house.contactctl("gain").stdout.split() == ["joint", "0.3"]
+    result = house.contactctl("gain", "joint", "0.05")
+    assert (result.exit_code, result.stdout) == (0, "gain: joint 0.05 rad/s per Nm\n")
+    assert house.contactctl("gain", "joint").stdout.split() == ["joint", "0.05"]
+    house.run(0.6)
+    gains = house.rig.cycle.controller.motion.gains
+    np.testing.assert_array_equal(gains.value, [0.05])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["knee", "0.1"], 1, "no joint 'knee'; there are: joint"),
+        (["joint", "6"], 1, "6 is not a gain: 0 to 5 rad/s per Nm"),
+        (["joint", "-0.1"], 1, "-0.1 is not a gain"),
+        (["joint", "nan"], 2, "nan is not a gain"),
+        (["joint", "soft"], 2, "'soft' is not a valid float"),
+        (["knee"], 2, "no joint 'knee'; there are: joint"),
+    ],
+)
+def test_what_is_no_gain_is_refused(
+    house: House, arguments: list[str], code: int, words: str
+) -> None:
+    result = house.contactctl("gain", *arguments)
+    assert result.exit_code == code
+    assert words in result.stderr
+    assert house.rig.cycle.controller.motion.gains.goal[0] == 0.3
+
+
+def test_a_gain_needs_its_joint_and_belongs_to_its_command(house: House, client: Client) -> None:
+    for request, reason in (
+        (Request("gain", joint="joint"), "it takes a `joint` and a `gain`"),
+        (Request("gain"), "it takes a `joint` and a `gain`"),
+        (Request("arm", gain=1.0), "`gain` belongs to gain"),
+    ):
+        reply = house.until(lambda asked=request: client.ask(asked))
+        assert (reply.ok, reply.reasons) == (False, [reason])
