@@ -15,7 +15,7 @@ import msgspec
 from daemon.control import GROUP, MAX_REQUEST_BYTES, default_socket_path
 from daemon.lease import LONGEST_S
 from daemon.messages import Command, Header, Reply, Request, Snapshot, State
-from daemon.trajectory_file import PLAUSIBLE, rows_of, slopes
+from daemon.trajectory_file import PLAUSIBLE, refuse_shapes, rows_of, slopes
 from errors import ControlError, TrajectoryError, UnreachableError
 
 # Above what a socket can hold at the daemon's end (twice its send buffer).
@@ -106,6 +106,7 @@ class Client:
         Nothing moves until `start_loaded`; the trajectory lives as long as this connection, unless
         another loads one. Raises TrajectoryError, whose `row` is the first that is refused.
         """
+        refuse_shapes(len(joints), times, positions, velocities)
         if velocities is None:
             velocities = slopes(times, positions)
         rows = rows_of(times, positions, velocities)

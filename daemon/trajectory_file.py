@@ -73,6 +73,29 @@ def refuse_columns(columns: Sequence[str], joints: Sequence[str]) -> None:
         raise TrajectoryError("no joint is named: nothing would move")
 
 
+def refuse_shapes(
+    joints: int,
+    times: Sequence[float],
+    positions: Sequence[Sequence[float]],
+    velocities: Sequence[Sequence[float]] | None,
+) -> None:
+    """Raises TrajectoryError, with the row, unless the times rise and everything has one row for
+    each of them, with one number for each joint."""
+    for what, table in (("positions", positions), ("velocities", velocities)):
+        if table is None:
+            continue
+        if len(table) != len(times):
+            raise TrajectoryError(f"{len(times)} times, but {len(table)} rows of {what}")
+        for i, row in enumerate(table):
+            if len(row) != joints:
+                raise TrajectoryError(f"{len(row)} {what} for {joints} joints", row=i)
+    for i in range(1, len(times)):
+        if not times[i] - times[i - 1] >= SHORTEST_STEP_S:  # nor NaN
+            raise TrajectoryError(
+                f"{TIME}: {times[i]:g} does not come after {times[i - 1]:g}", row=i
+            )
+
+
 def slopes(times: Sequence[float], positions: Sequence[Sequence[float]]) -> list[list[float]]:
     """Velocities [rad/s] at samples: of the parabola through each and its neighbours, of the line
     at both ends. `times` (m,) rising, `positions` (m, k), result (m, k)."""

@@ -210,7 +210,7 @@ def test_a_program_loads_and_starts(house: House, client: Client) -> None:
     [
         ([[0.0], [0.1], [float("nan")]], 2, "cannot be followed"),
         ([[0.0], [0.1], [9.0]], 2, "jumps"),
-        ([[0.0], [0.1, 0.2], [0.3]], 1, "5 numbers instead of 3"),
+        ([[0.0], [0.1, 0.2], [0.3]], 1, "2 positions for 1 joints"),
     ],
 )
 def test_a_program_is_told_the_row(

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daemon.trajectory_file import read_trajectory
+from daemon.trajectory_file import read_trajectory, refuse_shapes
 from errors import TrajectoryError
 
 JOINTS = ["LElbowRoll", "LElbowYaw"]
@@ -92,6 +92,29 @@ def test_the_error_of_a_row_is_put_on_its_line(tmp_path: Path) -> None:
         "move.csv:4: a: too fast"
     )
     assert str(found.placed(TrajectoryError("too short"))).endswith("move.csv: too short")
+
+
+@pytest.mark.parametrize(
+    ("times", "positions", "velocities", "row", "words"),
+    [
+        ([0, 1], [[0, 0]], None, None, "2 times, but 1 rows of positions"),
+        ([0, 1], [[0, 0], [0]], None, 1, "1 positions for 2 joints"),
+        ([0, 1], [[0, 0], [0, 0]], [[0, 0]], None, "2 times, but 1 rows of velocities"),
+        ([0, 1], [[0, 0], [0, 0]], [[0, 0], [0, 0, 0]], 1, "3 velocities for 2 joints"),
+        ([0, 0], [[0, 0], [0, 0]], None, 1, "time_s: 0 does not come after 0"),
+        ([0, float("nan")], [[0, 0], [0, 0]], None, 1, "time_s: nan does not come after 0"),
+    ],
+)
+def test_shapes_that_do_not_fit(
+    times: list[float],
+    positions: list[list[float]],
+    velocities: list[list[float]] | None,
+    row: int | None,
+    words: str,
+) -> None:
+    with pytest.raises(TrajectoryError, match=words) as caught:
+        refuse_shapes(2, times, positions, velocities)
+    assert caught.value.row == row
 
 
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
