@@ -101,6 +101,11 @@ class SimulatedArm:
             self.plant.advance(steps, self._touch if self.hand.touching else None)
             self._steps += steps
 
+    def skip(self, t: float) -> None:
+        """Let the drives' clocks go on to simulated time t [s] while the plant stands still."""
+        target = int(t / self.settings.step_s + 1e-6)
+        self._steps = max(self._steps, target - target % self._per_period)
+
     def receive(self, message: can.Message) -> None:
         """A frame from the bus, at the present simulated time."""
         cob, data = message.arbitration_id, bytes(message.data)

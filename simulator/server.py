@@ -22,7 +22,9 @@ from simulator.socketcand import HELLO, Conversation, Reply, frame_line
 PULSE_S = 0.001
 """The plant moves on at least this often, with or without a SYNC."""
 LONGEST_GAP_S = 0.1
-"""Held up for longer, the simulation skips time instead of racing after it."""
+"""Further behind, the simulation gives up racing after the present."""
+LONGEST_TURN_S = 0.002
+"""What the plant catches up with between two looks at the bus."""
 SETTLING_S = 0.05
 """python-can reads the answer to rawmode as one chunk: frames must not follow too soon."""
 MOST_UNSENT = 1 << 20
@@ -45,18 +47,34 @@ class RealTimeArm:
         self.arm = SimulatedArm(
             description, settings, send, hand_script=hand_script, on_event=self.tell
         )
-        self._origin = time.monotonic()
+        self._origin = self._lived_s = time.monotonic()
+        self._complained_s = 0.0
         self.arm.power_on()
 
     def live(self) -> float:
-        """Bring the plant up to the present; returns it [s, monotonic]."""
+        """Bring the plant up to the present, a little at a time; returns it [s, monotonic].
+
+        Between two calls a frame can be answered, so a plant that is behind catches up in several.
+        If it cannot, on a machine that is too slow, the drives' clocks go on without it; if this
+        process was held up, time is left out, for the drives were not.
+        """
         now = time.monotonic()
         behind = now - self._origin - self.arm.now
         if behind > LONGEST_GAP_S:
-            self._origin += behind - PULSE_S
-            self.tell(Event(self.arm.now, "server", f"held up for {behind:.3f} s, time skipped"))
-        self.arm.advance(now - self._origin)
+            if now - self._lived_s > LONGEST_GAP_S:
+                self._origin += behind - PULSE_S
+                self._complain(now, f"held up for {behind:.3f} s, time left out")
+            else:
+                self.arm.skip(now - self._origin - PULSE_S)
+                self._complain(now, f"too slow by {behind:.3f} s: the plant stood still")
+        self._lived_s = now
+        self.arm.advance(min(now - self._origin, self.arm.now + LONGEST_TURN_S))
         return now
+
+    def _complain(self, now: float, text: str) -> None:
+        if now - self._complained_s > 1.0:
+            self._complained_s = now
+            self.tell(Event(self.arm.now, "server", text))
 
     def tell(self, event: Event) -> None:
         """Write `{monotonic_s, simulated_s, kind, text}` as one line."""
