@@ -82,10 +82,10 @@ endif
 # Built beside the old environment and put in its place at the end. Nothing in it may know $(DESTDIR).
 install-env: NEW := $(DESTDIR)$(PREFIX).new
 install-env:
+	$(refuse-strange-prefix)
 	$(check-python)
 	@$(PYTHON) -c 'import sys; p = sys.base_prefix; sys.exit(p.startswith(("/home/", "/root/")) and \
 	  f"{p} is in a home folder, which the service cannot see: make install PYTHON=/usr/bin/python3")'
-	$(refuse-strange-prefix)
 	rm -rf $(NEW)
 	$(PYTHON) -m venv $(NEW)
 	$(NEW)/bin/pip install --quiet --disable-pip-version-check --no-compile --no-deps -r requirements.lock .
