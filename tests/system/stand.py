@@ -186,7 +186,10 @@ class Simulator:
 
     def __init__(self, robot: Path, *arguments: str) -> None:
         words = ["contactd", "simulate", str(robot), *arguments]
-        self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        # Not as root, who may have a real-time priority: on a slow machine nothing else would run.
+        self._process = subprocess.Popen(
+            words, stdout=subprocess.PIPE, text=True, user="contactd", group="contact", cwd="/"
+        )
         self.events: list[dict[str, Any]] = []
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
