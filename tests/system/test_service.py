@@ -189,7 +189,7 @@ def test_stopped_in_motion_it_brakes_holds_and_lets_go_in_this_order(
 
 def test_a_wrong_configuration_is_not_tried_again(service: Service) -> None:
     path = service.robot / "config.yaml"
-    path.write_text(path.read_text().replace("period_ms: 50", "period_ms: 0"))
+    path.write_text(path.read_text().replace("period_ms: 100", "period_ms: 0"))
     assert run("systemctl", "start", SERVICE).returncode != 0
     wait_for(lambda: service.show("ActiveState") == "failed", "the end")
     assert service.show("ExecMainStatus") == "78"
