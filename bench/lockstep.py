@@ -103,8 +103,10 @@ def lockstep_rig(
     simulate: Callable[[SimulationSettings], SimulationSettings] = lambda s: s,
     hand: tuple[AnyAct, ...] = (),
     on_event: Listener = lambda _: None,
+    bus: Callable[[can.BusABC], can.BusABC] = lambda near: near,
 ) -> Iterator[Rig]:
-    """Boot the simulated arm of `folder` up; `configure` and `simulate` may change both ends."""
+    """Boot the simulated arm of `folder` up; `configure` and `simulate` may change both ends, and
+    `bus` what is between them once the drives are set up."""
     robot = load_robot(folder)
     simulation = read_simulation(robot)
     settings = simulate(simulation.settings)
@@ -120,7 +122,7 @@ def lockstep_rig(
         arm = SimulatedArm(description, settings, far.send, hand_script=hand, on_event=on_event)
         lockstep = Lockstep(arm, far)
         arm.power_on()
-        cycle = build_cycle(robot, near, lambda: 0.0)
+        cycle = build_cycle(robot, bus(near), lambda: 0.0)
         c = robot.configuration
         with lockstep.serving():
             boot_up(

@@ -15,7 +15,7 @@ from daemon.modes import ARMABLE, GUIDED, REFUSALS, SENSING, Change, Event, Mode
 from daemon.motion import Motion
 from daemon.prearm import Objection
 from daemon.reactions import ATTENTIVE, AfterQuiet, Reactions
-from daemon.supervisor import EVENT_OF, Condition, Finding, strongest
+from daemon.supervisor import EVENT_OF, Condition, Finding, Reaction, strongest
 from daemon.trajectory import JointPath, Place
 from drivers.cia402 import PowerTarget
 
@@ -171,7 +171,8 @@ class Controller:
         if event is Event.ENABLE and observed is not None:
             limits = self.motion.limits
             outside = limits.outside(observed.q)
-            return [
+            wrong = [str(f) for f in observed.findings if f.reaction >= Reaction.QUICK_STOP]
+            return wrong + [
                 f"{name} stands at {observed.q[i]:.3f} rad, outside its limits "
                 f"[{limits.lower[i]:g}, {limits.upper[i]:g}]: move it back by hand"
                 for i, name in enumerate(self._tuning.joints)
@@ -210,17 +211,21 @@ class Controller:
         self._progress(time_s, dt, observed)
         motion = self.motion
         motion.step(self.machine.mode, observed.q, observed.age_s, observed.thresholded, dt)
-        resetting = time_s < self._reset_until_s
+        resetting = self._resetting(time_s)
         return Decision(self._power(), resetting, motion.velocity, motion.reference)
 
     def doubt(self, time_s: float, findings: tuple[Finding, ...]) -> None:
         """React to what the supervisor found; also before there is anything to decide on."""
-        if time_s < self._reset_until_s:
+        if self._resetting(time_s):
             findings = tuple(f for f in findings if f.condition is not Condition.DRIVE_FAULT)
         finding = strongest(findings)
         event = finding and EVENT_OF[finding.reaction]
         if event:
             self._apply(event, str(finding), time_s)
+
+    def _resetting(self, time_s: float) -> bool:
+        """Whether drives are asked for a fault reset: only while nothing may move yet."""
+        return self.machine.mode is Mode.OFF and time_s < self._reset_until_s
 
     def _feel(self, time_s: float, observed: Observed) -> None:
         if observed.thresholded.any():

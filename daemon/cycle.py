@@ -7,6 +7,7 @@ SYNC in between. Times come from the caller.
 import time
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
 from daemon.controller import Controller, Decision, Observed
@@ -66,6 +67,8 @@ class Cycle:
         self._decided_s = -period_s  # time of the last decision
         self._interval_s = period_s
         self._updated = False
+        self._finite = True  # estimate and reference
+        self._findings: tuple[Finding, ...] = ()
         self._samples: Samples | None = None
         self._estimate: Estimate | None = None
         self._decision: Decision | None = None
@@ -89,6 +92,11 @@ class Cycle:
         """The last one."""
         return self._decision
 
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Of the last tick."""
+        return self._findings
+
     def begin(self, time_s: float) -> None:
         """Send SYNC: the drives sample now."""
         self._time_s = time_s
@@ -102,16 +110,14 @@ class Cycle:
         estimate = self._estimated(samples)
         machine = self.controller.machine
         mode = machine.mode
-        finite = estimate is None or self._finite(estimate)
-        used = estimate if self._updated and finite else None
-        findings = self._observer.findings(
+        findings = self._findings = self._observer.findings(
             samples,
             mode,
             lateness_s=wakeup.lateness_s,
             left_out=wakeup.left_out,
-            residual=None if used is None else used.residual,
+            residual=estimate.residual if estimate and self._updated and self._finite else None,
             interval_s=self._interval_s,
-            finite=finite,
+            finite=self._finite,
         )
         self.prearm.watch(samples, findings, self._time_s)
         fatal = (f for f in findings if f.reaction is Reaction.FAULT_EXIT)
@@ -138,11 +144,11 @@ class Cycle:
 
     def _estimated(self, samples: Samples) -> Estimate | None:
         """The estimate from these samples; the one before where they are not complete."""
-        self._updated = bool(samples.fresh.all())
+        self._updated, self._finite = bool(samples.fresh.all()), True
         if self._updated:
             self._interval_s = self._time_s - self._sampled_s
             self._sampled_s = self._time_s
-            self._estimate = self.estimator.step(
+            estimate = self.estimator.step(
                 samples.current,
                 samples.link_position,
                 samples.motor_velocity,
@@ -150,18 +156,18 @@ class Cycle:
                 self._interval_s,
                 time_s=self._time_s,
             )
+            if np.isfinite(estimate.residual).all() and np.isfinite(estimate.theta).all():
+                self._estimate = estimate
+            else:
+                # Nothing of it may be used or published, and it would never become a number again.
+                self.estimator.restart()
+                self._updated = self._finite = False
+                self._estimate = self._estimate and invalid(self._estimate)
+        if self._estimate is not None and Flag.INVALID in self._estimate.flags:
+            self._finite = False
+        if self._decision is not None and not np.isfinite(self._decision.reference).all():
+            self._finite = False
         return self._estimate
-
-    def _finite(self, estimate: Estimate) -> bool:
-        """Whether there is a number in everything that the next setpoint may come from."""
-        if Flag.INVALID in estimate.flags:
-            return False
-        nothing, decision = self._nothing, self._decision
-        # A product with zero is zero, or NaN.
-        zero = estimate.residual @ nothing + estimate.theta @ nothing
-        if decision is not None:
-            zero += decision.reference @ nothing
-        return bool(zero == 0.0)
 
     def _observe(
         self, samples: Samples, estimate: Estimate, findings: tuple[Finding, ...]
@@ -257,7 +263,7 @@ class Cycle:
             beside={name: values.tolist() for name, values in estimate.beside.items()},
             flags=[FLAG_NAMES[flag] for flag in estimate.flags],
             updated=self._updated,
-            reference=decision.reference.tolist(),
+            reference=finite_list(decision.reference),
             setpoint=decision.velocity.tolist(),
             quiet_s=self.controller.quiet_s,
             events=list(self.events),
@@ -270,6 +276,11 @@ class Cycle:
                 missed=wakeup.missed,
             ),
         )
+
+
+def invalid(estimate: Estimate) -> Estimate:
+    """The estimate that holds while there is no new one that could be used."""
+    return msgspec.structs.replace(estimate, contacts=(), flags=Flag.INVALID)
 
 
 def finite_list(values: np.ndarray) -> Vector:

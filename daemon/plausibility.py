@@ -19,7 +19,7 @@ Vector = NDArray[np.float64]
 GAP_TOLERANCE: Final = 1.1
 # A current has noise; one that is the same to the last bit for so many ticks, while the motor turns
 # so far [rad], was not measured.
-STUCK_TRAVEL: Final = 0.2
+STUCK_TRAVEL: Final = 0.1
 STUCK_TICKS: Final = 20
 # Share of the current limit at which a drive is at its limit.
 SATURATED_SHARE: Final = 0.95
@@ -28,16 +28,17 @@ OVERSPEED_TICKS: Final = 3
 # Slower than this a motor stands [rad/s]: a bias of its velocity is no motion.
 STANDSTILL_SPEED: Final = 0.02
 
-# Rows of the matrix. The first two hold for an arm that is moved by hand, too.
+# Rows of the matrix; of several at one joint the first is the nearest to the cause. The last two
+# hold for an arm that is moved by hand, too.
 _ROWS: Final = (
-    Condition.APART,
-    Condition.FROZEN,
-    Condition.TORQUE_STUCK,
-    Condition.TORQUE_SATURATED,
     Condition.JUMP,
     Condition.OVERSPEED,
+    Condition.TORQUE_STUCK,
+    Condition.TORQUE_SATURATED,
     Condition.RESIDUAL_LIMIT,
     Condition.JOINT_LIMIT,
+    Condition.FROZEN,
+    Condition.APART,
 )
 _FIGURES: Final = {
     Condition.APART: "by {:.3f} rad, at most {:.3f}",
@@ -86,23 +87,24 @@ class Plausibility:
         self._play = 2.0 * GAP_TOLERANCE * bounds.half_gap + bounds.position_margin
         self._bounds = np.stack(
             [
-                self._play,
-                self._play,
-                np.full(n, STUCK_TRAVEL),
-                np.full(n, bounds.saturated_ticks - 1.0),
                 self._play,  # and what the joint travels in dt
                 np.full(n, OVERSPEED_TICKS - 1.0),
+                np.full(n, STUCK_TRAVEL),
+                np.full(n, bounds.saturated_ticks - 1.0),
                 bounds.residual,
                 0.5 * (bounds.upper - bounds.lower) + bounds.position_margin,
+                self._play
+                - 0.5 * bounds.position_margin,  # what repeats to the last bit has no noise
+                self._play,
             ]
         )
-        self._jump_bound = self._bounds[4]
+        self._jump_bound = self._bounds[0]
         self._dt = 0.0
         # Ticks in a row at the current limit, beyond the speed, and with one current.
         self._lasting = np.zeros((3, n))
         self._levels = np.stack([SATURATED_SHARE * bounds.current, bounds.speed, np.ones(n)])
         self._measures = np.zeros_like(self._bounds)
-        self._moving = self._measures[2:]  # what only an energised arm is asked
+        self._moving = self._measures[:-2]  # what only an energised arm is asked
         self._started = False
         self._theta, self._advance, self._phi, self._scratch = np.zeros((4, n))
         self._lowest, self._highest = np.zeros((2, n))  # of q - theta
@@ -131,7 +133,7 @@ class Plausibility:
         self._turn(motor_velocity, motor_position, dt)
         if not self._started:
             self._start()
-        apart, _, _, saturated, jump, speed, torque, outside = m = self._measures
+        jump, speed, stuck, saturated, torque, outside, frozen, apart = m = self._measures
 
         phi = np.subtract(q, self._theta, out=self._phi)
         np.maximum(self._highest, phi, out=self._highest)
@@ -142,7 +144,7 @@ class Plausibility:
         turned += self._advance
         same = values == before
         turned *= same
-        m[1:3] = turned
+        frozen[:], stuck[:] = turned
 
         if energised:
             sizes, lasting = self._sizes, self._lasting

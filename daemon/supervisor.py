@@ -154,7 +154,7 @@ REACTIONS: Final[dict[Condition, Row]] = {
     ),
     _C.FROZEN: Row(
         _R.QUICK_STOP,
-        "a link encoder repeats one value while the motor turns by more than the gap and "
+        "a link encoder repeats one value while the motor turns by more than the gap and half of "
         "`position_margin`",
         "the joint would be moved blindly, and a hand not be felt",
     ),
@@ -165,7 +165,7 @@ REACTIONS: Final[dict[Condition, Row]] = {
     ),
     _C.TORQUE_STUCK: Row(
         _R.QUICK_STOP,
-        "the current repeats one value for 20 ticks, while the motor turns by 0.2 rad",
+        "the current repeats one value for 20 ticks, while the motor turns by 0.1 rad",
         "the arm feels nothing, so it must not move",
     ),
     _C.TORQUE_SATURATED: Row(

@@ -22,6 +22,7 @@ from drivers.events import (
     Event,
     ForeignMaster,
     LateAnswer,
+    NotOperational,
     bus_failure,
     error_frame,
 )
@@ -38,6 +39,7 @@ HEARTBEAT: Final = 0x700
 SYNC_FRAME: Final[Frame] = (SYNC, b"")
 
 START_NODE: Final = 1
+STOP_NODE: Final = 2
 ENTER_PRE_OPERATIONAL: Final = 128
 
 #: Bounds of one tick: a flooded bus must not hold the loop, nor its memory.
@@ -299,7 +301,13 @@ class Arm:
         elif len(data) < (1 if service == HEARTBEAT else 3):
             self.counters.short_frames += 1
         elif service == HEARTBEAT:
-            self._tell(watch.hear(data[0], self._now))
+            event = watch.hear(data[0], self._now)
+            if isinstance(event, NotOperational):
+                # It hears no setpoint any more, not even that of a quick stop, and may go on for
+                # ever at its last velocity, as our heartbeat tells it that all is well. NMT stop
+                # counts as a loss of the connection, at which it stops by itself (0x6007).
+                self._send([(NMT, bytes([STOP_NODE, watch.node]))])
+            self._tell(event)
         else:
             self._tell(Emergency(watch.node, data[0] | data[1] << 8, data[2]))
 

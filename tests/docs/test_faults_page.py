@@ -53,7 +53,7 @@ def test_every_bound_and_its_default(page: str) -> None:
 @pytest.mark.parametrize(
     ("constant", "value", "words"),
     [
-        (plausibility.STUCK_TRAVEL, 0.2, "while the motor turns by 0.2 rad"),
+        (plausibility.STUCK_TRAVEL, 0.1, "while the motor turns by 0.1 rad"),
         (plausibility.STUCK_TICKS, 20, "one value for 20 ticks"),
         (plausibility.SATURATED_SHARE, 0.95, "(95 %)"),
         (plausibility.OVERSPEED_TICKS, 3, "for three ticks"),

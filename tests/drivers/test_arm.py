@@ -410,7 +410,10 @@ def test_a_drive_that_falls_silent(scripted, arm):
 
 def test_a_drive_that_leaves_operational(scripted, arm):
     tick(arm, scripted, [frame(0x702, b"\5")])
+    scripted.sent.clear()
     assert tick(arm, scripted, [frame(0x702, b"\x7f")]).events == (NotOperational(2, 127),)
+    # It hears no setpoint any more; at an NMT stop it stops by itself.
+    assert [data for cob_id, data in scripted.sent if cob_id == 0x000] == [b"\x02\x02"]
 
 
 # What python-can and the sockets below it raise.

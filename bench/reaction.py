@@ -1,0 +1,126 @@
+"""How soon each fault is found, the stop command is on the bus, and the arm stands: every case of
+`bench.faults`, in lockstep.
+
+    python -m bench.reaction [--json]
+
+Ticks count from the one in which the fault is made, which is the first. `found` is held against
+what the row of the supervisor's table says; the stop command against two ticks after that. Where
+the bus takes no frame, its ticks count from when it does. `stands` is when no motor moves any more.
+"""
+
+from typing import Any
+
+import click
+
+from bench.faults import CASES, Case, Stage, restore, stage, start
+from bench.figures import Target, print_report
+from daemon.modes import Mode
+from daemon.supervisor import REACTIONS, Reaction
+
+STOP_TICKS = 2
+STANDS = 0.02  # [rad/s] of the fastest motor, at the link
+PATIENCE_TICKS = 100
+WORDS = {
+    Reaction.CONTINUE: "continue",
+    Reaction.HOLD: "hold",
+    Reaction.QUICK_STOP: "quick stop",
+    Reaction.FAULT_EXIT: "fault exit",
+}
+
+
+def told_to_stop(on: Stage, reaction: Reaction) -> bool:
+    """Whether the stop command that belongs to a reaction was sent in this tick."""
+    if reaction is Reaction.HOLD:
+        return on.rig.mode is Mode.STOPPING and bool(on.setpoints())
+    return on.stops
+
+
+def measure(on: Stage, case: Case) -> dict[str, Any]:
+    """Make the fault; None where something did not happen, or is not asked for."""
+    reaction = REACTIONS[case.condition].reaction
+    fault = case.fault(on)
+    found = told = stood = None
+    obeyed = reaction in (Reaction.HOLD, Reaction.QUICK_STOP)
+    mute = 0  # ticks after it was found in which the bus took nothing
+    for tick in range(1, case.ticks + PATIENCE_TICKS):
+        next(fault, None)
+        on.tick()
+        if found is None and any(f.condition is case.condition for f in on.rig.cycle.findings):
+            found = tick
+        if found and obeyed and told is None:
+            if told_to_stop(on, reaction):
+                told = tick
+            elif on.bus.sending:
+                mute += 1
+        if on.speed >= STANDS:
+            stood = None
+        elif found and stood is None:
+            stood = tick
+        if found and (reaction is Reaction.CONTINUE or (stood and (told or not obeyed))):
+            break
+    if hasattr(fault, "close"):
+        fault.close()
+    stops = reaction is not Reaction.CONTINUE
+    return {
+        "fault": case.name,
+        "condition": case.condition.value,
+        "reaction": WORDS[reaction],
+        "stated_ticks": case.ticks,
+        "found_tick": found,
+        "stop_ticks_after_found": told - found - mute if found and told else None,
+        "mute_ticks": mute,
+        "stands_tick": stood if stops else None,
+    }
+
+
+def line(row: dict[str, Any], period_ms: float) -> str:
+    """One row of the printed table."""
+    stop = row["stop_ticks_after_found"]
+    words = "-" if stop is None else f"+{stop}"
+    if row["reaction"] == "fault exit":
+        words = "(no bus)"
+    elif row["mute_ticks"]:
+        words += f" after {row['mute_ticks']} mute"
+    stands = "-" if row["stands_tick"] is None else f"{row['stands_tick'] * period_ms:.0f} ms"
+    return (
+        f"{row['fault']:26} {row['condition']:29} {row['stated_ticks']:5} "
+        f"{row['found_tick']!s:>6}  {row['reaction']:10} {words:15} {stands:>8}"
+    )
+
+
+@click.command(help=__doc__)
+@click.option("--json", "as_json", is_flag=True)
+def main(as_json: bool) -> None:
+    rows = []
+    with stage() as on:
+        period_ms = 1000 * on.period_s
+        for case in (case for case in CASES if case.recovers):
+            start(on, armed=case.armed)
+            rows.append(measure(on, case))
+            restore(on)
+    for case in (case for case in CASES if not case.recovers):
+        with stage() as on:
+            start(on, armed=case.armed)
+            rows.append(measure(on, case))
+    if not as_json:
+        click.echo(
+            f"{'fault':26} {'found as':29} {'ticks':>5} {'found':>6}  {'reaction':10} "
+            f"{'stop command':15} {'stands':>8}"
+        )
+        for row in rows:
+            click.echo(line(row, period_ms))
+    late = [r for r in rows if r["found_tick"] is None or r["found_tick"] > r["stated_ticks"]]
+    stopping = [r for r in rows if r["reaction"] in ("hold", "quick stop")]
+    waits = [r["stop_ticks_after_found"] for r in stopping]
+    moving = [r for r in rows if r["reaction"] != "continue" and r["stands_tick"] is None]
+    worst = max(PATIENCE_TICKS if wait is None else wait for wait in waits)
+    targets = [
+        Target("faults found later than stated", len(late), 0, "", "lower"),
+        Target("stop command after the fault was found", worst, STOP_TICKS, "ticks", "lower"),
+        Target("faults after which the arm did not stand", len(moving), 0, "", "lower"),
+    ]
+    print_report("reaction", 1, targets, {"rows": rows}, as_json=as_json)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,300 @@
+"""What each detector finds just beyond its bound, and does not find at it."""
+
+import numpy as np
+import pytest
+
+from daemon.plausibility import (
+    GAP_TOLERANCE,
+    OVERSPEED_TICKS,
+    STUCK_TICKS,
+    STUCK_TRAVEL,
+    Bounds,
+    Doubt,
+    Plausibility,
+)
+from daemon.supervisor import Condition
+
+T = 0.01
+GAP, MARGIN, SPEED = 0.02, 0.05, 1.0  # half-gap, position margin, speed bound
+PLAY = 2 * GAP_TOLERANCE * GAP + MARGIN
+DRIFT, SCALE_ERROR = 0.001, 0.01
+SATURATED_TICKS = 4
+E = 1e-6
+ELBOW = 1  # of two joints, the one that is disturbed
+
+
+def bounds() -> Bounds:
+    return Bounds(
+        lower=np.array([-1.0, -1.0]),
+        upper=np.array([2.0, 2.0]),
+        speed=np.full(2, SPEED),
+        half_gap=np.full(2, GAP),
+        position_margin=MARGIN,
+        current=np.full(2, 3.0),
+        residual=np.full(2, 5.0),
+        saturated_ticks=SATURATED_TICKS,
+        motor_drift=DRIFT,
+        motor_scale_error=SCALE_ERROR,
+    )
+
+
+class Joint:
+    """The elbow of a two-jointed arm, tick by tick; the shoulder does nothing at all."""
+
+    def __init__(self, *, measured: bool = True) -> None:
+        self.plausibility = Plausibility(bounds())
+        self.measured = measured
+        self.q = self.theta = 0.0
+        self.noise = 0
+
+    def tick(
+        self,
+        q: float | None = None,
+        *,
+        theta: float | None = None,
+        velocity: float = 0.0,
+        current: float | None = None,
+        residual: float = 0.0,
+        dt: float = T,
+        energised: bool = True,
+    ) -> dict[Condition, str]:
+        """What is found; encoder and current move on by a trifle unless they are given."""
+        self.noise = 1 - self.noise
+        self.q = self.q if q is None else q
+        self.theta = self.theta if theta is None else theta
+        trifle = 1e-9 * self.noise
+        found = self.plausibility.step(
+            np.array([0.0, self.q + (trifle if q is None else 0.0)]),
+            np.array([0.0, velocity]),
+            np.array([0.0, self.theta]) if self.measured else None,
+            np.array([0.0, trifle if current is None else current]),
+            np.array([0.0, residual]),
+            dt,
+            energised,
+        )
+        assert all(doubt.joint == ELBOW for doubt in found)
+        return {doubt.condition: doubt.figures for doubt in found}
+
+
+@pytest.fixture
+def joint() -> Joint:
+    joint = Joint()
+    assert joint.tick() == {}
+    return joint
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_jump_against_the_motor(joint: Joint, sign: int) -> None:
+    most = PLAY + SPEED * T
+    assert Condition.JUMP not in joint.tick(sign * (most - E))
+    found = joint.tick(-sign * 2 * E)
+    assert found[Condition.JUMP] == f"by {most + E:.3f} rad, at most {most:.3f}"
+
+
+def test_a_jump_is_measured_in_the_true_interval(joint: Joint) -> None:
+    assert Condition.JUMP not in joint.tick(PLAY + 3 * SPEED * T - E, dt=3 * T)
+    joint.plausibility.restart()
+    joint.tick(0.0)
+    assert Condition.JUMP in joint.tick(PLAY + 3 * SPEED * T - E, dt=T)
+
+
+def test_a_link_that_goes_with_its_motor_does_not_jump(joint: Joint) -> None:
+    assert joint.tick(0.5, theta=0.5) == {}
+    assert Condition.JUMP in joint.tick(0.5, theta=0.0)
+
+
+def test_a_jump_without_a_measured_motor_position() -> None:
+    joint = Joint(measured=False)
+    joint.tick()
+    assert Condition.JUMP not in joint.tick(0.5, velocity=0.5 / T)
+    assert Condition.JUMP in joint.tick(1.0)
+
+
+def test_a_joint_that_is_moved_by_hand_may_be_fast(joint: Joint) -> None:
+    found = joint.tick(0.5, theta=0.5, velocity=50.0, residual=9.0, current=3.0, energised=False)
+    assert found == {}
+    for _ in range(10):
+        assert joint.tick(3.0, theta=3.0, velocity=50.0, current=3.0, energised=False) == {}
+    # and nothing of that counts when it is energised
+    assert set(joint.tick(1.0, theta=1.0, velocity=50.0, current=3.0)) == set()
+
+
+def test_apart_is_the_whole_range_of_the_gap(joint: Joint) -> None:
+    for q in (0.02, 0.04, 0.02, 0.0, -0.02, -(PLAY - 0.04) + E):
+        assert joint.tick(q) == {}
+    found = joint.tick(-(PLAY - 0.04) - E)
+    assert found == {Condition.APART: f"by {PLAY:.3f} rad, at most {PLAY:.3f}"}
+    assert Condition.APART in joint.tick(0.0), "until it is restarted"
+    joint.plausibility.restart()
+    assert joint.tick(0.0) == {}
+
+
+def test_apart_is_found_of_a_limp_arm_too(joint: Joint) -> None:
+    for k in range(1, 10):
+        found = joint.tick(0.011 * k, energised=False)
+    assert set(found) == {Condition.APART}
+
+
+@pytest.mark.parametrize(("share", "finds"), [(0.98, False), (1.02, True)])
+@pytest.mark.parametrize("side", [1, -1])
+def test_an_integrated_motor_position_drifts(share: float, finds: bool, side: int) -> None:
+    joint = Joint(measured=False)
+    joint.tick()
+    joint.tick(side * (PLAY - E))  # one extreme of the gap
+    for _ in range(99):
+        joint.tick(side * 0.5 * PLAY)
+    # A second later it is known no better than this.
+    found = joint.tick(-side * share * DRIFT * 1.0)
+    assert (Condition.APART in found) is finds
+
+
+@pytest.mark.parametrize(("share", "finds"), [(0.98, False), (1.02, True)])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_motor_that_turns_drifts_by_its_scale(share: float, finds: bool, side: int) -> None:
+    joint = Joint(measured=False)
+    joint.tick()
+    joint.tick(side * (PLAY - E))
+    joint.tick(side * 0.5 * PLAY)
+    for _ in range(97):
+        joint.tick(joint.q - 0.5 * T, velocity=-0.5)
+    drift = 0.97 * 0.5 * SCALE_ERROR + 0.99 * DRIFT
+    found = joint.tick(-0.97 * 0.5 - side * share * drift)
+    assert (Condition.APART in found) is finds
+
+
+def test_a_standing_motor_with_a_bias_goes_nowhere() -> None:
+    joint = Joint(measured=False)
+    for _ in range(1000):
+        assert joint.tick(0.0, velocity=0.0199, current=0.0) == {}
+    assert Condition.FROZEN in {c for _ in range(1000) for c in joint.tick(0.0, velocity=0.021)}
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_frozen_encoder(joint: Joint, sign: int) -> None:
+    most = PLAY - 0.5 * MARGIN
+    joint.tick(0.0)
+    found: dict[Condition, str] = {}
+    for k in range(1, 100):
+        if found := joint.tick(0.0, theta=sign * 0.001 * k):
+            break
+    assert found == {
+        Condition.FROZEN: f"while the motor turned by {0.001 * k:.3f} rad, at most {most:.3f}"
+    }
+    assert 0.001 * (k - 1) <= most < 0.001 * k
+    joint.theta = 0.001 * (k - 1)
+    joint.plausibility.restart()
+    assert joint.tick(0.0) == {}
+
+
+def test_an_encoder_that_moves_by_a_count_is_not_frozen(joint: Joint) -> None:
+    for k in range(60):
+        assert joint.tick(theta=0.001 * k) == {}
+
+
+def test_a_motor_that_dithers_turns_nowhere(joint: Joint) -> None:
+    for k in range(1000):
+        assert joint.tick(0.0, theta=0.01 * (k % 2)) == {}
+
+
+def test_a_stuck_current(joint: Joint) -> None:
+    step = 1.02 * STUCK_TRAVEL / STUCK_TICKS
+    for k in range(STUCK_TICKS):
+        # The first of them is new.
+        found = joint.tick(step * k, theta=step * k, current=0.7)
+        assert found == {}
+    found = joint.tick(step * (k + 1), theta=step * (k + 1), current=0.7)
+    assert set(found) == {Condition.TORQUE_STUCK}
+    assert found[Condition.TORQUE_STUCK].endswith(f"at most {STUCK_TRAVEL:.3f}")
+    assert joint.tick(step * (k + 2), theta=step * (k + 2), current=0.8) == {}
+
+
+def test_a_current_stuck_at_high_speed_takes_its_ticks(joint: Joint) -> None:
+    for k in range(STUCK_TICKS):
+        assert joint.tick(0.02 * k, theta=0.02 * k, current=0.7) == {}
+    assert set(joint.tick(0.4, theta=0.4, current=0.7)) == {Condition.TORQUE_STUCK}
+
+
+def test_a_current_stuck_at_rest_is_none(joint: Joint) -> None:
+    for _ in range(3 * STUCK_TICKS):
+        assert joint.tick(current=0.7) == {}
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_saturated_torque(joint: Joint, sign: int) -> None:
+    full = sign * (0.95 * 3.0 + E)
+    for _ in range(SATURATED_TICKS - 1):
+        assert joint.tick(current=full) == {}
+    assert joint.tick(current=full) == {
+        Condition.TORQUE_SATURATED: f"for {SATURATED_TICKS} ticks, at most {SATURATED_TICKS - 1}"
+    }
+    assert joint.tick(current=sign * (0.95 * 3.0 - E)) == {}
+    assert joint.tick(current=full) == {}, "counted anew"
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_overspeed(joint: Joint, sign: int) -> None:
+    fast = sign * (SPEED + E)
+    for _ in range(OVERSPEED_TICKS - 1):
+        assert joint.tick(velocity=fast) == {}
+    assert joint.tick(velocity=fast) == {
+        Condition.OVERSPEED: f"for {OVERSPEED_TICKS} ticks, at most {OVERSPEED_TICKS - 1}"
+    }
+    assert joint.tick(velocity=sign * (SPEED - E)) == {}
+    assert joint.tick(velocity=fast) == {}, "counted anew"
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_somebody_stronger_than_the_motor_is_no_runaway(joint: Joint, sign: int) -> None:
+    for _ in range(10):
+        assert joint.tick(velocity=sign * 5.0, current=-sign * 1.51) == {}
+    # It counts from when the motor no longer resists with half its current.
+    found = [set(joint.tick(velocity=sign * 5.0, current=-sign * 1.49)) for _ in range(4)]
+    assert {Condition.OVERSPEED} in found
+    assert found[0] == set()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_residual_beyond_its_bound(joint: Joint, sign: int) -> None:
+    assert joint.tick(residual=sign * 5.0) == {}
+    assert joint.tick(residual=sign * 5.06) == {Condition.RESIDUAL_LIMIT: "5.1 Nm, at most 5.0"}
+
+
+@pytest.mark.parametrize(("limit", "out"), [(2.0, 1), (-1.0, -1)])
+def test_a_joint_that_goes_on_beyond_its_limit(joint: Joint, limit: float, out: int) -> None:
+    edge = limit + out * MARGIN
+
+    def at(where: float) -> set[Condition]:
+        return set(joint.tick(where, theta=where))
+
+    joint.plausibility.restart()
+    at(edge - out * 0.002)
+    assert at(edge - out * E) == set()
+    assert at(edge + out * 0.001) == {Condition.JOINT_LIMIT}  # 0.1 rad/s outwards
+    assert at(edge + out * 0.0011) == set(), "slower than what counts as standing"
+    assert at(edge + out * 0.0005) == set(), "on its way back"
+    found = joint.tick(edge + out * 0.002, theta=edge)
+    assert found == {Condition.JOINT_LIMIT: "1.552 rad from the middle, at most 1.550"}
+
+
+def test_after_a_restart_the_next_samples_are_believed(joint: Joint) -> None:
+    for _ in range(SATURATED_TICKS - 1):
+        joint.tick(current=3.0, velocity=2.0)
+    joint.plausibility.restart()
+    assert joint.tick(1.5, theta=-1.0, current=3.0, velocity=2.0) == {}
+
+
+def test_every_doubt_is_named_with_its_joint() -> None:
+    plausibility = Plausibility(bounds())
+    nothing, far = np.zeros(2), np.array([1.0, -1.5])
+    plausibility.step(nothing, nothing, nothing, nothing, nothing, T, True)
+    found = plausibility.step(far, nothing, nothing, nothing, np.array([9.0, 0.0]), T, True)
+    play = f"at most {PLAY:.3f}"
+    jump = f"at most {PLAY + SPEED * T:.3f}"
+    assert found == (
+        Doubt(Condition.JUMP, 0, f"by 1.000 rad, {jump}"),
+        Doubt(Condition.JUMP, 1, f"by 1.500 rad, {jump}"),
+        Doubt(Condition.RESIDUAL_LIMIT, 0, "9.0 Nm, at most 5.0"),
+        Doubt(Condition.JOINT_LIMIT, 1, "2.000 rad from the middle, at most 1.550"),
+        Doubt(Condition.APART, 0, f"by 1.000 rad, {play}"),
+        Doubt(Condition.APART, 1, f"by 1.500 rad, {play}"),
+    )

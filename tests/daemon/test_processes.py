@@ -1,0 +1,196 @@
+"""What needs processes: `contactd run` beside `contactd simulate`, killed, stopped, and twice.
+
+One simulated arm serves all tests, one daemon after the other; the last one loses it.
+"""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from bench.lockstep import ROMEO
+from daemon.client import Client
+from errors import UnreachableError
+
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE_S = 20.0
+
+
+def eventually(what: Callable[[], object], why: str) -> None:
+    """Wait for `what` on a machine that may be busy; never a maximum to hold."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not what():
+        assert time.monotonic() < deadline, why
+        time.sleep(0.02)
+
+
+@dataclass
+class Simulator:
+    """A simulated arm in a process of its own."""
+
+    process: subprocess.Popen[str]
+    port: int
+    told: list[str] = field(default_factory=list)
+    """What it said its drives did."""
+
+    def drives_that(self, did: str) -> int:
+        return len({line.split(":")[0] for line in self.told if did in line})
+
+
+@dataclass
+class Daemon:
+    """A daemon, and a person who talks to it."""
+
+    process: subprocess.Popen[str]
+    door: Path
+
+    def ask(self, command: str) -> list[str]:
+        """The reasons of a refusal."""
+        with Client(self.door) as client:
+            return client.request(command).reasons  # type: ignore[arg-type]
+
+    def mode(self) -> str:
+        try:
+            with Client(self.door) as client:
+                return client.request("status").mode
+        except UnreachableError:
+            return "silent"
+
+    def becomes(self, mode: str) -> None:
+        eventually(lambda: self.mode() == mode, f"{self.mode()}, not {mode}")
+
+    def moves(self) -> None:
+        """Enable, and get on the trajectory."""
+        assert self.ask("enable") == []
+        self.becomes("holding")
+        assert self.ask("start") == []
+        self.becomes("tracking")
+        time.sleep(0.3)  # let it get under way
+
+    def ended(self) -> tuple[int, str]:
+        """Exit status and log."""
+        _, log = self.process.communicate(timeout=PATIENCE_S)
+        return self.process.returncode, log
+
+
+def contactd(*arguments: object, **options: object) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "daemon.commands.contactd", *map(str, arguments)]
+    return subprocess.Popen(command, cwd=ROOT, text=True, **options)  # type: ignore[call-overload]
+
+
+def run(port: int, door: Path) -> subprocess.Popen[str]:
+    return contactd("run", ROMEO, "--port", port, "--socket", door, stderr=subprocess.PIPE)
+
+
+@contextmanager
+def gone_afterwards(process: subprocess.Popen[str]) -> Iterator[subprocess.Popen[str]]:
+    with process:
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+
+
+def listen(simulator: Simulator) -> None:
+    assert simulator.process.stdout is not None
+    for line in simulator.process.stdout:
+        event = json.loads(line)
+        if event.get("kind") == "drive":
+            simulator.told.append(event["text"])
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[Simulator]:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = contactd("simulate", ROMEO, "--port", port, stdout=subprocess.PIPE)
+    with gone_afterwards(command) as process:
+        assert process.stdout is not None
+        assert "listening" in process.stdout.readline()
+        simulator = Simulator(process, port)
+        reader = threading.Thread(target=listen, args=(simulator,))
+        reader.start()
+        yield simulator
+        process.kill()
+        reader.join(PATIENCE_S)
+
+
+@pytest.fixture
+def daemon(simulator: Simulator, tmp_path: Path) -> Iterator[Daemon]:
+    """Off, with samples."""
+    with gone_afterwards(run(simulator.port, tmp_path / "door")) as process:
+        daemon = Daemon(process, tmp_path / "door")
+        daemon.becomes("off")
+        simulator.told.clear()
+        yield daemon
+
+
+def all_stopped(simulator: Simulator) -> None:
+    for did in ("heartbeat of the master lost, quick stop", "standing, holding"):
+        eventually(lambda did=did: simulator.drives_that(did) == 7, did)  # type: ignore[misc]
+
+
+def test_killed_while_moving(simulator: Simulator, daemon: Daemon) -> None:
+    daemon.moves()
+    daemon.process.kill()
+    all_stopped(simulator)
+
+
+def test_twice_then_stopped_then_terminated_while_moving(
+    simulator: Simulator, daemon: Daemon, tmp_path: Path
+) -> None:
+    daemon.moves()
+    # A second daemon, at the same door, and at another.
+    with (
+        gone_afterwards(run(simulator.port, daemon.door)) as second,
+        gone_afterwards(run(simulator.port, tmp_path / "other")) as third,
+    ):
+        _, said = second.communicate(timeout=PATIENCE_S)
+        assert second.returncode == 1
+        assert f"another contactd (pid {daemon.process.pid}) serves" in said
+        _, said = third.communicate(timeout=PATIENCE_S)
+        assert third.returncode == 69
+        assert "another master is on this bus" in said
+    assert daemon.mode() == "tracking", "the first one does not mind"
+
+    # Stopped for longer than the drives wait.
+    os.kill(daemon.process.pid, signal.SIGSTOP)
+    all_stopped(simulator)
+    os.kill(daemon.process.pid, signal.SIGCONT)
+    daemon.becomes("faulted")
+    assert "a fault is latched" in daemon.ask("enable")[0]
+    assert daemon.ask("reset") == []
+    daemon.becomes("off")
+    simulator.told.clear()
+    daemon.moves()
+
+    # Told to end while it moves.
+    daemon.process.terminate()
+    code, log = daemon.ended()
+    assert code == 0, log
+    assert "the daemon stood still" in log
+    steps = ["tracking -> stopping", "stopping -> holding", "holding -> off", "ended: hold"]
+    where = [log.rfind(step) for step in steps]
+    assert -1 not in where, log
+    assert where == sorted(where), "decelerate, stand, let every joint end as configured"
+    assert simulator.drives_that("heartbeat of the master lost") == 0, "our leaving is no fault"
+
+
+def test_its_bus_goes_away(simulator: Simulator, daemon: Daemon) -> None:
+    simulator.process.kill()
+    code, log = daemon.ended()
+    assert code == 69, log
+    assert "adapter gone: " in log
+    assert "the drives stop by themselves" in log
