@@ -15,6 +15,8 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final, Protocol
 
 import can
@@ -31,10 +33,13 @@ from drivers.arm import Arm
 from drivers.cia402 import PowerTarget
 from drivers.codec import MEASURED, link_side, receive_pdos, transmit_pdos
 from drivers.drive_setup import DriveSetup
+from drivers.frame_ring import FrameRing
 
 Vector = NDArray[np.float64]
 OPERATION_ENABLED: Final = 0x0027
 ENABLE_OPERATION: Final = 0x000F
+# Where the rings of the black box would be on a robot, in memory.
+SHARED_MEMORY: Final = "/dev/shm" if Path("/dev/shm").is_dir() else None
 SIDES: Final = {
     "ours": "drivers.arm",
     "own_calls": "drivers.arm over bus.recv, bus.send",
@@ -54,12 +59,14 @@ class Master(Protocol):
 
 
 class Ours:
-    """The hot path of the daemon."""
+    """The hot path of the daemon, which also keeps every frame for the black box."""
 
-    def __init__(self, bus: Any, setups: list[DriveSetup], period_s: float) -> None:
+    def __init__(
+        self, bus: Any, setups: list[DriveSetup], period_s: float, ring: FrameRing
+    ) -> None:
         joints = [(setup.name, setup.wiring) for setup in setups]
         profiles = {setup.wiring.profile: setup.profile for setup in setups}
-        self._arm = Arm(bus, joints, profiles, period_s, time.monotonic)
+        self._arm = Arm(bus, joints, profiles, period_s, time.monotonic, ring=ring)
         self._tick, self._period_s = 0, period_s
 
     def request(self) -> None:
@@ -228,11 +235,17 @@ def compare(number: int, rounds: int) -> dict[str, Any]:
     robot = load_robot(ROMEO)
     setups, period_s = build_setups(robot), robot.configuration.period_s
     took: dict[str, list[float]] = {name: [] for name in SIDES}
-    with both_ends() as (a, far_a), both_ends() as (b, far_b), both_ends() as (c, far_c):
+    with (
+        TemporaryDirectory(dir=SHARED_MEMORY) as rings,
+        both_ends() as (a, far_a),
+        both_ends() as (b, far_b),
+        both_ends() as (c, far_c),
+    ):
+        folder = Path(rings)
         stock = Stock(c, setups)
         masters: tuple[Master, ...] = (
-            Ours(a, setups, period_s),
-            Ours(OwnCalls(b), setups, period_s),
+            Ours(a, setups, period_s, FrameRing(folder / "a", 10_000, time.monotonic)),
+            Ours(OwnCalls(b), setups, period_s, FrameRing(folder / "b", 10_000, time.monotonic)),
             stock,
         )
         ends = [FarEnd(far, setups) for far in (far_a, far_b, far_c)]

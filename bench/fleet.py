@@ -106,7 +106,7 @@ def record_fleet(
     gear = np.array([joint.gear for joint in fleet.joints])
     rated = np.array([joint.rated_current_A for joint in fleet.joints])
     scale = np.array(
-        [rated * PROFILE.current_unit, np.full_like(gear, 2 * np.pi / PROFILE.link_counts),
+        [rated * PROFILE.effort_unit, np.full_like(gear, 2 * np.pi / PROFILE.link_counts),
          PROFILE.velocity_unit / gear, 2 * np.pi / PROFILE.motor_counts / gear]
     )  # fmt: skip
     period = description.period_s

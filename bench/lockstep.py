@@ -27,6 +27,7 @@ from simulator.lockstep import Lockstep
 
 ROMEO = Path(__file__).parent.parent / "configs" / "romeo_left_arm"
 SINGLE_JOINT = ROMEO.parent / "single_joint"
+DESK_ARM = ROMEO.parent / "desk_arm"
 
 _channels = itertools.count()
 
@@ -51,6 +52,7 @@ class Rig:
     arm: SimulatedArm
     lockstep: Lockstep
     channel: str  # of the virtual bus, for whoever wants to listen
+    bus: can.BusABC  # the daemon's end
     ticks: int = 0
 
     @property
@@ -134,7 +136,7 @@ def lockstep_rig(
             )
         cycle.arm.start(0.0)
         lockstep.pump()
-        yield Rig(robot, cycle, arm, lockstep, channel)
+        yield Rig(robot, cycle, arm, lockstep, channel, near)
 
 
 def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:

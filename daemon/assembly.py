@@ -19,14 +19,19 @@ from daemon.reactions import Reactions
 from daemon.trajectory import Follower, Place, Sinusoids
 from drivers.arm import Arm
 from drivers.drive_setup import DriveSetup, load_data_sheet
+from drivers.frame_ring import FrameRing
 from estimator.contact import Thresholds
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.transmission import Transmission
 
 
-def build_cycle(robot: Robot, bus: can.BusABC, clock: Callable[[], float]) -> Cycle:
-    """The tick of `robot` on an open bus whose drives are set up. Raises ContactdError."""
+def build_cycle(
+    robot: Robot, bus: can.BusABC, clock: Callable[[], float], ring: FrameRing | None = None
+) -> Cycle:
+    """The tick of `robot` on an open bus whose drives are set up; `ring` keeps its frames.
+
+    Raises ContactdError."""
     c = robot.configuration
     arm = Arm(
         bus,
@@ -35,6 +40,7 @@ def build_cycle(robot: Robot, bus: can.BusABC, clock: Callable[[], float]) -> Cy
         c.period_s,
         clock,
         c.bus.master_node,
+        ring,
     )
     estimator, controller, observer = (
         build_estimator(c, robot.urdf),

@@ -51,6 +51,10 @@ class Loop:
             doors()
             self._doors_s = self._clock.now() - began
 
+    def resume(self) -> None:
+        """Begin a new grid after a pause that was meant: nothing was missed in it."""
+        self._deadline_s = self._clock.now() + self._period_s
+
     def tick(self) -> None:
         """Wait for the next deadline and do one tick."""
         clock, period = self._clock, self._period_s

@@ -207,6 +207,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     realtime: list[Grant]  # what was achieved of the real-time set-up, and what not
     readers: int
     joints: list[str]
+    identities: list[str] = []  # of the drives: make, revision, serial number
     drives: list[str]
     position: Vector
     residual: Vector

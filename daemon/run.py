@@ -11,9 +11,11 @@ import can
 import numpy as np
 
 from daemon.assembly import build_cycle, build_estimator, build_setups
+from daemon.black_box import BlackBox, default_directory, ring_path
 from daemon.config.identified import objections, unwired
 from daemon.config.load import Robot
 from daemon.control import ControlSocket, default_socket_path
+from daemon.drives import Drives
 from daemon.journal import log_to_stderr
 from daemon.last_resort import stop_on_error
 from daemon.loop import Clock, Loop
@@ -21,8 +23,8 @@ from daemon.notify import Notifier, notifier_of
 from daemon.prearm import Verdict
 from daemon.realtime import go_realtime
 from daemon.service import Service
-from drivers.boot_up import boot_up, forget_master
 from drivers.bus import open_bus
+from drivers.bus_load import frame_rate_hz
 from errors import BusError, DriveError
 
 _log = logging.getLogger("contactd")
@@ -40,7 +42,8 @@ def run_daemon(robot: Robot, socket: Path | None) -> None:
         ):
             bus = open_bus(robot.configuration.bus)
             try:
-                _serve(robot, bus, control, notifier, signals)
+                with _black_box(robot, control) as black_box:
+                    _serve(robot, bus, control, notifier, signals, black_box)
             finally:
                 bus.shutdown()
 
@@ -51,29 +54,30 @@ def _serve(
     control: ControlSocket,
     notifier: Notifier,
     signals: "_Signals",
+    black_box: BlackBox,
 ) -> None:
     c = robot.configuration
-    setups = build_setups(robot)
+    drives = Drives(bus, build_setups(robot), c.period_ms, c.bus.master_node)
 
     def progress(line: str) -> None:
         _log.info(line)
         notifier.status(f"starting: {line}")
 
-    identities = boot_up(
-        bus, setups, period_ms=c.period_ms, master_node=c.bus.master_node, progress=progress
-    )
+    drives.boot_up(progress)
     if signals.received:
         return
-    cycle = build_cycle(robot, bus, time.monotonic)
+    cycle = build_cycle(robot, bus, time.monotonic, black_box.ring)
     _warm_up(robot)
     realtime = go_realtime()
     for grant in realtime:
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
     loop = Loop(cycle, Clock(time.monotonic, sleep_until), c.period_s)
-    serials = [drive.serial for drive in identities]
+    serials = [identity.serial for identity in drives.identities]
     cycle.prearm.identification = _identification(robot, serials)
     cycle.controller.motion.blind = bool(unwired(robot.identified, c))
-    service = Service(robot, loop, control, realtime, os.getpid(), notifier, serials)
+    service = Service(
+        robot, loop, control, realtime, os.getpid(), notifier, serials, drives, black_box.tell
+    )
     # From the first heartbeat on the drives expect the next.
     cycle.arm.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)
@@ -87,7 +91,7 @@ def _serve(
         raise BusError(f"{cycle.fatal}; the drives stop by themselves")
     if not stragglers and not cycle.controller.faulted:
         # At rest for good, the drives need not miss us.
-        forget_master(bus, setups)
+        drives.let_go()
     cycle.arm.end()
     if stragglers:
         raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")
@@ -103,6 +107,13 @@ def _identification(robot: Robot, serials: list[int | None]) -> Verdict:
     if found is None:
         return Verdict(True, "none; a simulated arm is trusted to be that of config.yaml")
     return Verdict(True, f"{c.identified} is of these drives")
+
+
+def _black_box(robot: Robot, control: ControlSocket) -> BlackBox:
+    c = robot.configuration
+    joints = [(joint.name, joint.wiring) for joint in c.joints]
+    rate_hz = frame_rate_hz(joints, c.drives, c.period_s)
+    return BlackBox(ring_path(control.path), default_directory(), rate_hz)
 
 
 def _warm_up(robot: Robot) -> None:

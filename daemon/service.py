@@ -12,6 +12,7 @@ from daemon.config.load import Robot
 from daemon.config.motion import limits_of
 from daemon.control import ControlSocket, Peer
 from daemon.cycle import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
+from daemon.drives import Drives
 from daemon.lease import PERSON_S, PROGRAM_S, Lease, Owner, in_words
 from daemon.loading import LoadingDock
 from daemon.loop import Loop
@@ -28,7 +29,7 @@ from daemon.messages import (
 from daemon.modes import Event, Mode, ModeMachine
 from daemon.notify import Notifier
 from drivers.cia402 import reached
-from errors import ControlError, TrajectoryError
+from errors import ContactdError, ControlError, TrajectoryError
 
 EVENT_OF_COMMAND = {
     "enable": Event.ENABLE,
@@ -82,6 +83,8 @@ class Service:
     pid: int
     notifier: Notifier
     serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
+    drives: Drives | None = None  # None: they cannot be set up again from here
+    on_fault: Callable[[str], None] = lambda text: None
     dock: LoadingDock = field(init=False)
     _lease: Lease | None = None
 
@@ -101,6 +104,8 @@ class Service:
         for event in cycle.events:
             place = {"kind": event.kind, "tick": cycle.tick}
             _log.log(_LEVELS[event.kind], "%s", event.text, extra=place)
+            if event.kind == "fault":
+                self.on_fault(event.text)
             if event.kind == "mode":
                 self.notifier.status(self.summary())
         self.control.poll(self.handle, DOORS_SHARE * self.robot.configuration.period_s)
@@ -131,7 +136,9 @@ class Service:
             case command:
                 path = self.dock.take(peer.connection) if request.loaded else None
                 event = EVENT_OF_COMMAND[command]
-                reply = self._reply(request, controller.request(event, who, self.loop.time_s, path))
+                reasons = self._renewed() if event is Event.RESET else []
+                reasons = reasons or controller.request(event, who, self.loop.time_s, path)
+                reply = self._reply(request, reasons)
         return reply
 
     def _reply(
@@ -218,6 +225,28 @@ class Service:
         reasons = self.loop.cycle.controller.set_gain(joint, gain, who)
         return self._reply(request, reasons, said=f"{joint} {gain:g} rad/s per Nm")
 
+    def _renewed(self) -> list[str]:
+        """Before a reset: set drives up again that need it; returns why that failed.
+
+        By SDO, so no tick happens meanwhile: the arm stands in quick stop or without torque.
+        """
+        cycle = self.loop.cycle
+        joints = cycle.arm.unfit() if cycle.controller.faulted else []
+        if not joints:
+            return []
+        if self.drives is None:
+            names = ", ".join(cycle.arm.names[i] for i in joints)
+            return [f"these drives have lost their set-up, start the daemon again: {names}"]
+        try:
+            self.drives.renew(joints)
+        except ContactdError as error:
+            return str(error).splitlines()
+        else:
+            cycle.arm.start(self.loop.time_s)
+            return []
+        finally:
+            self.loop.resume()
+
     def status(self) -> Status:
         """For `contactctl status`."""
         loop, c = self.loop, self.robot.configuration
@@ -243,6 +272,9 @@ class Service:
             realtime=self.realtime,
             readers=len(self.control.readers),
             joints=c.joint_names,
+            identities=[str(identity) for identity in self.drives.identities]
+            if self.drives
+            else [],
             drives=[DRIVE_STATE_NAMES[s] for s in samples.states] if samples else [],
             position=finite_list(samples.link_position) if samples else zeros,
             residual=estimate.residual.tolist() if estimate else zeros,

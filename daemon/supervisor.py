@@ -108,7 +108,7 @@ REACTIONS: Final[dict[Condition, Row]] = {
     _C.REBOOTED: Row(
         _R.QUICK_STOP,
         "a boot-up message",
-        "the drive has lost its set-up; contactd must be started again",
+        "the drive has lost its set-up; `reset` sets it up again",
     ),
     _C.FOREIGN_MASTER: Row(
         _R.QUICK_STOP,

@@ -26,6 +26,7 @@ from drivers.events import (
     bus_failure,
     error_frame,
 )
+from drivers.frame_ring import FrameRing, RecordedWire
 from drivers.heartbeat import OPERATIONAL, PATIENCE, HeartbeatWatch
 from drivers.samples import Samples
 from drivers.settings import DriveProfile
@@ -35,6 +36,9 @@ NMT: Final = 0x000
 SYNC: Final = 0x080
 EMERGENCY: Final = 0x080
 HEARTBEAT: Final = 0x700
+
+#: Kind of emergency codes after which some drives take a reset only when set up again.
+COMMUNICATION_ERROR: Final = 0x8100
 
 SYNC_FRAME: Final[Frame] = (SYNC, b"")
 
@@ -75,6 +79,7 @@ class _Drive:
     watch: HeartbeatWatch
     setpoints: tuple[_Setpoint, ...]
     controlword: int = 0
+    emergency: int = 0  # code of the last one, 0 when it is over
 
 
 class Arm:
@@ -92,17 +97,21 @@ class Arm:
         period_s: float,
         clock: Callable[[], float],
         master_node: int = 127,
+        ring: FrameRing | None = None,
     ) -> None:
-        """Raises ConfigurationError if a PDO layout does not fit."""
+        """`ring` keeps the frames of both directions. Raises ConfigurationError if a PDO layout
+        does not fit."""
         self.names = tuple(name for name, _ in joints)
         self.nodes = tuple(wiring.node for _, wiring in joints)
         self.counters = Counters()
-        self._wire: Wire = open_wire(bus)
+        wire = open_wire(bus)
+        self._wire: Wire = RecordedWire(wire, ring) if ring else wire
         self._clock = clock
         self._decoder = SampleDecoder(joints, profiles)
         self._encoder = SetpointEncoder(joints, profiles)
         self._drives = [_drive(wiring.node, profiles[wiring.profile]) for _, wiring in joints]
         self._watches = {drive.watch.node: drive.watch for drive in self._drives}
+        self._by_node = {drive.watch.node: drive for drive in self._drives}
         # Which TPDOs are still awaited is one integer, a bit for each of them.
         self._tpdos = {
             cob_id: (1 << bit, start, stop, layout)
@@ -151,13 +160,30 @@ class Arm:
         )
 
     def start(self, now: float) -> None:
-        """NMT operational for every drive: PDOs flow, heartbeats are watched from `now` on."""
+        """NMT operational for every drive: PDOs flow, heartbeats are watched from `now` on.
+
+        Also after drives were set up again: what was queued or known of before is forgotten.
+        """
         self._now = now
         self._receive_queued()
+        self._events.clear()
         self._heartbeat_at = now
-        for watch in self._watches.values():
-            watch.begin(now)
+        self.samples.age_ticks.fill(0)
+        for drive in self._drives:
+            drive.watch.begin(now)
+            drive.emergency = 0
         self._send([self._heartbeat, *self._nmt(START_NODE)])
+
+    def unfit(self) -> list[int]:
+        """Joints whose drives must be set up again before a reset can help: silent, restarted, no
+        longer operational, or in fault with an error of communication (0x81xx, CiA 301)."""
+        return [
+            i
+            for i, (drive, state) in enumerate(zip(self._drives, self.samples.states, strict=True))
+            if drive.watch.forgot
+            or drive.watch.lost
+            or (state is DriveState.FAULT and drive.emergency & 0xFF00 == COMMUNICATION_ERROR)
+        ]
 
     def sync(self, now: float) -> None:
         """Begin a tick: read what came since the last, beat if it is time, then send SYNC."""
@@ -309,7 +335,9 @@ class Arm:
                 self._send([(NMT, bytes([STOP_NODE, watch.node]))])
             self._tell(event)
         else:
-            self._tell(Emergency(watch.node, data[0] | data[1] << 8, data[2]))
+            code = data[0] | data[1] << 8
+            self._by_node[watch.node].emergency = code
+            self._tell(Emergency(watch.node, code, data[2]))
 
     def _publish(self) -> Samples:
         samples, missing = self.samples, self._missing

@@ -34,10 +34,13 @@ from errors import BusError, DriveError, SilentDriveError
 Progress = Callable[[str], None]
 
 SDO_TIMEOUT_S: Final = 0.5
+AGAIN_TIMEOUT_S: Final = 0.15
 LISTEN_S: Final = 0.15
 TRIES: Final = 3
-#: A step may take so long, in time-outs of one SDO.
-PATIENCE: Final = 10
+#: A step that is answered, but for ever, ends after so long.
+STEP_S: Final = 3.0
+#: How long a drive may take to boot after NMT reset communication, in time-outs of one SDO.
+BOOT_PATIENCE: Final = 30
 
 _SYNC: Final = 0x080
 _HEARTBEAT: Final = 0x700
@@ -81,6 +84,7 @@ class _Drive:
     wanted: list[Wanted]
     sdo_timeout_s: float
     booted: threading.Event  # its boot-up message has come
+    beat: Callable[[], None]  # the master's heartbeat, if it is time for it
     identity: DriveIdentity | None = None
     remarks: list[str] = field(default_factory=list)
 
@@ -135,11 +139,11 @@ def boot_up_again(
 ) -> tuple[DriveIdentity, ...]:
     """Set some drives of a standing arm up again, while the others go on hearing their master.
 
-    The heartbeat goes out between two transfers, so that a sequence that hangs falls silent; no
-    transfer may take longer than a third of what the drives bear. Raises BusError or DriveError.
+    The sequence itself sends the heartbeat while it waits for answers, so that one that hangs falls
+    silent. A drive that does not answer ends it within a second. Raises BusError or DriveError.
     """
-    patience_s = min(setup.profile.master_timeout_ms for setup in setups) / 3000.0
-    return _bring_up(bus, setups, period_ms, master_node, progress, patience_s, patience_s)
+    beat_s = min(setup.profile.master_timeout_ms for setup in setups) / 6000.0
+    return _bring_up(bus, setups, period_ms, master_node, progress, AGAIN_TIMEOUT_S, beat_s)
 
 
 def forget_master(
@@ -196,7 +200,7 @@ def _bring_up(
             access = ObjectAccess(network, setup, sdo_timeout_s, beat)
             rows = wanted(setup, period_ms, master_node)
             booted = _listen_for_boot_up(network, setup.wiring.node)
-            drives.append(_Drive(setup, access, rows, sdo_timeout_s, booted))
+            drives.append(_Drive(setup, access, rows, sdo_timeout_s, booted, beat))
         for drive in drives:
             _run(IDENTIFY, drive)
             progress(f"{drive.setup}: {drive.identity}")
@@ -218,9 +222,10 @@ def _bring_up(
 def _run(step: Step, drive: _Drive) -> None:
     """Do one step, again if the drive was silent; its name goes into every error."""
     for tries in range(1, TRIES + 1):
-        drive.access.deadline = time.monotonic() + PATIENCE * drive.sdo_timeout_s
+        drive.access.deadline = time.monotonic() + STEP_S
         try:
             if tries > 1:
+                drive.access.settle()
                 # A drive that somebody has stopped answers no SDO.
                 _leave_operational(drive)
             step.run(drive)
@@ -237,7 +242,7 @@ def _run(step: Step, drive: _Drive) -> None:
 
 
 class _Beat:
-    """The master's heartbeat between two transfers; none where `every_s` is None."""
+    """The master's heartbeat while somebody waits; none where `every_s` is None."""
 
     def __init__(self, network: canopen.Network, master_node: int, every_s: float | None) -> None:
         self._network, self._cob_id, self._every_s = network, _HEARTBEAT + master_node, every_s
@@ -246,7 +251,7 @@ class _Beat:
     def __call__(self) -> None:
         now = time.monotonic()
         if self._every_s is not None and now >= self._next_s:
-            self._next_s = now + 0.5 * self._every_s
+            self._next_s = now + self._every_s
             self._network.send_message(self._cob_id, [_OPERATIONAL])
 
 
@@ -316,11 +321,14 @@ def _recover(drive: _Drive) -> None:
     code = drive.access.read(0x603F) if drive.access.has(0x603F) else 0
     drive.booted.clear()
     drive.access.nmt(_RESET_COMMUNICATION, "reset communication")
-    if not drive.booted.wait(PATIENCE * drive.sdo_timeout_s):
-        raise SilentDriveError(
-            f"{drive.setup}: no boot-up message after NMT reset communication (it was in fault, "
-            f"0x{code:04X})"
-        )
+    give_up = time.monotonic() + min(BOOT_PATIENCE * drive.sdo_timeout_s, STEP_S)
+    while not drive.booted.wait(0.01):
+        drive.beat()
+        if time.monotonic() > give_up:
+            raise DriveError(
+                f"{drive.setup}: no boot-up message after NMT reset communication (it was in "
+                f"fault, 0x{code:04X})"
+            )
     drive.remarks.append(f"was in fault (0x{code:04X}): communication was reset")
 
 

@@ -21,6 +21,7 @@ class FrameLoad:
     cob_id: int
     size: int  # bytes of data
     rate_hz: float
+    every_tick: bool = True
 
     @property
     def bits(self) -> int:
@@ -39,7 +40,10 @@ def frame_bits(size: int) -> int:
 
 
 def frame_table(
-    joints: Sequence[Joint], profiles: Mapping[str, DriveProfile], period_s: float
+    joints: Sequence[Joint],
+    profiles: Mapping[str, DriveProfile],
+    period_s: float,
+    master_node: int = 127,
 ) -> tuple[FrameLoad, ...]:
     """Every periodic frame of the arm."""
     tick_hz = 1.0 / period_s
@@ -49,7 +53,7 @@ def frame_table(
     beat_s = period_s * max(1, math.floor(patience_s / 3.0 / period_s))
     table = [
         FrameLoad("SYNC", 0x080, 0, tick_hz),
-        FrameLoad("heartbeat of the master", 0x77F, 1, 1.0 / beat_s),
+        FrameLoad("heartbeat of the master", 0x700 + master_node, 1, 1.0 / beat_s, False),
     ]
     for name, node, profile in drives:
         for kind, pdos in (
@@ -61,8 +65,15 @@ def frame_table(
                 for pdo in pdos
             ]
         beat_hz = 1000.0 / profile.heartbeat_ms
-        table.append(FrameLoad(f"{name} heartbeat", 0x700 + node, 1, beat_hz))
+        table.append(FrameLoad(f"{name} heartbeat", 0x700 + node, 1, beat_hz, False))
     return tuple(table)
+
+
+def frame_rate_hz(
+    joints: Sequence[Joint], profiles: Mapping[str, DriveProfile], period_s: float
+) -> float:
+    """Periodic frames of the arm per second, in both directions."""
+    return sum(frame.rate_hz for frame in frame_table(joints, profiles, period_s))
 
 
 def bus_load(

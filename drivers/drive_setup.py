@@ -32,6 +32,8 @@ SPEED_MARGIN: Final = 1.1
 #: Read at boot-up, and there is no telling a drive without them.
 MUST_BE_READ: Final = ((0x1000, 0), (0x1018, 1))
 
+_IN_STEPS: Final = "it follows setpoints as its maker chose"
+
 Group = Literal["communication", "stopping", "mode", "limits", "own objects"]
 
 
@@ -122,8 +124,8 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
                "deceleration of the quick stop"),
         Wanted("mode", 0x6060, 0, CYCLIC_SYNCHRONOUS_VELOCITY, "cyclic synchronous velocity"),
         Wanted("mode", 0x60C2, 1, period_ms, "interpolation over the SYNC period",
-               "it follows setpoints in steps, or over a time of its maker's"),
-        Wanted("mode", 0x60C2, 2, -3, "interpolation in ms", "likewise"),
+               _IN_STEPS),
+        Wanted("mode", 0x60C2, 2, -3, "interpolation in ms", _IN_STEPS),
         Wanted("limits", 0x6072, 0, most_permille, "torque limit, per mille of rated",
                "it has no torque limit of its own"),
         Wanted("limits", 0x6073, 0, most_permille, "current limit, per mille of rated",
@@ -141,9 +143,10 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
 def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
     """What the drive does without, as its EDS says, and what follows; for people."""
     sheet = setup.data_sheet
+    rows = {row.without: row for row in reversed(wanted(setup, period_ms, master_node))}
     found = [
         f"without {row.where}: {row.without}"
-        for row in wanted(setup, period_ms, master_node)
+        for row in reversed(rows.values())
         if row.without and find_object(sheet, row.index, row.subindex) is None
     ]
     for index, subindex, follows in (

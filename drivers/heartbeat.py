@@ -23,20 +23,25 @@ class HeartbeatWatch:
     # Heartbeats of before NMT start may still be under way after it: no longer being operational
     # is news only of a drive that was heard to be.
     operational: bool = False
+    # It has left NMT operational or started anew: it does not hold what it was told any more.
+    forgot: bool = False
 
     def begin(self, now: float) -> None:
         """Watch from `now` on, when the drive has just been told to be operational."""
-        self.heard_at, self.lost, self.operational = now, False, False
+        self.heard_at, self.lost, self.operational, self.forgot = now, False, False, False
 
     def hear(self, nmt_state: int, now: float) -> NotOperational | Rebooted | None:
         """A heartbeat or boot-up message has come."""
         self.heard_at, self.lost = now, False
         state = nmt_state & 0x7F  # bit 7 is node guarding's toggle
         if state == BOOT_UP:
-            self.operational = False
+            self.operational, self.forgot = False, True
             return Rebooted(self.node)
         was_operational, self.operational = self.operational, state == OPERATIONAL
-        return NotOperational(self.node, state) if was_operational > self.operational else None
+        if self.operational or not was_operational:
+            return None
+        self.forgot = True
+        return NotOperational(self.node, state)
 
     def check(self, now: float) -> HeartbeatLost | None:
         """Whether the heartbeat has just become overdue."""

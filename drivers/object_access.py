@@ -1,6 +1,7 @@
 """Objects of one drive by SDO; every failure is one DriveError in words. Never inside the tick."""
 
 import logging
+import queue
 import struct
 import time
 from collections.abc import Callable, Iterator
@@ -10,6 +11,7 @@ from typing import Final
 import can
 import canopen
 from canopen.objectdictionary import ODVariable
+from canopen.sdo import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from drivers.bus import BUS_FAILURES, connection_lost
@@ -20,6 +22,10 @@ from errors import BusError, DriveError, SilentDriveError
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
 
 _READER_CYCLE_S: Final = 0.02
+_SLICE_S: Final = 0.005
+_REQUEST: Final = 0x600
+_ANSWER: Final = 0x580
+_ABORT: Final = b"\x80"
 #: A segmented answer that is longer than this is none of what is read here.
 LONGEST_ANSWER: Final = 256
 
@@ -35,11 +41,38 @@ def sdo_network(bus: can.BusABC) -> Iterator[canopen.Network]:
         reader.stop()
 
 
+class _Client(SdoClient):  # type: ignore[misc]
+    """canopen's client, which does something else meanwhile."""
+
+    def __init__(
+        self, network: canopen.Network, setup: DriveSetup, meanwhile: Callable[[], None]
+    ) -> None:
+        node = setup.wiring.node
+        super().__init__(_REQUEST + node, _ANSWER + node, setup.data_sheet)
+        self.MAX_RETRIES = 1
+        self.network, self._meanwhile = network, meanwhile
+        network.subscribe(_ANSWER + node, self.on_response)
+
+    def read_response(self) -> bytes:
+        """The next answer; raises SdoAbortedError, or SdoCommunicationError when none comes."""
+        give_up = time.monotonic() + self.RESPONSE_TIMEOUT
+        while (left := give_up - time.monotonic()) > 0.0:
+            self._meanwhile()
+            try:
+                answer: bytes = self.responses.get(timeout=min(left, _SLICE_S))
+            except queue.Empty:
+                continue
+            if answer[:1] == _ABORT:
+                raise SdoAbortedError(struct.unpack_from("<L", answer, 4)[0])
+            return answer
+        raise SdoCommunicationError("no answer")
+
+
 class ObjectAccess:
     """Reads and writes objects of one drive, expedited or in segments.
 
     No transfer is repeated here, and none begins after `deadline` (monotonic) has passed: what has
-    to be done again is for the caller to say. `before` is called before each.
+    to be done again is for the caller to say. `meanwhile` is called while an answer is awaited.
     """
 
     def __init__(
@@ -47,14 +80,13 @@ class ObjectAccess:
         network: canopen.Network,
         setup: DriveSetup,
         timeout_s: float,
-        before: Callable[[], None] = lambda: None,
+        meanwhile: Callable[[], None] = lambda: None,
     ) -> None:
         self.deadline = float("inf")
         self._setup, self._timeout_s = setup, timeout_s
-        self._network, self._before = network, before
-        self._node = network.add_node(setup.wiring.node, setup.data_sheet)
-        self._node.sdo.RESPONSE_TIMEOUT = timeout_s
-        self._node.sdo.MAX_RETRIES = 1
+        self._network, self._meanwhile = network, meanwhile
+        self._client = _Client(network, setup, meanwhile)
+        self._client.RESPONSE_TIMEOUT = timeout_s
 
     def has(self, index: int, subindex: int = 0) -> bool:
         """Whether the EDS has the object."""
@@ -100,12 +132,19 @@ class ObjectAccess:
         """Write without reading back: for values that the drive completes by itself."""
         data = self._variable(index, subindex).encode_raw(value)
         with self._words(f"object 0x{index:04X}:{subindex:02X}: writing {value}"):
-            self._node.sdo.download(index, subindex, data)
+            self._client.download(index, subindex, data)
 
     def nmt(self, command: int, name: str) -> None:
         """Send this drive an NMT command."""
         with self._words(f"NMT {name}"):
             self._network.send_message(0x000, [command, self._setup.wiring.node])
+
+    def settle(self) -> None:
+        """Wait until an answer that is late would have come: it is none to the next request."""
+        end = time.monotonic() + self._timeout_s
+        while time.monotonic() < end:
+            self._meanwhile()
+            time.sleep(_SLICE_S)
 
     def _variable(self, index: int, subindex: int) -> ODVariable:
         variable = self._setup.data_sheet.get_variable(index, subindex)
@@ -116,7 +155,7 @@ class ObjectAccess:
         doing = f"object 0x{index:04X}:{subindex:02X}: reading"
         data = b""
         with self._words(doing):
-            stream = self._node.sdo.open(index, subindex, "rb", buffering=0)
+            stream = self._client.open(index, subindex, "rb", buffering=0)
             while part := stream.read(7):
                 data += part
                 if len(data) > LONGEST_ANSWER:
@@ -128,7 +167,6 @@ class ObjectAccess:
         if time.monotonic() > self.deadline:
             raise SilentDriveError(f"{self._setup}: out of time before {doing}")
         try:
-            self._before()
             yield
         except SdoAbortedError as error:
             words = SdoAbortedError.CODES.get(error.code, "reason unknown")

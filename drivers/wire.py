@@ -6,7 +6,7 @@ frame; where the bus is a socket or a queue, the wire reads and writes that itse
 blocks on sending, and raises one of `BUS_FAILURES` when the bus fails.
 """
 
-import queue
+import os
 import re
 import select
 import socket
@@ -46,6 +46,9 @@ def open_wire(bus: can.BusABC) -> Wire:
     raw = getattr(bus, "socket", None)
     if isinstance(raw, socket.socket):
         return RawWire(raw)
+    port = getattr(bus, "serialPortOrig", None)
+    if port is not None:
+        return SlcanWire(port.fileno())
     if isinstance(bus, VirtualBus):
         return QueueWire(bus)
     return MessageWire(bus)
@@ -82,18 +85,21 @@ class QueueWire:
 
     def send(self, frames: Sequence[Frame]) -> None:
         self._refuse_closed()
-        now = time.time()
+        now, name = time.time(), self._name
         for end in self._ends:
             if end is self._own:
                 continue
-            for can_id, data in frames:
-                # The data of a setpoint is written anew by the next command.
-                message = can.Message(now, can_id, is_extended_id=False, data=bytes(data))
-                message.channel = self._name
-                try:
-                    end.put_nowait(message)
-                except queue.Full as error:
-                    raise can.CanOperationError("the other end does not keep up") from error
+            # A copy: the data of a setpoint is written anew by the next command.
+            messages = [
+                can.Message(now, i, is_extended_id=False, channel=name, data=bytearray(data))
+                for i, data in frames
+            ]
+            with end.mutex:
+                if 0 < end.maxsize < len(end.queue) + len(messages):
+                    raise can.CanOperationError("the other end does not keep up")
+                end.queue.extend(messages)
+                end.unfinished_tasks += len(messages)
+                end.not_empty.notify(len(messages))
 
     def _take(self, timeout: float) -> bool:
         own = self._own
@@ -201,3 +207,68 @@ class StreamWire:
             end = match.end()
         # A frame may be cut in two; what is no frame at all must not pile up.
         self._rest = text[end:][-64:]
+
+
+class SlcanWire:
+    """slcan over a serial line that was opened without waiting: text, a frame per line."""
+
+    _LINE: Final = re.compile(rb"([tTrR])([0-9A-Fa-f]+)\r")
+    _READ_SIZE: Final = 4096
+
+    def __init__(self, port: int) -> None:
+        """`port`: file descriptor of the line."""
+        self._port = port
+        self._queue: deque[Frame] = deque()
+        self._rest = b""
+        self._unsent = b""
+
+    def receive(self, timeout: float) -> Frame | None:
+        if not self._queue:
+            # Without this a line that has nothing to say reads like one that has ended.
+            if not select.select([self._port], [], [], timeout)[0]:
+                return None
+            self._read()
+        return self._queue.popleft() if self._queue else None
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        if self._unsent:
+            self._unsent = self._unsent[os.write(self._port, self._unsent) :]
+        text = b"".join(
+            b"t%03X%d%s\r" % (can_id, len(data), data.hex().encode()) for can_id, data in frames
+        )
+        sent = 0 if self._unsent else os.write(self._port, text)
+        if sent != len(text):
+            # The frame that was cut has to be completed; the others would be old by then.
+            self._unsent = self._unsent or text[sent : text.find(b"\r", sent) + 1]
+            raise can.CanOperationError("the adapter does not keep up")
+
+    def _read(self) -> None:
+        text = os.read(self._port, self._READ_SIZE)
+        if not text:
+            raise ConnectionError("the adapter is gone")
+        text = self._rest + text
+        end = 0
+        for match in self._LINE.finditer(text):
+            kind, digits = match.groups()
+            frame = _slcan_frame(kind, digits)
+            if frame is not None:
+                self._queue.append(frame)
+            end = match.end()
+        # A line may be cut in two; what is none at all must not pile up.
+        self._rest = text[end:][-64:]
+
+
+def _slcan_frame(kind: bytes, digits: bytes) -> Frame | None:
+    """`t` or `r` with three digits of identifier, `T` or `R` with eight; then length and data.
+
+    None for a line that is garbled; what follows the data is a time stamp.
+    """
+    width = 3 if kind in b"tr" else 8
+    size = int(digits[width : width + 1] or b"F", 16)
+    remote = kind in b"rR"
+    data = b"" if remote else digits[width + 1 : width + 1 + 2 * size]
+    if size > 8 or (not remote and len(data) != 2 * size):
+        return None
+    can_id = int(digits[:width], 16) & 0x1FFF_FFFF
+    can_id |= (REMOTE if remote else 0) | (EXTENDED if width == 8 else 0)
+    return can_id, bytes.fromhex(data.decode())

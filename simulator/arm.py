@@ -13,6 +13,7 @@ from simulator.events import Event, Listener
 from simulator.hand import AnyAct, Hand
 from simulator.mismatch import true_parameters
 from simulator.plant import Plant
+from simulator.profile import profile_of
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S, Servo
 
@@ -54,7 +55,8 @@ class SimulatedArm:
             settings.presliding,
         )
         self.servo = Servo(description, parameters.usual_link)
-        self.sensors = Sensors(description, settings, self.plant.q)
+        profile = profile_of(description.eds)
+        self.sensors = Sensors(description, settings, self.plant.q, profile)
         self.hand = Hand(
             hand_script,
             [joint.name for joint in description.joints],
@@ -64,7 +66,13 @@ class SimulatedArm:
         """Torque on the links besides the hand's (n,) [Nm], for tests and benches: write to it."""
         self._send, self._on_event = send, on_event
         wired = Surroundings(
-            description, self.servo, self.plant, self._put, self._sample_if_moved, self._tell_drive
+            description,
+            profile,
+            self.servo,
+            self.plant,
+            self._put,
+            self._sample_if_moved,
+            self._tell_drive,
         )
         self.drives = tuple(Drive(joint, wired) for joint in range(n))
         self._by_node = {drive.node: drive for drive in self.drives}

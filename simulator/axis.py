@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from simulator.description import JointDescription
 from simulator.objects import Objects, key
 from simulator.plant import Plant
-from simulator.profile import PROFILE
+from simulator.profile import DriveProfile
 from simulator.servo import Servo
 from simulator.state_machine import HOLDING_OPTIONS, Event, State, on_controlword, step
 
@@ -25,6 +27,7 @@ class Axis:
         self,
         joint: int,
         about: JointDescription,
+        profile: DriveProfile,
         objects: Objects,
         servo: Servo,
         plant: Plant,
@@ -32,8 +35,11 @@ class Axis:
     ) -> None:
         self._joint, self._about, self._objects = joint, about, objects
         self._servo, self._plant, self._tell = servo, plant, tell
-        self.unit = PROFILE.velocity_unit / about.gear
-        """One count of 606C and 60FF at the link side [rad/s]."""
+        self._profile = profile
+        self.unit = profile.velocity_unit / about.gear
+        """One count of 60FF at the link side [rad/s]."""
+        self.braking_unit = profile.acceleration_unit / about.gear
+        """One count of 6085 at the link side [rad/s^2]."""
         self.state = State.NOT_READY_TO_SWITCH_ON
         self.stopping = False
         """A ramp of a quick stop or fault reaction is under way: call `stop_further`."""
@@ -49,10 +55,19 @@ class Axis:
     def configure(self) -> None:
         """Take over limits and the interpolation period."""
         number = self._objects.number
-        share = min(number(0x6072), number(0x6073)) * PROFILE.current_unit
-        self._servo.current_limit[self._joint] = share * self._about.rated_current_A
-        self._fastest = number(0x6080) * PROFILE.speed_unit / self._about.gear
-        self._interpolation_s = number(0x60C2, 1) * 10.0 ** number(0x60C2, 2)
+        values, profile = self._objects.values, self._profile
+        # A drive may limit its torque, its current, or both.
+        limits = [number(index) for index in (0x6072, 0x6073) if key(index) in values]
+        most = 0.001 * min(limits) * self._about.rated_current_A if limits else np.inf
+        self._servo.current_limit[self._joint] = min(most, self._about.max_current_A)
+        limit = number(profile.speed_limit >> 8, profile.speed_limit & 0xFF)
+        self._fastest = limit * profile.speed_unit / self._about.gear
+        interpolates = key(0x60C2, 1) in values
+        self._interpolation_s = (
+            number(0x60C2, 1) * 10.0 ** number(0x60C2, 2)
+            if interpolates
+            else profile.interpolation_s
+        )
 
     def statusword(self, remote: bool) -> int:
         """6041: bit 9 when `remote`, 11 at the current limit, 12 when it follows 60FF."""
@@ -75,7 +90,7 @@ class Axis:
     def on_target(self) -> None:
         """60FF or 6060 was written: head for it over the interpolation period of 60C2."""
         values = self._objects.values
-        values[MODE_DISPLAY] = values[MODE]
+        self._objects.show(MODE_DISPLAY, self._objects.number(0x6060))
         if self.state is State.OPERATION_ENABLED and values[MODE] == CSV:
             velocity = self._objects.number(0x60FF) * self.unit
             velocity = min(max(velocity, -self._fastest), self._fastest)
@@ -108,14 +123,14 @@ class Axis:
         if state is State.OPERATION_ENABLED:
             if not servo.energised(joint):
                 servo.energise(joint, float(self._plant.theta_dot[joint]))
-            servo.ramp(joint, 0.0, self._objects.number(0x6085) * self.unit)
+            servo.ramp(joint, 0.0, self._objects.number(0x6085) * self.braking_unit)
             self._brake()
             self.on_target()
         elif state in (State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE):
             option = self._objects.number(0x605A if state is State.QUICK_STOP_ACTIVE else 0x605E)
             if option == 0:
                 servo.release(joint)
-            servo.ramp(joint, 0.0, self._objects.number(0x6085) * self.unit)
+            servo.ramp(joint, 0.0, self._objects.number(0x6085) * self.braking_unit)
             self.stopping = True
         else:
             servo.release(joint)

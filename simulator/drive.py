@@ -11,9 +11,9 @@ from simulator import objects as o
 from simulator.axis import CONTROLWORD, CSV, MODE, STATUSWORD, TARGET_VELOCITY, Axis
 from simulator.description import ArmDescription
 from simulator.objects import Objects, key
-from simulator.pdo import PDOS, ReceivePdo, TransmitPdo, guard_pdos, pdo_number
+from simulator.pdo import ReceivePdo, TransmitPdo, guard_pdos, pdo_number, pdo_numbers
 from simulator.plant import Plant
-from simulator.profile import PROFILE
+from simulator.profile import DriveProfile
 from simulator.sdo import sdo_server
 from simulator.servo import Servo
 from simulator.state_machine import Event, State
@@ -23,8 +23,6 @@ PDO_TOO_SHORT = 0x8210
 COMMUNICATION_ERROR = 0x11
 GENERIC_ERROR = 0x01
 ERROR_REGISTER, ERROR_CODE = key(0x1001), key(0x603F)
-LINK_POSITION, MOTOR_POSITION, MOTOR_VELOCITY = key(0x60E4, 1), key(0x6064), key(0x606C)
-CURRENT, TORQUE = key(0x6078), key(0x6077)
 ALLOWED = {0x605A: {0, 2, 6}, 0x605E: {0, 2}, 0x6060: {0, CSV}, 0x1005: {0x80}}
 """Values that this drive supports where the EDS can only give a range."""
 CONNECTION_LOST: tuple[tuple[str, Event | None], ...] = (
@@ -50,6 +48,7 @@ class Surroundings:
     """What a drive is wired to."""
 
     description: ArmDescription
+    profile: DriveProfile
     servo: Servo
     plant: Plant
     send: Callable[[int, bytes], None]
@@ -66,9 +65,11 @@ class Drive:
         about = wired.description.joints[joint]
         self.node, self._wired = about.node, wired
         self.objects = Objects(wired.description.eds, self.node)
-        peak = round(about.max_current_A / about.rated_current_A / PROFILE.current_unit)
+        peak = round(1000.0 * about.max_current_A / about.rated_current_A)
+        rated_torque = about.rated_current_A * about.torque_constant / about.gear
         for where, value in (
-            (key(0x6075), round(about.rated_current_A / PROFILE.rated_current_unit)),
+            (key(0x6075), round(1000.0 * about.rated_current_A)),
+            (key(0x6076), round(1000.0 * rated_torque)),
             (key(0x6072), peak),
             (key(0x6073), peak),
             (key(0x1018, 4), wired.description.serial_number + joint),
@@ -79,14 +80,19 @@ class Drive:
         guard_pdos(self.objects)
         self.objects.written = self._on_write
         self._sdo = sdo_server(self.node, self.objects, wired.send)
-        self.axis = Axis(joint, about, self.objects, wired.servo, wired.plant, self._tell)
-        self.receive_pdos = [ReceivePdo(self.objects, n) for n in range(PDOS)]
-        self.transmit_pdos = [TransmitPdo(self.objects, n) for n in range(PDOS)]
+        self.axis = Axis(
+            joint, about, wired.profile, self.objects, wired.servo, wired.plant, self._tell
+        )
+        self.receive_pdos = [ReceivePdo(self.objects, n) for n in pdo_numbers(self.objects, 0x1400)]
+        self.transmit_pdos = [
+            TransmitPdo(self.objects, n) for n in pdo_numbers(self.objects, 0x1800)
+        ]
         self.nmt = Nmt.BOOT
         self.due = 0.0
         """Nothing happens by itself before this time [s]."""
         self.why = ""
         """The last reason for stopping or faulting, for people."""
+        self._locked = False
         self._errors: deque[int] = deque(maxlen=8)
         self._heard_at: float | None = None
         self._next_heartbeat = 0.0
@@ -106,10 +112,8 @@ class Drive:
         self._boot_up()
 
     def _boot_up(self) -> None:
-        for number in range(PDOS):
-            self.receive_pdos[number].reload()
-            self.transmit_pdos[number].reload()
-        self._heard_at, self.due = None, 0.0
+        self._reload_pdos()
+        self._heard_at, self.due, self._locked = None, 0.0, False
         self.nmt = Nmt.PRE_OPERATIONAL
         self._wired.send(0x700 + self.node, bytes([Nmt.BOOT]))
 
@@ -217,9 +221,21 @@ class Drive:
 
     def measure(self, link: int, motor: int, velocity: int, current: int) -> None:
         """Counts that the sensors have sampled."""
-        values = self.objects.values
-        values[LINK_POSITION], values[MOTOR_POSITION] = link, motor
-        values[MOTOR_VELOCITY], values[CURRENT], values[TORQUE] = velocity, current, current
+        values, profile = self.objects.values, self._wired.profile
+        values[profile.link_position], values[profile.motor_velocity] = link, velocity
+        if profile.motor_position is not None:
+            values[profile.motor_position] = motor
+        for effort in profile.efforts:
+            values[effort] = current
+
+    def _reload_pdos(self, number: int | None = None) -> None:
+        """Take over what the objects say of all PDOs, or of those with one number."""
+        for receive_pdo in self.receive_pdos:
+            if number in (None, receive_pdo.number):
+                receive_pdo.reload()
+        for transmit_pdo in self.transmit_pdos:
+            if number in (None, transmit_pdo.number):
+                transmit_pdo.reload()
 
     def _show_state(self) -> None:
         self.objects.values[STATUSWORD] = self.axis.statusword(self.nmt is Nmt.OPERATIONAL)
@@ -228,6 +244,8 @@ class Drive:
         """An object was written, by SDO or by RPDO: let it take effect."""
         if where == CONTROLWORD:
             faulty = self.state is State.FAULT
+            if faulty and self._locked:
+                return
             self.axis.on_controlword()
             if faulty and self.state is not State.FAULT:
                 self._clear_error()
@@ -240,8 +258,7 @@ class Drive:
         self.due = 0.0
         number = pdo_number(where)
         if number is not None:
-            self.receive_pdos[number].reload()
-            self.transmit_pdos[number].reload()
+            self._reload_pdos(number)
         elif where == key(0x1016, 1):
             self._heard_at = None
         elif where == key(0x1003):
@@ -267,8 +284,14 @@ class Drive:
         self.due = 0.0
 
     def _lose_master(self) -> None:
+        reason = "heartbeat of the master lost"
         self._emergency(HEARTBEAT_LOST, COMMUNICATION_ERROR)
-        self._lose_connection("heartbeat of the master lost")
+        if self._wired.profile.locks:
+            self._tell(f"{reason}, fault, locked")
+            self._locked = True
+            self.axis.happen(Event.FAULT_DETECTED)
+        else:
+            self._lose_connection(reason)
         behaviour = self.objects.number(0x1029, 1)
         if behaviour == 2:
             self.nmt = Nmt.STOPPED
@@ -284,15 +307,15 @@ class Drive:
                 self.axis.happen(event)
 
     def _emergency(self, code: int, register: int) -> None:
-        values = self.objects.values
-        values[ERROR_REGISTER], values[ERROR_CODE] = register, code
+        self.objects.show(ERROR_REGISTER, register)
+        self.objects.show(ERROR_CODE, code)
         self._errors.appendleft(code)
         self._show_errors()
         self._send_emergency(code, register)
 
     def _clear_error(self) -> None:
-        values = self.objects.values
-        values[ERROR_REGISTER] = values[ERROR_CODE] = 0
+        self.objects.show(ERROR_REGISTER, 0)
+        self.objects.show(ERROR_CODE, 0)
         self._send_emergency(0, 0)
 
     def _send_emergency(self, code: int, register: int) -> None:
@@ -301,10 +324,10 @@ class Drive:
             self._wired.send(0x80 + self.node, data)
 
     def _show_errors(self) -> None:
-        values = self.objects.values
-        values[key(0x1003)] = len(self._errors)
+        self.objects.show(key(0x1003), len(self._errors))
         for sub in range(1, 9):
-            values[key(0x1003, sub)] = self._errors[sub - 1] if sub <= len(self._errors) else 0
+            error = self._errors[sub - 1] if sub <= len(self._errors) else 0
+            self.objects.show(key(0x1003, sub), error)
 
     def _tell(self, reason: str) -> None:
         self.why = reason

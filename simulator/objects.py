@@ -56,7 +56,7 @@ class Objects:
 
     def __init__(self, eds: Path, node: int) -> None:
         """Raises ConfigurationError when the EDS is missing or unreadable."""
-        self.entries = dict(_entries(eds, node))
+        self.entries = dict(entries(eds, node))
         self._indices = {k >> 8 for k in self.entries}
         self.values: dict[int, Value] = {k: entry.default for k, entry in self.entries.items()}
         self.guards: dict[int, Guard] = {}
@@ -65,12 +65,20 @@ class Objects:
         """Told the key after a value was stored."""
 
     def set_default(self, where: int, value: int) -> None:
-        """A value that belongs to the device and not to its EDS, e.g. the serial number."""
-        old = self.entries[where]
+        """A value that belongs to the device and not to its EDS, e.g. the serial number; nothing
+        where the EDS does not have the object."""
+        old = self.entries.get(where)
+        if old is None:
+            return
         self.entries[where] = Entry(
             old.code, old.readable, old.writable, old.mappable, old.low, old.high, value
         )
         self.values[where] = value
+
+    def show(self, where: int, value: int) -> None:
+        """Let the drive itself set a value, if it has the object."""
+        if where in self.values:
+            self.values[where] = value
 
     def restore(self, first: int, last: int) -> None:
         """Defaults for all objects with first <= index <= last."""
@@ -79,8 +87,8 @@ class Objects:
                 self.values[k] = entry.default
 
     def number(self, index: int, subindex: int = 0) -> int:
-        """The value of a numeric object."""
-        value = self.values[key(index, subindex)]
+        """The value of a numeric object; 0 where the EDS does not have it."""
+        value = self.values.get(key(index, subindex), 0)
         assert isinstance(value, int)
         return value
 
@@ -129,7 +137,7 @@ class Objects:
 
 
 @cache
-def _entries(eds: Path, node: int) -> dict[int, Entry]:
+def entries(eds: Path, node: int) -> dict[int, Entry]:
     """All variables of the EDS; parsing takes 30 ms, and an arm has seven."""
     try:
         dictionary = canopen.import_od(str(eds), node)

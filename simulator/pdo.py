@@ -9,7 +9,6 @@ from canopen.sdo.exceptions import SdoAbortedError
 from simulator import objects as o
 from simulator.objects import Objects
 
-PDOS = 4
 INVALID = 1 << 31
 SYNCHRONOUS = 240
 """Transmission types up to here wait for the SYNC; 254 and 255 do not."""
@@ -30,6 +29,11 @@ def mapping(objects: Objects, index: int) -> Mapping:
     return Mapping(keys, struct.Struct("<" + "".join(objects.entries[k].code for k in keys)))
 
 
+def pdo_numbers(objects: Objects, communication: int) -> list[int]:
+    """Which PDOs the drive has, counted from 0; `communication` is 0x1400 or 0x1800."""
+    return [n for n in range(0x200) if o.key(communication + n, 1) in objects.entries]
+
+
 def guard_pdos(objects: Objects) -> None:
     """Make the PDO objects refuse what CiA 301 forbids.
 
@@ -37,7 +41,7 @@ def guard_pdos(objects: Objects) -> None:
     only from or to invalid; what is mapped must exist, be mappable, match in length and fit.
     """
     for communication, mapped in ((0x1400, 0x1600), (0x1800, 0x1A00)):
-        for n in range(PDOS):
+        for n in pdo_numbers(objects, communication):
             objects.guards[communication + n] = _communication_guard(objects, communication + n)
             objects.guards[mapped + n] = _mapping_guard(objects, communication + n, mapped + n)
 
@@ -91,16 +95,16 @@ class ReceivePdo:
     """One RPDO: latched until the SYNC, or handed on at once."""
 
     def __init__(self, objects: Objects, number: int) -> None:
-        self._objects, self._number = objects, number
+        self._objects, self.number = objects, number
         self._pending: bytes | None = None
         self.reload()
 
     def reload(self) -> None:
         """Take over what 14xx and 16xx say."""
-        cob = self._objects.number(0x1400 + self._number, 1)
+        cob = self._objects.number(0x1400 + self.number, 1)
         self.cob_id = -1 if cob & INVALID else cob & 0x7FF
-        self._waits = self._objects.number(0x1400 + self._number, 2) <= SYNCHRONOUS
-        self._mapping = mapping(self._objects, 0x1600 + self._number)
+        self._waits = self._objects.number(0x1400 + self.number, 2) <= SYNCHRONOUS
+        self._mapping = mapping(self._objects, 0x1600 + self.number)
         self._pending = None
 
     @property
@@ -128,18 +132,18 @@ class TransmitPdo:
     """One TPDO: on every n-th SYNC, or on change and by its event timer."""
 
     def __init__(self, objects: Objects, number: int) -> None:
-        self._objects, self._number = objects, number
+        self._objects, self.number = objects, number
         self.reload()
 
     def reload(self) -> None:
         """Take over what 18xx and 1Axx say."""
-        objects, index = self._objects, 0x1800 + self._number
+        objects, index = self._objects, 0x1800 + self.number
         cob = objects.number(index, 1)
         self.cob_id = -1 if cob & INVALID else cob & 0x7FF
         self._type = objects.number(index, 2)
         self._inhibit_s = 1e-4 * objects.number(index, 3)
         self._event_s = 1e-3 * objects.number(index, 5)
-        self._mapping = mapping(objects, 0x1A00 + self._number)
+        self._mapping = mapping(objects, 0x1A00 + self.number)
         self._syncs = 0
         self._last: bytes | None = None
         self._sent_at = float("-inf")
@@ -184,6 +188,6 @@ def pdo_number(where: int) -> int | None:
     """Which PDO (0 to 3) the object with this key configures, if any."""
     index = where >> 8
     for base in (0x1400, 0x1600, 0x1800, 0x1A00):
-        if base <= index < base + PDOS:
+        if base <= index < base + 0x200:
             return index - base
     return None

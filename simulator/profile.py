@@ -1,25 +1,91 @@
-"""Units of the simulated drive, fixed by its maker: a wrong scale in a configuration shows here."""
+"""Drives that can be simulated, as their makers fixed them: a wrong object, scale, sign or offset
+in a configuration shows here."""
 
 from dataclasses import dataclass
 from math import pi
+from pathlib import Path
+
+from errors import ConfigurationError
+from simulator.objects import entries, key
+
+TURN = 2.0 * pi
+RPM = TURN / 60.0
 
 
 @dataclass(frozen=True, slots=True)
 class DriveProfile:
-    """What one count of an object means. Motor quantities are before the gear."""
+    """Where a drive keeps each quantity, and what one count means. Motor quantities are before the
+    gear; objects are keys, see `objects.key`."""
 
-    velocity_unit: float = 0.1 * 2.0 * pi / 60.0
-    """606C, 60FF [rad/s of the motor shaft] and, per second, 6085 [rad/s^2]."""
-    motor_counts: int = 4096
-    """6064, counts per motor revolution."""
+    link_position: int = key(0x60E4, 1)
+    motor_position: int | None = key(0x6064)
+    motor_velocity: int = key(0x606C)
+    efforts: tuple[int, ...] = (key(0x6078), key(0x6077))
+    """Current or torque: as shares of what is rated they are the same."""
+    speed_limit: int = key(0x6080)
+
     link_counts: int = 131072
-    """60E4 sub 1, counts per link revolution (17 bit)."""
-    current_unit: float = 0.001
-    """6078 and 6073, share of the rated current in 6075."""
-    rated_current_unit: float = 0.001
-    """6075 [A]."""
-    speed_unit: float = 2.0 * pi / 60.0
-    """6080 [rad/s of the motor shaft]."""
+    """Counts per link revolution (17 bit); negative where the encoder counts backwards."""
+    link_zero: int = 0
+    """Counts where the link stands at 0."""
+    motor_counts: int = 4096
+    """Counts per motor revolution."""
+    measured_velocity_unit: float = 0.1 * RPM
+    """Of `motor_velocity` [rad/s of the motor shaft]."""
+    effort_unit: float = 0.001
+    """Of `efforts`, share of what is rated; negative where the drive reports what it pushes
+    against. Limits (6072, 6073) are per mille in every drive."""
+    velocity_unit: float = 0.1 * RPM
+    """60FF [rad/s of the motor shaft]."""
+    acceleration_unit: float = 0.1 * RPM
+    """6085 [rad/s^2 of the motor shaft]."""
+    speed_unit: float = RPM
+    """Of `speed_limit` [rad/s of the motor shaft]."""
+    interpolation_s: float = 0.0
+    """Time over which a setpoint is approached where there is no 60C2."""
+    locks: bool = False
+    """The loss of the master's heartbeat (8130) is a fault, whatever 6007 says, and no fault reset
+    is taken before NMT reset communication."""
 
 
 PROFILE = DriveProfile()
+"""configs/romeo_left_arm/drive.eds: two encoders, current."""
+
+LOCKING = DriveProfile(
+    link_position=key(0x6064),
+    motor_position=None,
+    motor_velocity=key(0x6069),
+    efforts=(key(0x6077),),
+    speed_limit=key(0x607F),
+    link_counts=-262144,
+    link_zero=52000,
+    measured_velocity_unit=RPM,
+    effort_unit=-0.001,
+    velocity_unit=0.001 * TURN,
+    acceleration_unit=TURN,
+    speed_unit=0.001 * TURN,
+    interpolation_s=0.004,
+    locks=True,
+)
+"""configs/desk_arm/drive.eds: a link encoder, a tachometer, torque, and a lock after 8130."""
+
+_BY_PRODUCT = {0x402: PROFILE, 0x403: LOCKING}
+
+
+def profile_of(eds: Path) -> DriveProfile:
+    """The drive of an EDS, known by its product code (1018 sub 2); any other is simulated as a
+    `PROFILE`. Raises ConfigurationError when the EDS lacks an object that the simulation needs."""
+    known = entries(eds, 1)
+    product = known.get(key(0x1018, 2))
+    profile = _BY_PRODUCT.get(int(product.default) if product else 0, PROFILE)
+    needed = (
+        *(profile.link_position, profile.motor_velocity, profile.efforts[0]),
+        *(key(index) for index in (0x6007, 0x6040, 0x6041, 0x605A, 0x6060, 0x6085, 0x60FF)),
+    )
+    for where in needed:
+        if where not in known:
+            raise ConfigurationError(
+                f"{eds}: this drive cannot be simulated: object 0x{where >> 8:04X}:"
+                f"{where & 0xFF:02X} is missing"
+            )
+    return profile

@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.description import ArmDescription, SimulationSettings
-from simulator.profile import PROFILE
+from simulator.profile import PROFILE, TURN, DriveProfile
 from simulator.servo import SERVO_PERIOD_S
 
 Vector = NDArray[np.float64]
-TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,14 +34,16 @@ class Sensors:
         description: ArmDescription,
         settings: SimulationSettings,
         q: Vector,
+        profile: DriveProfile = PROFILE,
     ) -> None:
         joints = description.joints
         self._settings = settings
         self._rng = np.random.default_rng((settings.seed, 1))
         self._gear = np.array([joint.gear for joint in joints])
         self._per_ampere = 1.0 / (
-            np.array([joint.rated_current_A for joint in joints]) * PROFILE.current_unit
+            np.array([joint.rated_current_A for joint in joints]) * profile.effort_unit
         )
+        self._profile = profile
         filter_s = 1e-3 * settings.current_filter_ms
         self._gain = 1.0 - np.exp(-SERVO_PERIOD_S / filter_s) if filter_s > 0.0 else 1.0
         self._current = np.zeros(len(joints))
@@ -61,7 +62,7 @@ class Sensors:
 
     def read(self, q: Vector, theta: Vector, theta_dot: Vector) -> Readings:
         """Sample: link position, motor position and motor velocity (n,), at the link side."""
-        settings, n = self._settings, len(q)
+        settings, profile, n = self._settings, self._profile, len(q)
         if settings.link_latency_ms > 0.0:
             older, newer = self._history[0], self._history[1]
             q = newer + self._late_share * (older - newer)
@@ -70,9 +71,9 @@ class Sensors:
         noise = settings.current_noise_permille * self._rng.standard_normal(n)
         current = np.clip(self._current * self._per_ampere + noise, -32768, 32767)
         return Readings(
-            link_position=_counts(q * (PROFILE.link_counts / TURN)),
-            motor_position=_counts(theta * self._gear * (PROFILE.motor_counts / TURN)),
-            motor_velocity=_counts(velocity * self._gear / PROFILE.velocity_unit),
+            link_position=_counts(q * (profile.link_counts / TURN) + profile.link_zero),
+            motor_position=_counts(theta * self._gear * (profile.motor_counts / TURN)),
+            motor_velocity=_counts(velocity * self._gear / profile.measured_velocity_unit),
             current=_counts(current),
         )
 

@@ -147,6 +147,31 @@ def replay(file: Path, as_json: bool) -> None:
     sys.exit(0 if print_replay(file, as_json=as_json) else 1)
 
 
+@main.command("black-box")
+@SOCKET
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Log to write: .blf, .log (candump), .asc; by default a new one in the state directory.",
+)
+@click.option(
+    "--left-over",
+    is_flag=True,
+    help="Only what a daemon that died has left and nobody saves; for service managers.",
+)
+def black_box(socket: Path | None, output: Path | None, left_over: bool) -> None:
+    """Write the CAN frames of the last minute to a log of python-can.
+
+    A running daemon keeps them in memory, and has them written after every fault and when it dies;
+    this is for any other time. `python -m can.logconvert` changes the format of a log,
+    `python -m can.viewer` and others read it.
+    """
+    from daemon.commands.frames import write_frames
+
+    write_frames(socket, output, left_over=left_over)
+
+
 @main.group(cls=_InOrder)
 def identify() -> None:
     """Find out what an arm's parameters are, step by step, on the arm or on recorded logs.

@@ -1,6 +1,7 @@
 """The arm of configs/romeo_left_arm, on both ends of a virtual bus."""
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -116,6 +117,23 @@ def bench(wire: tuple[can.BusABC, can.BusABC]) -> Bench:
     lockstep = Lockstep(simulated, other_end)
     simulated.power_on()
     return Bench(bus, other_end, simulated, lockstep)
+
+
+@pytest.fixture(scope="module")
+def make_bench() -> Iterator[Callable[[], Bench]]:
+    """Makes any number of benches, for examples that need one each."""
+    with ExitStack() as stack:
+
+        def make() -> Bench:
+            channel = f"drivers-{next(_channels)}"
+            near, far = (
+                stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in "nf"
+            )
+            simulated = SimulatedArm(describe(), SimulationSettings(), far.send)
+            simulated.power_on()
+            return Bench(near, far, simulated, Lockstep(simulated, far))
+
+        yield make
 
 
 @pytest.fixture

@@ -494,3 +494,29 @@ def test_no_frame_makes_an_exception(joints, profiles, ticks):
         moved = {cob_id - 0x201 for cob_id, data in bus.sent[-N:] if data[2:] != bytes(4)}
         in_operation = {i for i in range(N) if samples.states[i] is DriveState.OPERATION_ENABLED}
         assert moved == in_operation
+
+
+def test_a_new_start_forgets_what_was_before(scripted, arm):
+    tick(arm, scripted, everything())
+    for _ in range(6):
+        tick(arm, scripted, [frame(0x703, b"\0"), frame(0x84, struct.pack("<HB", 0x8130, 1))])
+    assert arm.unfit() == [2]
+    scripted.incoming += everything()
+    arm.start(1.0)
+    assert arm.unfit() == []
+    samples = tick(arm, scripted, [], 1.01)
+    assert samples.events == ()
+    assert list(samples.age_ticks) == [1] * N
+
+
+def test_a_drive_is_unfit_for_a_reset_when_it_forgot_is_silent_or_locked(scripted, arm):
+    tick(arm, scripted, everything(0x08))
+    assert arm.unfit() == [], "an ordinary fault needs an ordinary reset"
+    lost = [frame(0x80 + 4, struct.pack("<HB", 0x8130, 0x11)), frame(0x702, b"\5")]
+    tick(arm, scripted, [*lost, *everything(0x08)], 0.02)
+    assert arm.unfit() == [3], "in fault for the loss of its master"
+    tick(arm, scripted, [frame(0x702, b"\x7f"), *everything(0x08)], 0.03)
+    assert arm.unfit() == [1, 3], "no longer operational"
+    over = [frame(0x80 + 4, struct.pack("<HB", 0, 0)), frame(0x702, b"\5")]
+    tick(arm, scripted, [*over, *everything(0x08)], 0.16)
+    assert arm.unfit() == [*range(N)], "silent for three heartbeats, or still unset"

@@ -16,7 +16,7 @@ from drivers.bus import connection_lost
 from errors import BusError, ConfigurationError, DriveError
 from simulator.objects import key
 
-QUICK = {"period_ms": 10, "listen_s": 0.005, "sdo_timeout_s": 0.05}
+QUICK = {"period_ms": 10, "listen_s": 0.005, "sdo_timeout_s": 0.1}
 
 
 def start(bench, setups, **options):
@@ -245,7 +245,7 @@ def test_a_lost_answer_costs_a_step_and_not_the_arm(bench, setups):
     (again,) = [line for line in lines if "again" in line]
     assert again.startswith(
         "node 3 (LElbowRoll): step `stopping` was done again: node 3 (LElbowRoll) does not answer "
-        "(SDO timeout 50 ms; object 0x605A:00: writing 6"
+        "(SDO timeout 100 ms; object 0x605A:00: writing 6"
     )
 
 
@@ -315,21 +315,17 @@ def test_again_while_the_others_go_on_hearing_their_master(bench, setups):
     assert number(bench, 2, 0x6007) == 0
     heard = []
     other = bench.simulated.drives[0]
-    on_heartbeat = other.on_heartbeat
-    other.on_heartbeat = lambda node, now: (
-        heard.append(time.monotonic()),
-        on_heartbeat(node, now),
-    )
-    # Every answer takes 3 ms, so that the whole takes longer than the others bear.
-    intercept(drive, lambda *_: time.sleep(0.003))
+    other.on_heartbeat = lambda node, now: heard.append(time.monotonic())
+    # The first request is lost: its time-out alone is longer than the others bear.
+    lost = iter([True])
+    intercept(drive, lambda *_: next(lost, False))
     begun = time.monotonic()
     with bench.lockstep.serving():
         boot_up_again(bench.bus, [setups[2]], period_ms=10)
     took = time.monotonic() - begun
     assert number(bench, 2, 0x6007) == 3
-    assert took > 0.1
-    # Half of a third of 100 ms, and one transfer.
-    assert len(heard) >= took / 0.034, "it goes on beating"
+    assert took > 0.3, "the time-out, and the wait for a late answer"
+    assert len(heard) >= 10, "it goes on beating"
 
 
 def test_a_closed_bus(wire, setups):

@@ -115,9 +115,11 @@ def record(
             plant.advance(inner)
             sensors.update(plant.q, servo.current)
         readings = sensors.read(plant.q, plant.theta, plant.theta_dot)
-        rows["current"][k] = np.array(readings.current) * PROFILE.current_unit * RATED
+        rows["current"][k] = np.array(readings.current) * PROFILE.effort_unit * RATED
         rows["q"][k] = np.array(readings.link_position) * (2 * np.pi / PROFILE.link_counts)
-        rows["theta_dot"][k] = np.array(readings.motor_velocity) * PROFILE.velocity_unit / GEAR
+        rows["theta_dot"][k] = (
+            np.array(readings.motor_velocity) * PROFILE.measured_velocity_unit / GEAR
+        )
         rows["theta"][k] = (
             np.array(readings.motor_position) * (2 * np.pi / PROFILE.motor_counts) / GEAR
         )

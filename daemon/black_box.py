@@ -1,0 +1,234 @@
+"""The black box: the last minute of frames, written to a log after a fault by another process.
+
+The daemon keeps the frames in a `FrameRing` beside its control socket. Before it goes real-time it
+starts a helper, which holds the other end of a pipe and sleeps: a line on the pipe is a fault, and
+its end is the daemon's death, however it came. Either way the helper writes the ring to a log of
+python-can in the state directory. An orderly end says so, and leaves nothing.
+"""
+
+import fcntl
+import logging
+import math
+import os
+import select
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Final
+
+import can
+
+from daemon.journal import log_to_stderr
+from drivers.frame_ring import KEPT_S, FrameRing, Recorded, read_frames
+from drivers.wire import ERROR, EXTENDED, REMOTE
+from errors import LogError
+
+# After a fault the helper waits so long for what the drives do about it.
+AFTERMATH_S: Final = 2.0
+LOGS_KEPT: Final = 20
+# Emergencies and whatever else is on the bus take room, too.
+MARGIN: Final = 1.2
+_PATIENCE_S: Final = 10.0
+_ENDED: Final = b"ended\n"
+_log = logging.getLogger("contactd")
+
+
+def default_directory() -> Path:
+    """Where logs go: `$STATE_DIRECTORY` (systemd), else contactd's folder in the user's state."""
+    if given := os.environ.get("STATE_DIRECTORY"):
+        return Path(given.split(":")[0])
+    home = os.environ.get("XDG_STATE_HOME")
+    return (Path(home) if home else Path.home() / ".local" / "state") / "contactd"
+
+
+def ring_path(socket: Path) -> Path:
+    """The ring of the daemon with this control socket: beside it, where memory is files."""
+    return socket.with_name(f"{socket.name}.frames")
+
+
+class BlackBox:
+    """The daemon's side; a context that ends in good order unless an exception leaves it."""
+
+    def __init__(self, path: Path, directory: Path, rate_hz: float) -> None:
+        """For a bus with so many frames a second: save what an earlier daemon left, make the ring,
+        start the helper.
+
+        Without a place for the ring or the log there is no black box: `ring` is None, and the log
+        says why. The arm runs all the same.
+        """
+        self.ring: FrameRing | None = None
+        self._helper: subprocess.Popen[bytes] | None = None
+        try:
+            save_left_over(path, directory, patience_s=0.0)
+            directory.mkdir(parents=True, exist_ok=True)
+            self.ring = FrameRing(path, math.ceil(KEPT_S * MARGIN * rate_hz), time.monotonic)
+            self._helper = _start_helper(path, directory)
+        except (OSError, LogError) as error:
+            _log.warning("no black box: %s", error)
+
+    def __enter__(self) -> "BlackBox":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close(orderly=kind is None)
+
+    def tell(self, fault: str) -> None:
+        """A fault has happened. Never waits: a full pipe says that the helper knows of one."""
+        if self._helper and self._helper.stdin:
+            try:
+                os.write(self._helper.stdin.fileno(), fault.encode()[:200] + b"\n")
+            except OSError as error:
+                _log.warning("the black box does not hear: %s", error)
+
+    def close(self, *, orderly: bool) -> None:
+        """Let the helper end; wait for a log that it still writes."""
+        if self._helper and self._helper.stdin:
+            if orderly:
+                self.tell(_ENDED.decode().strip())
+            self._helper.stdin.close()
+            try:
+                self._helper.wait(_PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                _log.warning("the black box is still being written")
+        if self.ring:
+            self.ring.close()
+
+
+def _start_helper(path: Path, directory: Path) -> "subprocess.Popen[bytes]":
+    # -P: the working directory is nobody's module path. A session of its own: Ctrl-C is not for it.
+    command = [sys.executable, "-P", "-m", "daemon.black_box", str(path), str(directory)]
+    helper = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True, bufsize=0)
+    assert helper.stdin is not None
+    os.set_blocking(helper.stdin.fileno(), False)
+    return helper
+
+
+# --- the helper's side --------------------------------------------------------------------------
+
+
+def follow(path: Path, directory: Path, pipe: int, tell: Callable[[str], None]) -> None:
+    """Until the pipe ends: write a log after every fault, and after a death. Raises LogError."""
+    with path.open("rb") as ring:
+        # Whoever finds the ring locked knows that it is being looked after.
+        fcntl.flock(ring, fcntl.LOCK_EX)
+        alive = True
+        while alive:
+            heard = os.read(pipe, 4096)
+            alive = _alive(heard)
+            fault = heard != _ENDED
+            end = time.monotonic() + AFTERMATH_S
+            while fault and alive and (left := end - time.monotonic()) > 0.0:
+                if select.select([pipe], [], [], left)[0]:
+                    alive = _alive(os.read(pipe, 4096))
+            if fault and (saved := save(path, directory)):
+                tell(f"black box: {saved}")
+        _remove(path, ring)
+
+
+def _alive(heard: bytes) -> bool:
+    """Whether the daemon goes on after saying this."""
+    return bool(heard) and not heard.endswith(_ENDED)
+
+
+def save(path: Path, directory: Path) -> Path | None:
+    """Write the frames of a ring to a new log in `directory`, and forget the oldest logs.
+
+    Returns the log's path, None if there are no frames. Raises LogError.
+    """
+    frames = read_frames(path)
+    if not frames:
+        return None
+    target = write_log(frames, new_log(directory))
+    for old in sorted(directory.glob("frames-*Z.blf"))[:-LOGS_KEPT]:
+        old.unlink(missing_ok=True)
+    return target
+
+
+def new_log(directory: Path) -> Path:
+    """A name in `directory`, which is made: the time of day, UTC. Raises LogError."""
+    now = time.time()
+    stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(now)) + f"{now % 1:.3f}"[1:] + "Z"
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LogError(f"{directory}: {error.strerror}") from error
+    return directory / f"frames-{stamp}.blf"
+
+
+def write_log(frames: list[Recorded], target: Path) -> Path:
+    """Write frames by python-can's own writers, the format by the suffix of `target`.
+
+    Nothing half-written gets that name. Raises LogError.
+    """
+    partial = target.with_name(f".{target.name}.partial{target.suffix}")
+    try:
+        with can.Logger(str(partial)) as log:
+            for frame in frames:
+                log(_message(frame))
+        partial.rename(target)
+    except (OSError, ValueError) as error:
+        partial.unlink(missing_ok=True)
+        raise LogError(f"{target}: {error}") from error
+    return target
+
+
+def save_left_over(path: Path, directory: Path, patience_s: float = _PATIENCE_S) -> Path | None:
+    """What a dead daemon left and no helper saves: save it, remove the ring. None if there is none.
+
+    Waits up to `patience_s` for a helper that is at work. Raises LogError.
+    """
+    end = time.monotonic() + patience_s
+    try:
+        with path.open("rb") as ring:
+            while True:
+                try:
+                    fcntl.flock(ring, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                except BlockingIOError:
+                    if time.monotonic() >= end:
+                        return None
+                    time.sleep(0.05)
+            if not path.exists():
+                return None
+            saved = save(path, directory)
+            _remove(path, ring)
+            return saved
+    except FileNotFoundError:
+        return None
+
+
+def _remove(path: Path, ring: IO[bytes]) -> None:
+    """Remove the ring, unless another daemon has put its own there."""
+    try:
+        if path.stat().st_ino == os.fstat(ring.fileno()).st_ino:
+            path.unlink()
+    except FileNotFoundError:
+        pass
+
+
+def _message(frame: Recorded) -> can.Message:
+    extended = bool(frame.can_id & EXTENDED)
+    return can.Message(
+        timestamp=frame.time_s,
+        arbitration_id=frame.can_id & (0x1FFF_FFFF if extended else 0x7FF),
+        data=frame.data,
+        is_extended_id=extended,
+        is_remote_frame=bool(frame.can_id & REMOTE),
+        is_error_frame=bool(frame.can_id & ERROR),
+        is_rx=not frame.sent,
+        channel=0,
+    )
+
+
+if __name__ == "__main__":
+    os.nice(10)
+    with log_to_stderr():
+        follow(Path(sys.argv[1]), Path(sys.argv[2]), sys.stdin.fileno(), _log.warning)

@@ -1,0 +1,25 @@
+"""`contactd black-box`: the frames of the last minute, when a person or a service manager asks."""
+
+from pathlib import Path
+
+import click
+
+from daemon.black_box import default_directory, new_log, ring_path, save_left_over, write_log
+from daemon.control import default_socket_path
+from drivers.frame_ring import read_frames
+from errors import LogError
+
+
+def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -> None:
+    """Write a log and say where it is. Raises LogError."""
+    path, directory = ring_path(socket or default_socket_path()), default_directory()
+    if left_over:
+        saved = save_left_over(path, directory)
+        click.echo(f"saved: {saved}" if saved else "nothing is left over")
+        return
+    if not path.exists():
+        raise LogError(f"{path}: no frames are kept there; does the daemon run, with this socket?")
+    frames = read_frames(path)
+    target = write_log(frames, output or new_log(directory))
+    seconds = frames[-1].time_s - frames[0].time_s if frames else 0.0
+    click.echo(f"{len(frames)} frames, {seconds:.1f} s: {target}")

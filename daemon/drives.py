@@ -1,0 +1,55 @@
+"""The arm's drives by SDO, outside the tick: set up at the start, again after a fault, let go."""
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import can
+
+from drivers.boot_up import DriveIdentity, boot_up, boot_up_again, forget_master
+from drivers.drive_setup import DriveSetup
+
+_log = logging.getLogger("contactd")
+
+
+@dataclass(slots=True)
+class Drives:
+    """All drives of one arm, in the order of its joints."""
+
+    bus: can.BusABC
+    setups: Sequence[DriveSetup]
+    period_ms: int
+    master_node: int
+    identities: list[DriveIdentity] = field(default_factory=list)
+
+    def boot_up(self, progress: Callable[[str], None]) -> None:
+        """Set all of them up and read back. Raises ContactdError."""
+        found = boot_up(
+            self.bus,
+            self.setups,
+            period_ms=self.period_ms,
+            master_node=self.master_node,
+            progress=progress,
+        )
+        self.identities[:] = found
+
+    def renew(self, joints: Sequence[int]) -> None:
+        """Set some up again, while the arm stands and nobody ticks. Raises ContactdError."""
+        begun = time.monotonic()
+        found = boot_up_again(
+            self.bus,
+            [self.setups[i] for i in joints],
+            period_ms=self.period_ms,
+            master_node=self.master_node,
+            progress=_log.info,
+        )
+        for i, identity in zip(joints, found, strict=True):
+            self.identities[i] = identity
+        names = ", ".join(self.setups[i].name for i in joints)
+        took_ms = 1000.0 * (time.monotonic() - begun)
+        _log.info("set up again in %.0f ms without a tick: %s", took_ms, names)
+
+    def let_go(self) -> None:
+        """Have them mind our silence no more. Raises DriveError when one does not hear it."""
+        forget_master(self.bus, self.setups)

@@ -1,0 +1,119 @@
+"""The last minute of raw frames, both directions, in a file that is memory: it survives the daemon.
+
+A record has a fixed size, and writing one is one `pack_into`: no system call, nothing that grows,
+nothing to flush. The file belongs on a tmpfs (/run): the kernel writes no page of it back, so that
+no tick ever waits for a disk. What was written is there for other processes at once, and still is
+when the writer was killed.
+"""
+
+import mmap
+import os
+import struct
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from drivers.wire import Frame, Wire
+from errors import LogError
+
+KEPT_S: Final = 60.0
+_MAGIC: Final = b"contactd"
+# Magic, version, records, and what to add to their times to get the time of day [s].
+_HEADER: Final = struct.Struct("<8sIId")
+_HEADER_SIZE: Final = 64
+# Time (monotonic) [s], number counting from 1, identifier with Linux' flags, size, sent, data.
+_RECORD: Final = struct.Struct("<dQIB?2x8s")
+_RECORD_SIZE: Final = _RECORD.size
+_PACK_INTO: Final = _RECORD.pack_into
+_VERSION: Final = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """One frame as it was on the bus. time_s: seconds since the epoch."""
+
+    time_s: float
+    can_id: int
+    data: bytes
+    sent: bool
+
+
+class FrameRing:
+    """Written by the owner of the bus; `capacity` frames are kept."""
+
+    def __init__(self, path: Path, capacity: int, clock: Callable[[], float]) -> None:
+        """Make the file anew, all of its memory at once. Raises OSError."""
+        path.unlink(missing_ok=True)
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+        file = os.open(path, flags, 0o640)
+        try:
+            size = _HEADER_SIZE + capacity * _RECORD.size
+            os.posix_fallocate(file, 0, size)
+            self._memory = mmap.mmap(file, size, flags=mmap.MAP_SHARED | mmap.MAP_POPULATE)
+        finally:
+            os.close(file)
+        self.path = path
+        self.clock = clock
+        to_wall_s = time.time() - clock()
+        _HEADER.pack_into(self._memory, 0, _MAGIC, _VERSION, capacity, to_wall_s)
+        self._capacity = capacity
+        self._number = 0
+
+    def put(self, time_s: float, can_id: int, data: bytes | bytearray, sent: bool) -> None:
+        """Keep a frame; the oldest gives way."""
+        number = self._number = self._number + 1
+        at = _HEADER_SIZE + number % self._capacity * _RECORD_SIZE
+        _PACK_INTO(self._memory, at, time_s, number, can_id, len(data) & 0xFF, sent, data)
+
+    def close(self) -> None:
+        """Give the memory back; the file stays."""
+        self._memory.close()
+
+
+class RecordedWire:
+    """A wire whose frames go into a ring."""
+
+    def __init__(self, wire: Wire, ring: FrameRing) -> None:
+        self._receive, self._send = wire.receive, wire.send
+        self._put, self._clock = ring.put, ring.clock
+
+    def receive(self, timeout: float) -> Frame | None:
+        """As the wire's."""
+        frame = self._receive(timeout)
+        if frame is not None:
+            self._put(self._clock(), frame[0], frame[1], False)
+        return frame
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """As the wire's; what it refuses is not kept."""
+        self._send(frames)
+        now = self._clock()
+        for can_id, data in frames:
+            self._put(now, can_id, data, True)
+
+
+def read_frames(path: Path) -> list[Recorded]:
+    """All frames that a ring holds, oldest first, whether its writer lives or not.
+
+    Raises LogError when the file is none of ours. A record that is being written just now may be
+    torn; it is left out when its time shows it.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from error
+    if len(content) < _HEADER_SIZE or not content.startswith(_MAGIC):
+        raise LogError(f"{path}: no ring of frames")
+    _, version, capacity, to_wall_s = _HEADER.unpack_from(content)
+    if version != _VERSION or len(content) != _HEADER_SIZE + capacity * _RECORD.size:
+        raise LogError(f"{path}: a ring of frames of another version, or cut short")
+    records = sorted(_RECORD.iter_unpack(content[_HEADER_SIZE:]), key=lambda record: record[1])
+    frames: list[Recorded] = []
+    latest = float("-inf")
+    for time_s, number, can_id, size, sent, data in records:
+        if number and time_s >= latest:
+            frames.append(Recorded(time_s + to_wall_s, can_id, data[: min(size, 8)], sent))
+            latest = time_s
+    return frames

@@ -1,0 +1,173 @@
+"""Drives of another make, by configuration alone: other objects, widths, signs, units, zero, and a
+lock after the loss of their master."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.lockstep import DESK_ARM, Rig, lockstep_rig
+from daemon.assembly import build_setups
+from daemon.control import ControlSocket, Peer
+from daemon.drives import Drives
+from daemon.loop import Clock, Loop
+from daemon.messages import Request
+from daemon.modes import Event, Mode
+from daemon.notify import Notifier
+from daemon.service import Service
+from drivers.cia402 import DriveState
+from simulator.state_machine import State
+
+SOMEBODY = Peer(uid=1000, pid=1)
+
+
+@dataclass
+class House:
+    """The daemon without its process."""
+
+    rig: Rig
+    service: Service
+
+    def ask(self, command: str):
+        with self.rig.lockstep.serving():
+            return self.service.handle(Request(command), SOMEBODY)
+
+    def silence(self, seconds: float) -> None:
+        """The daemon stands still; the drives do not."""
+        self.rig.arm.advance(self.rig.arm.now + seconds)
+        self.rig.run(0.1)
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    with lockstep_rig(DESK_ARM) as rig:
+        yield rig
+
+
+@pytest.fixture
+def house(rig: Rig, tmp_path: Path) -> Iterator[House]:
+    c = rig.robot.configuration
+    drives = Drives(rig.bus, build_setups(rig.robot), c.period_ms, c.bus.master_node)
+    drives.identities[:] = [None] * len(c.joints)
+    loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+    with ControlSocket(tmp_path / "control") as control, closing(Notifier()) as notifier:
+        yield House(rig, Service(rig.robot, loop, control, [], 1, notifier, drives=drives))
+
+
+def test_it_measures_what_is_true(rig):
+    rig.enable()
+    rig.request(Event.START)
+    worst = np.zeros(3)
+    residual = np.zeros(2)
+    positions = []
+
+    def compare():
+        samples, arm = rig.cycle.samples, rig.arm
+        errors = (
+            samples.link_position - arm.plant.q,
+            samples.motor_velocity - arm.plant.theta_dot,
+            samples.current - arm.servo.current,
+        )
+        np.maximum(worst, [np.abs(error).max() for error in errors], out=worst)
+        positions.append(samples.link_position[0])
+        np.maximum(residual, np.abs(rig.cycle.estimate.residual), out=residual)
+
+    rig.run(3.0, compare)
+    assert rig.mode is Mode.TRACKING
+    assert np.ptp(positions) > 0.3, "it moves"
+    # One count; the noise of the velocity; what the current's filter of 3 ms and its noise leave.
+    assert worst[0] < 2.5e-5
+    assert worst[1] < 0.01
+    assert worst[2] < 0.2
+    assert (residual < [0.4, 0.3]).all()
+
+
+def test_it_feels_a_hand(rig):
+    rig.enable()
+    rig.run(1.0)
+    rig.arm.external_torque[0] = 1.5
+    rig.run(0.3)
+    assert rig.cycle.estimate.residual[0] == pytest.approx(1.5, abs=0.3)
+
+
+def test_left_over_pdos_are_off(rig):
+    for drive in rig.arm.drives:
+        assert drive.objects.number(0x1802, 1) == 0xC0000380 + drive.node
+        assert drive.objects.number(0x607F) > 0
+
+
+def test_the_lock_holds_against_a_mere_reset(house):
+    rig = house.rig
+    rig.enable()
+    house.silence(0.5)
+    assert rig.mode is Mode.FAULTED
+    assert {drive.state for drive in rig.arm.drives} == {State.FAULT}
+    house.service.drives = None
+    reply = house.ask("reset")
+    assert reply.reasons == [
+        "these drives have lost their set-up, start the daemon again: column, swing"
+    ]
+    assert rig.mode is Mode.FAULTED
+    # And the drives alone, for comparison: an edge of the reset bit is not enough.
+    for drive in rig.arm.drives:
+        drive.on_nmt(1)
+        for word in (0x00, 0x80):
+            drive.objects.values[0x604000] = word
+            drive._on_write(0x604000)
+        assert drive.state is State.FAULT
+
+
+def test_a_reset_sets_locked_drives_up_again(house):
+    rig = house.rig
+    rig.enable()
+    rig.request(Event.START)
+    rig.run(1.0)
+    house.silence(0.5)
+    assert rig.mode is Mode.FAULTED
+    stood = rig.arm.plant.q.copy()
+    reply = house.ask("reset")
+    assert (reply.ok, reply.mode, reply.armed) == (True, "off", False)
+    rig.run(0.6)
+    assert rig.mode is Mode.OFF, rig.cycle.controller.machine.cause
+    assert set(rig.cycle.samples.states) == {DriveState.SWITCH_ON_DISABLED}
+    rig.enable()
+    assert np.abs(rig.arm.plant.q - stood).max() < 0.05
+    serials = [identity.serial for identity in house.service.drives.identities]
+    assert serials == [1, 2]
+    rig.request(Event.START)
+    rig.run(1.0)
+    assert rig.mode is Mode.TRACKING
+
+
+def test_a_drive_that_restarts_in_the_middle_is_set_up_again_alone(house):
+    rig = house.rig
+    rig.enable()
+    rig.arm.drives[0].boot()
+    rig.run(0.1)
+    assert rig.mode is Mode.FAULTED
+    assert "restarted" in rig.cycle.controller.machine.cause
+    commands = []
+    other = rig.arm.drives[1]
+    on_nmt = other.on_nmt
+    other.on_nmt = lambda command: (commands.append(command), on_nmt(command))
+    assert house.ask("reset").ok
+    assert commands == [1], "the other is only started, as it is already"
+    rig.run(0.2)
+    rig.enable()
+
+
+def test_a_drive_that_is_gone_keeps_the_fault(house):
+    rig = house.rig
+    rig.enable()
+    drive = rig.arm.drives[0]
+    drive.tick = drive.transmit = drive.on_sdo = lambda *_: None
+    rig.run(0.5)
+    assert rig.mode is Mode.FAULTED
+    reply = house.ask("reset")
+    assert not reply.ok
+    assert "node 11 (column) does not answer" in reply.reasons[0]
+    rig.run(0.1)
+    assert rig.mode is Mode.FAULTED

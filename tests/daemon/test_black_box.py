@@ -1,0 +1,212 @@
+"""Frames of the last minute, in a log after a fault or a death, and none after an orderly end."""
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import can
+import pytest
+from click.testing import CliRunner
+
+from daemon import black_box
+from daemon.black_box import BlackBox, follow, ring_path, save, save_left_over, write_log
+from daemon.commands.contactd import main
+from drivers.frame_ring import FrameRing, Recorded
+from drivers.wire import ERROR, EXTENDED, REMOTE
+from errors import LogError
+
+FRAMES = [
+    Recorded(1_700_000_000.25, 0x181, b"\x27\x02", False),
+    Recorded(1_700_000_000.26, 0x201, b"\x0f\x00\x01", True),
+    Recorded(1_700_000_000.27, 0x12345 | EXTENDED, b"", False),
+    Recorded(1_700_000_000.28, 0x701 | REMOTE, b"", False),
+]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "control.frames"
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> Path:
+    return tmp_path / "state"
+
+
+def filled(path: Path, number: int = 3) -> None:
+    ring = FrameRing(path, 100, time.monotonic)
+    for k in range(number):
+        ring.put(time.monotonic(), 0x181 + k, bytes([k]), k % 2 == 1)
+    ring.close()
+
+
+def ids(log: Path) -> list[int]:
+    with can.LogReader(str(log)) as frames:
+        return [frame.arbitration_id for frame in frames]
+
+
+@pytest.mark.parametrize("suffix", [".blf", ".log"])
+def test_a_log_of_python_can(tmp_path, suffix):
+    target = write_log(FRAMES, tmp_path / f"x{suffix}")
+    with can.LogReader(str(target)) as log:
+        for frame, message in zip(FRAMES, log, strict=True):
+            assert message.timestamp == pytest.approx(frame.time_s, abs=1e-4)
+            assert message.arbitration_id == frame.can_id & 0x1FFF_FFFF
+            assert message.is_extended_id == bool(frame.can_id & EXTENDED)
+            assert message.is_remote_frame == bool(frame.can_id & REMOTE)
+            assert bytes(message.data) == frame.data
+            assert message.is_rx is not frame.sent
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_error_frames_keep_their_class(tmp_path):
+    target = write_log([Recorded(1.0, 0x40 | ERROR, bytes(8), False)], tmp_path / "x.blf")
+    with can.LogReader(str(target)) as log:
+        (message,) = log
+    assert message.is_error_frame
+    assert message.arbitration_id == 0x40
+
+
+def test_an_unknown_format_is_refused_and_leaves_nothing(tmp_path):
+    with pytest.raises(LogError, match=r"x\.exe"):
+        write_log(FRAMES, tmp_path / "x.exe")
+    assert not list(tmp_path.iterdir())
+
+
+def test_old_logs_go(path, logs):
+    filled(path)
+    logs.mkdir()
+    for k in range(30):
+        (logs / f"frames-2020{k:02}.000Z.blf").touch()
+    kept = save(path, logs)
+    names = sorted(log.name for log in logs.iterdir())
+    assert kept is not None
+    assert len(names) == black_box.LOGS_KEPT
+    assert names[-1] == kept.name
+    assert ids(kept) == [0x181, 0x182, 0x183]
+
+
+def helper(path: Path, logs: Path, *said: bytes) -> list[str]:
+    """Run the helper until the pipe ends, which is after the last words."""
+    told: list[str] = []
+    reader, writer = os.pipe()
+    thread = threading.Thread(target=follow, args=(path, logs, reader, told.append))
+    thread.start()
+    for words in said:
+        os.write(writer, words)
+        time.sleep(0.05)
+    os.close(writer)
+    thread.join(10)
+    os.close(reader)
+    return told
+
+
+@pytest.mark.parametrize(
+    ("said", "logs_written"),
+    [
+        ([b"ended\n"], 0),
+        ([], 1),  # killed
+        ([b"drive fault: x\n", b"bus trouble\n", b"ended\n"], 1),
+        ([b"drive fault: x\nended\n"], 1),
+        ([b"drive fault: x\n"], 1),  # and killed in its aftermath
+    ],
+)
+def test_one_log_for_a_fault_or_a_death_and_none_for_an_orderly_end(path, logs, said, logs_written):
+    filled(path)
+    told = helper(path, logs, *said)
+    assert len(told) == logs_written
+    assert len(list(logs.glob("*.blf"))) == logs_written
+    assert not path.exists(), "the ring is of no use any more"
+
+
+def test_a_fault_waits_for_its_aftermath_and_the_next_is_another(path, logs, monkeypatch):
+    monkeypatch.setattr(black_box, "AFTERMATH_S", 0.01)
+    filled(path)
+    assert len(helper(path, logs, b"one\n", b"two\n", b"ended\n")) == 2
+
+
+def test_a_helper_leaves_the_ring_of_the_next_daemon_alone(path, logs, monkeypatch):
+    filled(path)
+    written = black_box.save
+
+    def late(*arguments):
+        filled(path)  # the next daemon has started meanwhile
+        return written(*arguments)
+
+    monkeypatch.setattr(black_box, "save", late)
+    helper(path, logs)
+    assert path.exists()
+
+
+def test_a_ring_without_frames_is_no_log(path, logs):
+    filled(path, 0)
+    assert helper(path, logs) == []
+    assert not path.exists()
+
+
+def test_what_nobody_looks_after_is_saved(path, logs):
+    assert save_left_over(path, logs) is None
+    filled(path)
+    with path.open("rb") as ring:
+        fcntl.flock(ring, fcntl.LOCK_EX)
+        assert save_left_over(path, logs, patience_s=0.1) is None, "somebody looks after it"
+    saved = save_left_over(path, logs)
+    assert saved is not None
+    assert ids(saved) == [0x181, 0x182, 0x183]
+    assert not path.exists()
+
+
+def test_no_place_for_it_is_no_reason_not_to_run(path, tmp_path, caplog):
+    (tmp_path / "state").write_text("a file")
+    with BlackBox(path, tmp_path / "state", 10.0) as box:
+        assert box.ring is None
+        box.tell("a fault")
+    assert "no black box" in caplog.text
+
+
+def test_an_orderly_end_with_the_real_helper(path, logs):
+    with BlackBox(path, logs, 10.0) as box:
+        assert box.ring is not None
+        box.ring.put(time.monotonic(), 0x181, b"", False)
+    assert not path.exists()
+    assert not list(logs.iterdir())
+
+
+def test_kill_9_with_the_real_helper(path, logs):
+    program = (
+        "import os, signal, sys, time; from pathlib import Path\n"
+        "from daemon.black_box import BlackBox\n"
+        "box = BlackBox(Path(sys.argv[1]), Path(sys.argv[2]), 10.0)\n"
+        "for k in range(300): box.ring.put(time.monotonic(), 0x200 + k, b'abc', True)\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program, str(path), str(logs)], check=False)
+    assert done.returncode == -signal.SIGKILL
+    end = time.monotonic() + 20.0
+    while path.exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    (log,) = logs.glob("*.blf")
+    assert ids(log) == [0x200 + k for k in range(300)]
+
+
+def test_by_hand(tmp_path, monkeypatch):
+    socket = tmp_path / "control"
+    filled(ring_path(socket))
+    output = tmp_path / "now.log"
+    run = ["black-box", "--socket", str(socket)]
+    result = CliRunner().invoke(main, [*run, "--output", str(output)], catch_exceptions=False)
+    assert result.output == f"3 frames, 0.0 s: {output}\n"
+    assert ids(output) == [0x181, 0x182, 0x183]
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
+    result = CliRunner().invoke(main, [*run, "--left-over"], catch_exceptions=False)
+    assert result.exit_code == 0
+    assert len(list((tmp_path / "state").iterdir())) == 1
+    result = CliRunner().invoke(main, [*run, "--left-over"], catch_exceptions=False)
+    assert (result.exit_code, result.output) == (0, "nothing is left over\n")
+    result = CliRunner().invoke(main, run, catch_exceptions=False)
+    assert result.exit_code == 65

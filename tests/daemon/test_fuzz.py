@@ -1,0 +1,199 @@
+"""Whatever comes from the bus: nothing is raised in a tick, and no setpoint leaves its limits."""
+
+from collections import deque
+from collections.abc import Iterator
+
+import can
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bench.lockstep import DESK_ARM
+from daemon.assembly import build_cycle
+from daemon.config.load import Robot, load_robot
+from daemon.config.schema import Configuration, Levels
+from daemon.modes import Event, Mode
+from drivers.cia402 import ENABLE_OPERATION
+from drivers.codec import link_side, receive_pdos, transmit_pdos
+
+TICKS = 90
+SYNC = 0x080
+# Where a plain drive goes by a controlword.
+STATUS = {0x00: 0x40, 0x06: 0x21, 0x07: 0x23, 0x0F: 0x27, 0x02: 0x07, 0x80: 0x40}
+COMMANDS = (
+    Event.ENABLE,
+    Event.START,
+    Event.PAUSE,
+    Event.STOP,
+    Event.DISARM,
+    Event.DISABLE,
+    Event.RESET,
+)
+
+
+class Drive:
+    """Goes where it is told at once; knows its objects by the codec's own tables."""
+
+    def __init__(self, joint) -> None:
+        self.joint = joint
+        self.q, self.velocity, self.controlword = 0.0, 0.0, 0
+
+    def answer(self, profile) -> Iterator[tuple[int, bytes]]:
+        wiring = self.joint.wiring
+        truth = {"link_position": self.q, "motor_velocity": self.velocity, "torque": 0.0}
+        for pdo in transmit_pdos(profile, wiring.node):
+            counts = []
+            for field in pdo.fields:
+                if field.entry == "statusword":
+                    counts.append(STATUS.get(self.controlword, 0x40))
+                else:
+                    gain, bias = link_side(profile, wiring, field.entry)
+                    counts.append(round((truth[field.entry] - bias) / gain))
+            yield pdo.cob_id, pdo.layout.pack(*counts)
+
+
+class FuzzedBus:
+    """Answers each SYNC as the drives of an arm would, but for what is done to the frames."""
+
+    channel_info = "fuzzed"
+
+    def __init__(self, c: Configuration, harm) -> None:
+        (self.profile,) = c.drives.values()
+        self.drives = {joint.wiring.node: Drive(joint) for joint in c.joints}
+        self.period_s, self.harm = c.period_s, harm
+        self.queue: deque[can.Message] = deque()
+        self.syncs = 0
+        self.fastest = 0.0
+
+    def recv(self, timeout: float) -> can.Message | None:
+        return self.queue.popleft() if self.queue else None
+
+    def send(self, message: can.Message) -> None:
+        node, data = message.arbitration_id & 0x7F, bytes(message.data)
+        if message.arbitration_id == SYNC:
+            self._sync()
+        elif node in self.drives and message.arbitration_id & ~0x7F in (0x200, 0x300):
+            self._setpoint(self.drives[node], message.arbitration_id, data)
+
+    def _setpoint(self, drive: Drive, cob_id: int, data: bytes) -> None:
+        for pdo in receive_pdos(self.profile, drive.joint.wiring.node):
+            if pdo.cob_id != cob_id:
+                continue
+            for field, counts in zip(pdo.fields, pdo.layout.unpack(data), strict=True):
+                if field.entry == "controlword":
+                    drive.controlword = counts
+                    continue
+                gain, bias = link_side(self.profile, drive.joint.wiring, "target_velocity")
+                self._judge(drive, gain * counts + bias, abs(gain))
+                drive.velocity = gain * counts + bias
+
+    def _judge(self, drive: Drive, velocity: float, count: float) -> None:
+        limits = drive.joint.limits
+        assert abs(velocity) <= limits.velocity + count
+        if drive.controlword != ENABLE_OPERATION:
+            assert velocity == 0.0, "no motion without operation enabled"
+        self.fastest = max(self.fastest, abs(velocity))
+
+    def _sync(self) -> None:
+        self.syncs += 1
+        frames = []
+        for drive in self.drives.values():
+            drive.q += drive.velocity * self.period_s
+            frames += drive.answer(self.profile)
+            frames.append((0x700 + drive.joint.wiring.node, b"\x05"))
+        for kind, place, cob_id, data in self.harm.get(self.syncs, ()):
+            if kind == "add":
+                frames.insert(place % (len(frames) + 1), (cob_id, data))
+            elif frames:
+                at = place % len(frames)
+                frames[at : at + 1] = [] if kind == "drop" else [(frames[at][0], data)]
+        for cob_id, data in frames:
+            message = can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
+            self.queue.append(message)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    robot = load_robot(DESK_ARM)
+    c = robot.configuration
+    # These drives weigh nothing; only what is done to their torque is to be felt.
+    joints = [
+        msgspec.structs.replace(joint, thresholds=Levels(contact=15.0, collision=40.0))
+        for joint in c.joints
+    ]
+    return Robot(robot.path, msgspec.structs.replace(c, joints=joints), robot.text, robot.urdf)
+
+
+def run(robot: Robot, harm, commands) -> tuple[FuzzedBus, list[Mode]]:
+    """All ticks; the modes that there were."""
+    bus = FuzzedBus(robot.configuration, harm)
+    cycle = build_cycle(robot, bus, lambda: 0.0)
+    cycle.arm.start(0.0)
+    modes = []
+    for tick in range(TICKS):
+        time_s = tick * bus.period_s
+        for command in commands.get(tick, ()):
+            if command == "arm":
+                cycle.controller.arm("fuzz")
+            else:
+                cycle.controller.request(command, "fuzz", time_s)
+        cycle.begin(time_s)
+        cycle.finish(0.0)
+        if cycle.decision is not None:
+            cycle.state()
+        modes.append(cycle.controller.machine.mode)
+    return bus, modes
+
+
+USUAL = {3: [Event.ENABLE], 20: ["arm"], 25: [Event.START]}
+
+
+def test_without_harm_it_moves(robot):
+    bus, modes = run(robot, {}, USUAL)
+    assert modes[-1] is Mode.TRACKING
+    assert bus.fastest > 0.05
+
+
+def test_torque_of_nowhere_makes_it_yield(robot):
+    """The harm that the examples below do reaches every part of the daemon."""
+    harm = {
+        k: [("change", 0, 0, b"\x27\x00" + (8000).to_bytes(2, "little"))] for k in range(40, 60)
+    }
+    bus, modes = run(robot, harm, USUAL)
+    assert Mode.ADMITTANCE in modes
+    assert bus.fastest > 0.2
+
+
+NODES = (11, 12)
+IDENTIFIERS = st.sampled_from(
+    [0x000, 0x080, 0x77F, 0x7E4, 0x7E5, 0x100]
+    + [base + node for node in NODES for base in range(0x080, 0x800, 0x80)]
+)
+HARM = st.tuples(
+    st.sampled_from(["drop", "change", "change", "add", "add"]),
+    st.integers(0, 7),
+    st.one_of(IDENTIFIERS, st.integers(0, 0x7FF)),
+    st.one_of(
+        st.binary(max_size=8),
+        # As long as a TPDO, in operation enabled, and whatever else.
+        st.binary(min_size=2, max_size=2).map(lambda tail: b"\x27\x00" + tail),
+        st.binary(min_size=6, max_size=6),
+    ),
+)
+WHEN = st.integers(1, TICKS)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    harm=st.dictionaries(WHEN, st.lists(HARM, min_size=1, max_size=4), max_size=25),
+    lasting=st.lists(HARM, max_size=1),
+    since=st.integers(30, TICKS),
+    commands=st.dictionaries(
+        WHEN, st.lists(st.sampled_from([*COMMANDS, "arm"]), max_size=2), max_size=6
+    ),
+)
+def test_whatever_comes_no_setpoint_leaves_its_limits(robot, harm, lasting, since, commands):
+    for tick in range(since, TICKS + 1):
+        harm = harm | {tick: [*harm.get(tick, []), *lasting]}
+    run(robot, harm, {**commands, **USUAL})

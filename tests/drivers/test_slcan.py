@@ -1,0 +1,123 @@
+"""slcan: a line of text per frame, over a pseudo-terminal in place of an adapter."""
+
+import os
+import tty
+from collections.abc import Iterator
+from contextlib import suppress
+
+import can
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.bus import BUS_FAILURES, open_bus
+from drivers.settings import BusSettings
+from drivers.wire import EXTENDED, REMOTE, SlcanWire, open_wire
+from errors import BusError
+
+
+@pytest.fixture
+def line() -> Iterator[tuple[int, int]]:
+    """The adapter's end of a serial line, and ours, which does not wait."""
+    adapter, ours = os.openpty()
+    tty.setraw(adapter)
+    tty.setraw(ours)
+    os.set_blocking(ours, False)
+    yield adapter, ours
+    for end in (adapter, ours):
+        with suppress(OSError):
+            os.close(end)
+
+
+def test_opened_by_configuration_alone(line, monkeypatch):
+    monkeypatch.setattr("can.interfaces.slcan.time.sleep", lambda _: None)
+    adapter, ours = line
+    settings = BusSettings(interface="slcan", channel=os.ttyname(ours), bitrate=500_000)
+    bus = open_bus(settings)
+    try:
+        said = os.read(adapter, 4096)
+        assert b"S6\r" in said
+        assert said.endswith(b"O\r")
+        wire = open_wire(bus)
+        assert isinstance(wire, SlcanWire)
+        wire.send([(0x080, b""), (0x201, bytearray(b"\x0f\x00\xff"))])
+        assert os.read(adapter, 4096) == b"t0800\rt20130f00ff\r"
+        os.write(adapter, b"\rz\rt18122702\r")
+        assert wire.receive(0.5) == (0x181, b"\x27\x02")
+        assert wire.receive(0.0) is None
+    finally:
+        bus.shutdown()
+
+
+def test_no_adapter_is_said_so():
+    with pytest.raises(BusError, match=r"bus slcan /dev/none: .*could not open port"):
+        open_bus(BusSettings(interface="slcan", channel="/dev/none"))
+
+
+@pytest.mark.parametrize(
+    ("text", "frame"),
+    [
+        (b"t181227ab\r", (0x181, b"\x27\xab")),
+        (b"t18122702ABCD\r", (0x181, b"\x27\x02")),  # with a time stamp
+        (b"T00000181127\r", (0x181 | EXTENDED, b"\x27")),
+        (b"r7010\r", (0x701 | REMOTE, b"")),
+        (b"t\rt1\rt181\rt1819\rt1812AB\r\at1810\r", (0x181, b"")),
+    ],
+)
+def test_lines(line, text, frame):
+    adapter, ours = line
+    wire = SlcanWire(ours)
+    os.write(adapter, text)
+    assert wire.receive(0.5) == frame
+    assert wire.receive(0.0) is None
+
+
+FRAMES = st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=8)
+
+
+@settings(max_examples=50)
+@given(frames=FRAMES, garbage=st.binary(max_size=30), cut=st.integers(0, 60))
+def test_frames_survive_garbage_and_being_cut(frames, garbage, cut):
+    reader, writer = os.pipe()
+    os.set_blocking(reader, False)
+    try:
+        wire = SlcanWire(reader)
+        text = b"".join(b"t%03X%d%s\r" % (i, len(d), d.hex().encode()) for i, d in frames)
+        got = []
+        for part in (garbage + b"\r", text[:cut], text[cut:]):
+            os.write(writer, part or b"\a")
+            while (frame := wire.receive(0.0)) is not None:
+                got.append(frame)
+        assert got[len(got) - len(frames) :] == frames
+    finally:
+        os.close(reader)
+        os.close(writer)
+
+
+def test_an_adapter_that_does_not_keep_up_is_a_failure_and_no_wait(line):
+    adapter, ours = line
+    wire = SlcanWire(ours)
+    with pytest.raises(BUS_FAILURES):
+        wire.send([(0x201, bytes(range(8))), (0x202, bytes(8))] * 10_000)
+    text = b""
+    os.set_blocking(adapter, False)
+    for _ in range(200):
+        try:
+            text += os.read(adapter, 65536)
+        except BlockingIOError:
+            break
+    wire.send([(0x203, b"\1")])
+    text += os.read(adapter, 65536)
+    whole = {b"t20180001020304050607", b"t20280000000000000000", b"t203101"}
+    assert set(text.split(b"\r")[:-1]) == whole, "no frame is cut"
+
+
+def test_an_adapter_that_is_unplugged_is_a_failure(line):
+    adapter, ours = line
+    wire = SlcanWire(ours)
+    os.close(adapter)
+    with pytest.raises(BUS_FAILURES):
+        wire.receive(0.01)
+    with pytest.raises(BUS_FAILURES):
+        wire.send([(0x080, b"")])
+    assert issubclass(can.CanOperationError, BUS_FAILURES)
