@@ -1,18 +1,21 @@
 """False alarms, smallest step, delay and error of every residual, over arms that are not the model.
 
     python -m bench.detection [--minutes N] [--jobs N] [--seed N] [--friction smooth|dahl|both]
-                              [--motor-position measured|integrated] [--json]
+                              [--motor-position measured|integrated] [--stiction-share X]
+                              [--json]
 
 N simulated minutes per kind of friction without contact, as many with steps of torque on single
-joints in motion, and half as many with steps at rest; a new arm every minute: masses 5 %, centres
-of mass 5 mm, friction 20 % and drifting by 5 %, K_c 3 %, alpha and B 10 %, link encoder up to 1 ms
-late, drives that interpolate, filter and quantise. Simulated without a bus, with the samples that a
-bus would bring. Thresholds are those of the configuration, raised near rest by stiction; `quiet`
-thresholds are the lowest of each residual that raise no alarm in the contact-free minutes.
+joints in motion, half as many with steps at rest, half as many with forces on links. A new arm
+comes every minute: masses 5 %, centres of mass 5 mm, friction 20 % and drifting by 5 %, K_c 3 %,
+alpha and B 10 %, link encoder up to 1 ms late, drives that interpolate, filter and quantise.
+Simulated without a bus, with the samples that a bus would bring. Thresholds are those of the
+configuration, raised near rest by stiction; the lowest thresholds without an alarm are those of
+each residual for which the contact-free minutes raise none.
 """
 
 import math
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -31,17 +34,26 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 
 OUT: Final = Path(__file__).parent / "out"
-LENGTHS_S: Final[dict[Kind, float]] = {"free": 60.0, "moving": 60.0, "rest": 31.0}
+LENGTHS_S: Final[dict[Kind, float]] = {
+    "free": 60.0,
+    "moving": 60.0,
+    "rest": 31.0,
+    "link": 30.0,
+}
 MotorPosition = Literal["measured", "integrated"]
 
 
 def jobs(
-    minutes: float, seed: int, frictions: Sequence[Friction], motor_position: MotorPosition
+    minutes: float,
+    seed: int,
+    frictions: Sequence[Friction],
+    motor_position: MotorPosition,
+    stiction_share: float | None,
 ) -> list[Job]:
     """A new arm every minute; the same seeds for either friction."""
     arms = max(1, round(minutes))
     return [
-        Job(ROMEO, kind, friction, 1000 * seed + arm, seconds, motor_position)
+        Job(ROMEO, kind, friction, 1000 * seed + arm, seconds, motor_position, stiction_share)
         for arm in range(arms)
         for friction in frictions
         for kind, seconds in LENGTHS_S.items()
@@ -99,6 +111,7 @@ def plain(value: Any) -> Any:
 @click.option("--seed", default=1, show_default=True)
 @click.option("--friction", default="both", type=click.Choice([*FRICTIONS, "both"]))
 @click.option("--motor-position", default="measured", type=click.Choice(["measured", "integrated"]))
+@click.option("--stiction-share", type=float, help="In place of the configured one.")
 @click.option("--json", "as_json", is_flag=True)
 def main(
     minutes: float,
@@ -106,11 +119,12 @@ def main(
     seed: int,
     friction: Friction | Literal["both"],
     motor_position: MotorPosition,
+    stiction_share: float | None,
     as_json: bool,
 ) -> None:
     frictions = FRICTIONS if friction == "both" else (friction,)
     c = load_robot(ROMEO).configuration
-    todo = jobs(minutes, seed, frictions, motor_position)
+    todo = jobs(minutes, seed, frictions, motor_position, stiction_share)
     seeds = sorted({job.seed for job in todo})
     results = list(spread(run, todo, processes, "arms"))
     results.sort(key=lambda result: (result.job.seed, result.job.kind))
@@ -119,6 +133,10 @@ def main(
             name: score([r for r in results if r.job.friction == f], name, c)
             for name in results[0].names
         }
+        for f in frictions
+    }
+    links = {
+        f: Counter(named for r in results if r.job.friction == f for named in r.named)
         for f in frictions
     }
     drawn = picture(found, c, OUT / f"detection-{motor_position}.png")
@@ -132,13 +150,17 @@ def main(
         for f, by_name in found.items():
             console.print(table(f, by_name, title))
             console.print(joint_table(f, by_name, c))
+            told = ", ".join(f"{count} {named}" for named, count in links[f].most_common())
+            click.echo(f"  link touched, {links[f].total()} forces of 5 to 30 N: {told}\n")
         click.echo(f"picture: {drawn}")
     data = {
         "minutes": len(seeds),
         "seeds": [seeds[0], seeds[-1]],
         "motor_position": motor_position,
+        "stiction_share": stiction_share or c.estimator.stiction_share,
         "ln2_over_K_ms": 1000 * math.log(2) / c.estimator.gain,
         "joints": c.joint_names,
+        "links": {f: dict(counts) for f, counts in links.items()},
         "scores": {f: {n: asdict(s) for n, s in by_name.items()} for f, by_name in found.items()},
     }
     print_report("detection", seed, targets(found, c), plain(data), as_json=as_json)

@@ -33,6 +33,8 @@ class Estimates:
     phi: Rows
     sigma_phi: Rows
     side: NDArray[np.int8]
+    touched_link: NDArray[np.int64]
+    """(ticks,): index of the joint whose link is said to be touched, -1 where none is"""
     delay_s: float
 
 
@@ -56,11 +58,14 @@ def estimates(estimator: Estimator, recording: Recording) -> Estimates:
     residuals = {name: np.empty(shape) for name in names}
     threshold, phi, sigma_phi = np.empty((3, *shape))
     side = np.empty(shape, dtype=np.int8)
+    touched_link = np.full(len(recording.samples), -1)
+    row_of = {name: i for i, name in enumerate(estimator.model.names)}
     for k, (current, link_position, motor_velocity, motor_position) in enumerate(recording.samples):
         e = estimator.step(current, link_position, motor_velocity, motor_position)
         residuals[names[0]][k] = e.residual
         for name, r in e.beside.items():
             residuals[name][k] = r
+        touched_link[k] = row_of.get(e.touched_link, -1)
         threshold[k], phi[k], sigma_phi[k], side[k] = e.threshold, e.phi, e.sigma_phi, e.side
     if KALMAN_BELIEF in residuals:
         belief, K = residuals[KALMAN_BELIEF], estimator.settings.gain
@@ -71,6 +76,7 @@ def estimates(estimator: Estimator, recording: Recording) -> Estimates:
         phi=phi,
         sigma_phi=sigma_phi,
         side=side,
+        touched_link=touched_link,
         delay_s=estimator.delay_s,
     )
 

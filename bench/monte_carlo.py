@@ -19,14 +19,15 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from bench import population, scores
 from bench.estimates import Estimates, build, estimates
-from bench.harness import Recording, Scenario, record
-from bench.population import STEP_MS, Friction, Step
+from bench.harness import Push, Recording, Scenario, record
+from bench.population import STEP_MS, Friction, Step, Touch
 from bench.scores import Errors, Trial
 from daemon.assembly import build_transmission
-from daemon.config.load import load_robot
-from daemon.config.schema import Configuration
+from daemon.config.load import Robot, load_robot
 
-Kind = Literal["free", "moving", "rest"]
+Kind = Literal["free", "moving", "rest", "link"]
+Named = Literal["right", "further in", "further out", "cannot tell", "not felt"]
+"""What was said of a touched link."""
 GRACE_S = 1.0
 """Alarms count from here on: an arm that was just switched on is not armed yet."""
 
@@ -41,6 +42,8 @@ class Job:
     seed: int
     seconds: float
     motor_position: Literal["measured", "integrated"]
+    stiction_share: float | None = None
+    """in place of the configured one"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,15 +59,18 @@ class Result:
     errors: tuple[Errors, ...]
     """by variant: against the filtered truth while link and rotor touch"""
     trials: tuple[Trial, ...]
+    named: tuple[Named, ...]
 
 
 def run(job: Job) -> Result:
     """Simulate, estimate, judge."""
     robot = load_robot(job.robot)
     c = robot.configuration
-    scenario, drawn = _scenario(job, c)
+    scenario, steps, touches = _scenario(job, robot)
     recording = record(population.subject(robot, job.friction, job.seed), scenario)
-    found = estimates(build(robot, motor_position=job.motor_position), recording)
+    share = c.estimator.stiction_share if job.stiction_share is None else job.stiction_share
+    estimator = build(robot, motor_position=job.motor_position, stiction_share=share)
+    found = estimates(estimator, recording)
     raised = found.threshold - np.array([joint.thresholds.contact for joint in c.joints])
     armed = recording.time_s > GRACE_S
     external = recording.mean(found.delay_s, recording.external)
@@ -77,28 +83,50 @@ def run(job: Job) -> Result:
         alarms=np.array([scores.alarms(r[armed], found.threshold[armed]) for r in residuals]),
         quiet=np.array([scores.quiet_threshold(r[armed], raised[armed]) for r in residuals]),
         errors=tuple(Errors.of(r - truth, touching & armed[:, np.newaxis]) for r in residuals),
-        trials=tuple(_trial(step, recording, found, raised) for step in drawn),
+        trials=tuple(_trial(step, recording, found, raised) for step in steps),
+        named=tuple(what_was_named(touch, recording, found) for touch in touches),
     )
 
 
-def _scenario(job: Job, c: Configuration) -> tuple[Scenario, list[Step]]:
-    seed, seconds = job.seed, job.seconds
+def _scenario(job: Job, robot: Robot) -> tuple[Scenario, list[Step], list[Touch]]:
+    seed, seconds, c = job.seed, job.seconds, robot.configuration
     contact = np.array([joint.thresholds.contact for joint in c.joints])
+    steps: list[Step] = []
+    touches: list[Touch] = []
     match job.kind:
         case "free":
             path = population.motion(c, seed, go_s=20.0, rest_s=3.0)
-            return Scenario(seconds=seconds, motion=path), []
         case "moving":
-            path, usual = population.motion(c, seed, held=0.0), 2.0 * contact
+            path = population.motion(c, seed, held=0.0)
             onsets = population.onsets_in_motion(seconds, seed)
+            steps = population.steps(c, seed, onsets, 2.0 * contact)
         case "rest":
-            go_s, rest_s = population.GO_S, population.REST_S
-            path = population.motion(c, seed, go_s=go_s, rest_s=rest_s)
+            path = population.motion(c, seed, go_s=population.GO_S, rest_s=population.REST_S)
+            onsets = population.onsets_at_rest(seconds, seed)
             stuck = build_transmission(c).engaged_coulomb
             usual = np.maximum(2.0 * contact, contact + 0.5 * stuck)
-            onsets = population.onsets_at_rest(seconds, seed)
-    drawn = population.steps(c, seed, onsets, usual)
-    return population.pushed(seconds, path, drawn), drawn
+            steps = population.steps(c, seed, onsets, usual)
+        case "link":
+            path = population.motion(c, seed, held=0.0)
+            onsets = population.onsets_in_motion(seconds, seed)
+            touches = population.touches(robot, seed, onsets, path)
+    pushes = population.pushes(steps, len(c.joints))
+    pushes += tuple(Push(touch.onset_ms, STEP_MS, touch.torque) for touch in touches)
+    return Scenario(seconds=seconds, motion=path, pushes=pushes), steps, touches
+
+
+def what_was_named(touch: Touch, recording: Recording, found: Estimates) -> Named:
+    """At the last SYNC of the touch, or the last before it at which anything was felt."""
+    first = touch.onset_ms // recording.per_tick
+    ticks = slice(first, first + STEP_MS // recording.per_tick)
+    residual = next(iter(found.residuals.values()))
+    felt = np.abs(residual[ticks]) > found.threshold[ticks]
+    if not felt.any():
+        return "not felt"
+    link = int(found.touched_link[ticks][felt.any(axis=1)][-1])
+    if link < 0:
+        return "cannot tell"
+    return "right" if link == touch.joint else "further in" if link < touch.joint else "further out"
 
 
 def _trial(step: Step, recording: Recording, found: Estimates, raised: NDArray[Any]) -> Trial:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
-from bench.harness import Motion, Push, Scenario, Subject
+from bench.harness import Motion, Push, Subject
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 from simulator.description import Mismatch, SimulationSettings
@@ -114,13 +115,40 @@ def steps(
     return drawn
 
 
-def pushed(seconds: float, path: Motion, drawn: list[Step]) -> Scenario:
-    """The motion, with the steps as external torque."""
-    n = len(path.home)
-    pushes = tuple(
+def pushes(drawn: list[Step], n: int) -> tuple[Push, ...]:
+    """The steps as external torque of `n` joints."""
+    return tuple(
         Push(step.onset_ms, STEP_MS, step.torque * np.eye(n)[step.joint]) for step in drawn
     )
-    return Scenario(seconds=seconds, motion=path, pushes=pushes)
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """A force on one link, that behind the joint; its torque (n,) [Nm] is kept for STEP_MS."""
+
+    joint: int
+    torque: Vector
+    onset_ms: int
+
+
+def touches(robot: Robot, seed: int, onsets_ms: list[int], path: Motion) -> list[Touch]:
+    """A force at each onset: on any link, within 5 cm of its centre of mass in each direction, of
+    any direction and 5 to 30 N; torques are those of the pose that the path wants there."""
+    rng = np.random.default_rng((seed, 15))
+    model = pin.buildModelFromXML(robot.urdf)
+    data = model.createData()
+    drawn = []
+    for onset_ms in onsets_ms:
+        joint = int(rng.integers(model.nv))
+        lever = model.inertias[joint + 1].lever + rng.uniform(-0.05, 0.05, 3)
+        force = rng.normal(size=3)
+        force *= rng.uniform(5.0, 30.0) / np.linalg.norm(force)
+        q, _ = path.at(1e-3 * onset_ms - 0.5 * path.ramp_s, 1.0)
+        pin.computeJointJacobians(model, data, q)
+        J = pin.getJointJacobian(model, data, joint + 1, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        moment = np.cross(data.oMi[joint + 1].rotation @ lever, force)
+        drawn.append(Touch(joint, J.T @ np.concatenate((force, moment)), onset_ms))
+    return drawn
 
 
 def onsets_in_motion(seconds: float, seed: int) -> list[int]:
