@@ -5,7 +5,7 @@ every bit; channel `/snapshot` has what is needed to read them alone, once at th
 after every gap. Foxglove and PlotJuggler open such files.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -215,7 +215,7 @@ def read_log(path: Path) -> Iterator[Snapshot | State]:
             for found in _records(path, stream):
                 if isinstance(found, Channel):
                     topics[found.id] = found.topic
-                elif isinstance(found, Message) and (kind := KINDS.get(topics[found.channel_id])):
+                elif isinstance(found, Message) and (kind := KINDS.get(_topic(found, topics))):
                     message: Snapshot | State = msgspec.json.decode(found.data, type=kind)
                     if isinstance(message, State):
                         states += 1
@@ -225,6 +225,13 @@ def read_log(path: Path) -> Iterator[Snapshot | State]:
             raise LogError(f"{path} {error}: {states} states read, last tick {last}") from error
         except msgspec.DecodeError as error:
             raise LogError(f"{path} is of another version after tick {last}: {error}") from error
+
+
+def _topic(message: Message, topics: Mapping[int, str]) -> str:
+    """Of a message; a damaged one may name a channel that there is not."""
+    if message.channel_id not in topics:
+        raise _BrokenError(f"is damaged: no channel {message.channel_id}")
+    return topics[message.channel_id]
 
 
 class _BrokenError(Exception):

@@ -7,6 +7,7 @@ blocks on sending, and raises one of `BUS_FAILURES` when the bus fails.
 """
 
 import os
+import queue
 import re
 import select
 import socket
@@ -89,17 +90,16 @@ class QueueWire:
         for end in self._ends:
             if end is self._own:
                 continue
-            # A copy: the data of a setpoint is written anew by the next command.
-            messages = [
-                can.Message(now, i, is_extended_id=False, channel=name, data=bytearray(data))
-                for i, data in frames
-            ]
-            with end.mutex:
-                if 0 < end.maxsize < len(end.queue) + len(messages):
-                    raise can.CanOperationError("the other end does not keep up")
-                end.queue.extend(messages)
-                end.unfinished_tasks += len(messages)
-                end.not_empty.notify(len(messages))
+            try:
+                for i, data in frames:
+                    # A copy: the data of a setpoint is written anew by the next command.
+                    end.put_nowait(
+                        can.Message(
+                            now, i, is_extended_id=False, channel=name, data=bytearray(data)
+                        )
+                    )
+            except queue.Full:
+                raise can.CanOperationError("the other end does not keep up") from None
 
     def _take(self, timeout: float) -> bool:
         own = self._own

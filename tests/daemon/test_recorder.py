@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -241,6 +241,7 @@ def test_cut_anywhere(recording: Path, tmp_path: Path, share: float) -> None:
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(share=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
+@example(share=0.0001289244879497785, bit=2)  # a message of a channel that there is not
 def test_flipped_bit_never_changes_what_is_read(
     recording: Path, tmp_path: Path, share: float, bit: int
 ) -> None:
