@@ -43,7 +43,7 @@ demo: $(STAMP)  ## the paper's third experiment on a simulated arm, about 30 s
 	@$(BIN)/contactd demo
 
 test: $(STAMP)  ## all tests, under 3 minutes
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n auto --dist loadfile
 
 check: $(STAMP) units  ## ruff, mypy (strict), import layers, systemd units
 	$(BIN)/ruff check .

@@ -75,7 +75,7 @@ def observer() -> Observer:
     return Observer(NAMES, patience, Plausibility(bounds))
 
 
-@pytest.mark.parametrize("mode", SENSING)
+@pytest.mark.parametrize("mode", sorted(SENSING))
 def test_an_undisturbed_tick_finds_nothing(observer: Observer, mode: Mode) -> None:
     for _ in range(3):
         assert observe(observer, samples(), mode, residual=np.zeros(2), interval_s=T) == []
