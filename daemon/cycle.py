@@ -189,7 +189,9 @@ class Cycle:
             hit=hit,
             energised=all(state is DriveState.OPERATION_ENABLED for state in samples.states),
             findings=findings,
-            objections=self.prearm.objections(samples, estimate, findings, self.arm.unheard()),
+            objections=self.prearm.objections(
+                samples, estimate, findings, self.arm.unheard(), self.arm.forgetful()
+            ),
             age_s=0.0 if self._updated else np.multiply(samples.age_ticks, self._period_s),
         )
 

@@ -13,7 +13,7 @@ from daemon.limits import Limits
 from daemon.messages import Check
 from daemon.supervisor import Condition, Finding
 from drivers.cia402 import DriveState
-from drivers.events import Emergency, Rebooted
+from drivers.events import Emergency
 from drivers.samples import Samples
 from estimator.estimate import Estimate, Flag
 
@@ -77,7 +77,7 @@ class Verdict:
 
 
 class PreArm:
-    """Remembers what a single tick does not show: emergencies, restarts, late ticks.
+    """Remembers what a single tick does not show: emergencies, late ticks.
 
     `identification` is the verdict on identified values: do they belong to these drives, and did
     they pass? Whoever reads them sets it before the first tick.
@@ -89,7 +89,6 @@ class PreArm:
         self._index = {node: i for i, node in enumerate(nodes)}
         self._emergencies: dict[int, Emergency] = {}
         self._in_fault: set[int] = set()
-        self._restarted: set[int] = set()
         self._late_s = -ON_TIME_S
         self._time_s = 0.0
 
@@ -101,8 +100,6 @@ class PreArm:
                 self._emergencies[event.node] = event
                 if event.code == 0:
                     del self._emergencies[event.node]
-            elif isinstance(event, Rebooted):
-                self._restarted.add(event.node)
         # A drive that leaves its fault has no emergency any more, whether it says so or not.
         for node in tuple(self._emergencies):
             faulted = node in self._index and samples.states[self._index[node]] in FAULT_STATES
@@ -120,8 +117,10 @@ class PreArm:
         estimate: Estimate,
         findings: Sequence[Finding],
         unheard: Sequence[str],
+        forgetful: Sequence[str],
     ) -> tuple[Objection, ...]:
-        """Every reason against arming now; `unheard` names the drives whose heartbeat is missing.
+        """Every reason against arming now; `unheard` names the drives whose heartbeat is missing,
+        `forgetful` those that restarted and were not set up again.
         Empty, and then cheap, in an undisturbed tick."""
         found = [Objection(CHECK_OF.get(f.condition, "supervisor"), str(f)) for f in findings]
         if unheard:
@@ -129,9 +128,9 @@ class PreArm:
         for emergency in self._emergencies.values():
             check = "heartbeats" if emergency.code == MASTER_SILENT else "emergencies"
             found.append(Objection(check, f"{emergency}, and not over"))
-        for node in sorted(self._restarted):
-            reason = f"node {node} was restarted and lost its set-up: start the daemon again"
-            found.append(Objection("set-up", reason))
+        if forgetful:
+            reason = f"restarted, and without their set-up: {', '.join(forgetful)}"
+            found.append(Objection("set-up", f"{reason} (`contactctl reset`)"))
         if not self.identification.passed:
             found.append(Objection("identification", self.identification.text))
         if estimate.flags:

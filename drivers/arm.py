@@ -266,6 +266,12 @@ class Arm:
         """
         self._send([*self._nmt(ENTER_PRE_OPERATIONAL), self._heartbeat])
 
+    def forgetful(self) -> tuple[str, ...]:
+        """Joints whose drives restarted and have not been set up again since."""
+        return tuple(
+            name for name, drive in zip(self.names, self._drives, strict=True) if drive.watch.forgot
+        )
+
     def unheard(self) -> tuple[str, ...]:
         """Joints whose drive sends no heartbeat, or one that says it is not operational."""
         return tuple(

@@ -11,7 +11,7 @@ from daemon.messages import Check
 from daemon.prearm import CHECK_OF, NAMES, Verdict
 from daemon.supervisor import Condition
 from drivers.cia402 import DriveState
-from drivers.events import Emergency, Rebooted
+from drivers.events import Emergency
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def objections(rig: Rig) -> set[str]:
     samples, estimate = rig.cycle.samples, rig.cycle.estimate
     assert samples is not None
     assert estimate is not None
-    return {o.check for o in rig.cycle.prearm.objections(samples, estimate, (), ())}
+    return {o.check for o in rig.cycle.prearm.objections(samples, estimate, (), (), ())}
 
 
 def watched(rig: Rig, *events: object) -> None:
@@ -152,10 +152,16 @@ def test_a_drive_that_left_its_fault_has_no_emergency(calm: Rig) -> None:
     assert "emergencies" not in objections(calm)
 
 
-def test_a_restarted_drive_needs_a_restarted_daemon(rig: Rig) -> None:
-    watched(rig, Rebooted(1))
-    assert failed(rig) == ["set-up"]
-    assert "start the daemon again" in checks(rig)["set-up"].text
+def test_a_restarted_drive_must_be_set_up_again_and_then_may_be_armed(rig: Rig) -> None:
+    arm, samples, estimate = rig.cycle.arm, rig.cycle.samples, rig.cycle.estimate
+    assert samples is not None
+    assert estimate is not None
+    arm._drives[0].watch.forgot = True
+    found = rig.cycle.prearm.objections(samples, estimate, (), (), arm.forgetful())
+    assert [o.check for o in found] == ["set-up"]
+    assert "contactctl reset" in found[0].reason
+    arm.start(rig.time_s)  # as after setting it up again
+    assert rig.cycle.prearm.objections(samples, estimate, (), (), arm.forgetful()) == ()
 
 
 def test_a_missing_heartbeat(calm: Rig) -> None:
@@ -165,7 +171,7 @@ def test_a_missing_heartbeat(calm: Rig) -> None:
     assert arm.unheard() == ()
     for flag, unheard in (("lost", True), ("operational", False)):
         setattr(arm._drives[0].watch, flag, unheard)
-        found = calm.cycle.prearm.objections(samples, estimate, (), arm.unheard())
+        found = calm.cycle.prearm.objections(samples, estimate, (), arm.unheard(), ())
         assert [(o.check, o.reason) for o in found] == [("heartbeats", "not heard from joint")]
         setattr(arm._drives[0].watch, flag, not unheard)
 
@@ -187,7 +193,7 @@ def test_a_joint_outside_its_limits(calm: Rig) -> None:
     assert estimate is not None
     for q, inside in ((1.4, True), (1.401, False), (-1.401, False)):
         samples.link_position = np.array([q])
-        found = prearm.objections(samples, estimate, (), ())
+        found = prearm.objections(samples, estimate, (), (), ())
         assert [objection.check for objection in found] == ([] if inside else ["limits"])
 
 
