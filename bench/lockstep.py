@@ -2,7 +2,7 @@
 faster than real time. For tests and benches."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from daemon.config.schema import Configuration
 from daemon.cycle import Cycle
 from daemon.messages import State
 from daemon.modes import Event, Mode
-from drivers.boot_up import boot_up
+from drivers.boot_up import DriveIdentity, boot_up
 from simulator.arm import SimulatedArm
 from simulator.description import SimulationSettings
 from simulator.events import Listener
@@ -53,6 +53,7 @@ class Rig:
     lockstep: Lockstep
     channel: str  # of the virtual bus, for whoever wants to listen
     bus: can.BusABC  # the daemon's end
+    identities: Sequence[DriveIdentity]
     ticks: int = 0
 
     @property
@@ -127,7 +128,7 @@ def lockstep_rig(
         cycle = build_cycle(robot, bus(near), lambda: 0.0)
         c = robot.configuration
         with lockstep.serving():
-            boot_up(
+            identities = boot_up(
                 near,
                 build_setups(robot),
                 period_ms=c.period_ms,
@@ -136,7 +137,7 @@ def lockstep_rig(
             )
         cycle.arm.start(0.0)
         lockstep.pump()
-        yield Rig(robot, cycle, arm, lockstep, channel, near)
+        yield Rig(robot, cycle, arm, lockstep, channel, near, identities)
 
 
 def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:

@@ -9,6 +9,7 @@ import can
 
 from drivers.boot_up import DriveIdentity, boot_up, boot_up_again, forget_master
 from drivers.drive_setup import DriveSetup
+from errors import DriveError
 
 _log = logging.getLogger("contactd")
 
@@ -35,7 +36,8 @@ class Drives:
         self.identities[:] = found
 
     def renew(self, joints: Sequence[int]) -> None:
-        """Set some up again, while the arm stands and nobody ticks. Raises ContactdError."""
+        """Set some up again, while the arm stands and nobody ticks. Raises ContactdError, also when
+        another drive answers than before: what was judged of the arm at the start was not of it."""
         begun = time.monotonic()
         found = boot_up_again(
             self.bus,
@@ -45,7 +47,11 @@ class Drives:
             progress=_log.info,
         )
         for i, identity in zip(joints, found, strict=True):
-            self.identities[i] = identity
+            if self.identities and identity != self.identities[i]:
+                raise DriveError(
+                    f"{self.setups[i].name} has another drive than at the start: {identity}; it "
+                    f"was {self.identities[i]}. Start the daemon again"
+                )
         names = ", ".join(self.setups[i].name for i in joints)
         took_ms = 1000.0 * (time.monotonic() - begun)
         _log.info("set up again in %.0f ms without a tick: %s", took_ms, names)

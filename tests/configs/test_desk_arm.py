@@ -50,8 +50,8 @@ def rig() -> Iterator[Rig]:
 @pytest.fixture
 def house(rig: Rig, tmp_path: Path) -> Iterator[House]:
     c = rig.robot.configuration
-    drives = Drives(rig.bus, build_setups(rig.robot), c.period_ms, c.bus.master_node)
-    drives.identities[:] = [None] * len(c.joints)
+    setups = build_setups(rig.robot)
+    drives = Drives(rig.bus, setups, c.period_ms, c.bus.master_node, list(rig.identities))
     loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
     with ControlSocket(tmp_path / "control") as control, closing(Notifier()) as notifier:
         yield House(rig, Service(rig.robot, loop, control, [], 1, notifier, drives=drives))
