@@ -48,6 +48,7 @@ class Sensors:
         self._gain = 1.0 - np.exp(-SERVO_PERIOD_S / filter_s) if filter_s > 0.0 else 1.0
         self._current = np.zeros(len(joints))
         self._scratch = np.zeros(len(joints))
+        self._counts = np.zeros((4, len(joints)))
         late, self._late_share = divmod(settings.link_latency_ms, 1.0)
         self._history = deque([q.copy() for _ in range(int(late) + 2)], maxlen=int(late) + 2)
 
@@ -62,22 +63,20 @@ class Sensors:
 
     def read(self, q: Vector, theta: Vector, theta_dot: Vector) -> Readings:
         """Sample: link position, motor position and motor velocity (n,), at the link side."""
-        settings, profile, n = self._settings, self._profile, len(q)
+        settings, profile = self._settings, self._profile
         if settings.link_latency_ms > 0.0:
             older, newer = self._history[0], self._history[1]
             q = newer + self._late_share * (older - newer)
+        noise = self._rng.standard_normal((2, len(q)))
         velocity = theta_dot * (1.0 + settings.velocity_scale_error) + settings.velocity_bias
-        velocity = velocity + settings.velocity_noise * self._rng.standard_normal(n)
-        noise = settings.current_noise_permille * self._rng.standard_normal(n)
-        current = np.clip(self._current * self._per_ampere + noise, -32768, 32767)
-        return Readings(
-            link_position=_counts(q * (profile.link_counts / TURN) + profile.link_zero),
-            motor_position=_counts(theta * self._gear * (profile.motor_counts / TURN)),
-            motor_velocity=_counts(velocity * self._gear / profile.measured_velocity_unit),
-            current=_counts(current),
-        )
-
-
-def _counts(values: Vector) -> list[int]:
-    counts: list[int] = np.rint(values).astype(np.int64).tolist()
-    return counts
+        velocity += settings.velocity_noise * noise[0]
+        counts = self._counts
+        np.multiply(q, profile.link_counts / TURN, out=counts[0])
+        np.add(counts[0], profile.link_zero, out=counts[0])
+        np.multiply(theta * self._gear, profile.motor_counts / TURN, out=counts[1])
+        np.divide(velocity * self._gear, profile.measured_velocity_unit, out=counts[2])
+        np.multiply(self._current, self._per_ampere, out=counts[3])
+        np.add(counts[3], settings.current_noise_permille * noise[1], out=counts[3])
+        np.maximum(np.minimum(counts[3], 32767.0, out=counts[3]), -32768.0, out=counts[3])
+        link, motor, motor_velocity, current = np.rint(counts).astype(np.int64).tolist()
+        return Readings(link, motor, motor_velocity, current)

@@ -1,6 +1,7 @@
 """The inner velocity loops of all drives at 1 kHz, side by side in vectors."""
 
 import numpy as np
+from numpy import add, maximum, minimum, multiply, negative, subtract
 from numpy.typing import NDArray
 
 from simulator.description import ArmDescription
@@ -69,20 +70,21 @@ class Servo:
 
     def update(self, velocity: Vector) -> None:
         """One period: motor velocities (n,) in, motor currents in `current` (n,) [A]."""
-        error, wanted, limit = self._error, self._wanted, self.current_limit
-        np.subtract(self.target, self.reference, out=error)
-        np.minimum(error, self.rate, out=error)
-        np.maximum(error, -self.rate, out=error)
-        np.add(self.reference, error, out=self.reference)
-        np.subtract(self.reference, velocity, out=error)
-        np.multiply(self._kp, error, out=wanted)
-        np.multiply(error, self._ki_step, out=error)
-        np.add(self._integral, error, out=self._integral)
-        np.add(wanted, self._integral, out=wanted)
-        np.multiply(wanted, self._energised, out=wanted)
-        np.minimum(wanted, limit, out=self.current)
-        np.maximum(self.current, -limit, out=self.current)
+        error, wanted, integral = self._error, self._wanted, self._integral
+        reference, current, energised = self.reference, self.current, self._energised
+        subtract(self.target, reference, error)
+        minimum(error, self.rate, out=error)
+        maximum(error, negative(self.rate, wanted), out=error)
+        add(reference, error, reference)
+        subtract(reference, velocity, error)
+        multiply(self._kp, error, wanted)
+        multiply(error, self._ki_step, error)
+        add(integral, error, integral)
+        add(wanted, integral, wanted)
+        multiply(wanted, energised, wanted)
+        minimum(wanted, self.current_limit, out=current)
+        maximum(current, negative(self.current_limit, error), out=current)
         # Back-calculation: what the limit cut off does not pile up in the integral.
-        np.subtract(self.current, wanted, out=error)
-        np.add(self._integral, error, out=self._integral)
-        np.multiply(self._integral, self._energised, out=self._integral)
+        subtract(current, wanted, error)
+        add(integral, error, integral)
+        multiply(integral, energised, integral)
