@@ -1,30 +1,28 @@
 """One drive as a CANopen node: NMT, SDO, PDOs, heartbeats, EMCY, and life without a master."""
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
-from canopen.sdo.exceptions import SdoAbortedError
-
-from simulator import objects as o
-from simulator.axis import CONTROLWORD, CSV, MODE, STATUSWORD, TARGET_VELOCITY, Axis
+from simulator.axis import CONTROLWORD, MODE, STATUSWORD, TARGET_VELOCITY, Axis
 from simulator.description import ArmDescription
+from simulator.emergency import (
+    COMMUNICATION_ERROR,
+    GENERIC_ERROR,
+    HEARTBEAT_LOST,
+    HISTORY,
+    PDO_TOO_SHORT,
+    Emergencies,
+)
+from simulator.guards import guard_pdos, guard_values
 from simulator.objects import Objects, key
-from simulator.pdo import ReceivePdo, TransmitPdo, guard_pdos, pdo_number, pdo_numbers
+from simulator.pdo import ReceivePdo, TransmitPdo, pdo_number, pdo_numbers
 from simulator.plant import Plant
 from simulator.profile import DriveProfile
 from simulator.sdo import sdo_server
 from simulator.servo import Servo
 from simulator.state_machine import Event, State
 
-HEARTBEAT_LOST = 0x8130
-PDO_TOO_SHORT = 0x8210
-COMMUNICATION_ERROR = 0x11
-GENERIC_ERROR = 0x01
-ERROR_REGISTER, ERROR_CODE = key(0x1001), key(0x603F)
-ALLOWED = {0x605A: {0, 2, 6}, 0x605E: {0, 2}, 0x6060: {0, CSV}, 0x1005: {0x80}}
-"""Values that this drive supports where the EDS can only give a range."""
 CONNECTION_LOST: tuple[tuple[str, Event | None], ...] = (
     ("no action, going on", None),
     ("fault", Event.FAULT_DETECTED),
@@ -75,8 +73,7 @@ class Drive:
             (key(0x1018, 4), wired.description.serial_number + joint),
         ):
             self.objects.set_default(where, value)
-        for index in (*ALLOWED, 0x1003, 0x1016, 0x6072, 0x6073):
-            self.objects.guards[index] = _guard(index, peak)
+        guard_values(self.objects, peak)
         guard_pdos(self.objects)
         self.objects.written = self._on_write
         self._sdo = sdo_server(self.node, self.objects, wired.send)
@@ -93,7 +90,7 @@ class Drive:
         self.why = ""
         """The last reason for stopping or faulting, for people."""
         self._locked = False
-        self._errors: deque[int] = deque(maxlen=8)
+        self._emergencies = Emergencies(self.objects, self._send_emergency)
         self._heard_at: float | None = None
         self._next_heartbeat = 0.0
 
@@ -107,7 +104,7 @@ class Drive:
     def boot(self) -> None:
         """Power-up or NMT reset node: defaults everywhere, limp, boot-up message."""
         self.objects.restore(0x1000, 0x9FFF)
-        self._errors.clear()
+        self._emergencies.forget()
         self.axis.start()
         self._boot_up()
 
@@ -134,7 +131,7 @@ class Drive:
         elif command == 130:
             self._lose_connection("NMT reset communication")
             self.objects.restore(0x1000, 0x1FFF)
-            self._show_errors()
+            self._emergencies.show_history()
             self._boot_up()
 
     def on_heartbeat(self, node: int, now: float) -> None:
@@ -143,8 +140,8 @@ class Drive:
         if watched >> 16 != node or not watched & 0xFFFF:
             return
         self._heard_at, self.due = now, 0.0
-        if self.objects.number(0x603F) == HEARTBEAT_LOST and self.state is not State.FAULT:
-            self._clear_error()
+        if self._emergencies.present == HEARTBEAT_LOST and self.state is not State.FAULT:
+            self._emergencies.clear_error()
 
     def tick(self, now: float) -> None:
         """Ramps that end, heartbeats due, TPDOs on change; sets `due`."""
@@ -190,7 +187,7 @@ class Drive:
         for pdo in self.receive_pdos:
             if pdo.cob_id == cob_id:
                 if len(data) < pdo.length:
-                    self._emergency(PDO_TOO_SHORT, COMMUNICATION_ERROR)
+                    self._emergencies.raise_error(PDO_TOO_SHORT, COMMUNICATION_ERROR)
                 else:
                     pdo.receive(data, self._apply)
 
@@ -248,7 +245,7 @@ class Drive:
                 return
             self.axis.on_controlword()
             if faulty and self.state is not State.FAULT:
-                self._clear_error()
+                self._emergencies.clear_error()
             if self.axis.stopping:
                 self.due = 0.0
             return
@@ -261,9 +258,8 @@ class Drive:
             self._reload_pdos(number)
         elif where == key(0x1016, 1):
             self._heard_at = None
-        elif where == key(0x1003):
-            self._errors.clear()
-            self._show_errors()
+        elif where == HISTORY:
+            self._emergencies.forget()
         else:
             self.axis.configure()
 
@@ -279,13 +275,13 @@ class Drive:
     def fault(self, code: int, reason: str) -> None:
         """Something broke: EMCY with `code`, fault reaction by 605E."""
         self._tell(reason)
-        self._emergency(code, GENERIC_ERROR)
+        self._emergencies.raise_error(code, GENERIC_ERROR)
         self.axis.happen(Event.FAULT_DETECTED)
         self.due = 0.0
 
     def _lose_master(self) -> None:
         reason = "heartbeat of the master lost"
-        self._emergency(HEARTBEAT_LOST, COMMUNICATION_ERROR)
+        self._emergencies.raise_error(HEARTBEAT_LOST, COMMUNICATION_ERROR)
         if self._wired.profile.locks:
             self._tell(f"{reason}, fault, locked")
             self._locked = True
@@ -306,45 +302,10 @@ class Drive:
             if event is not None:
                 self.axis.happen(event)
 
-    def _emergency(self, code: int, register: int) -> None:
-        self.objects.show(ERROR_REGISTER, register)
-        self.objects.show(ERROR_CODE, code)
-        self._errors.appendleft(code)
-        self._show_errors()
-        self._send_emergency(code, register)
-
-    def _clear_error(self) -> None:
-        self.objects.show(ERROR_REGISTER, 0)
-        self.objects.show(ERROR_CODE, 0)
-        self._send_emergency(0, 0)
-
-    def _send_emergency(self, code: int, register: int) -> None:
+    def _send_emergency(self, data: bytes) -> None:
         if self.nmt is not Nmt.STOPPED:
-            data = code.to_bytes(2, "little") + bytes([register, 0, 0, 0, 0, 0])
             self._wired.send(0x80 + self.node, data)
-
-    def _show_errors(self) -> None:
-        self.objects.show(key(0x1003), len(self._errors))
-        for sub in range(1, 9):
-            error = self._errors[sub - 1] if sub <= len(self._errors) else 0
-            self.objects.show(key(0x1003, sub), error)
 
     def _tell(self, reason: str) -> None:
         self.why = reason
         self._wired.tell(f"node {self.node}: {reason}")
-
-
-def _guard(index: int, peak: int) -> o.Guard:
-    """What the EDS cannot express about the values of an object."""
-
-    def guard(subindex: int, value: int) -> None:
-        if index in (0x6072, 0x6073) and value > peak:
-            raise SdoAbortedError(o.TOO_HIGH)
-        if (
-            (index in ALLOWED and value not in ALLOWED[index])
-            or (index == 0x1003 and value != 0)
-            or (index == 0x1016 and value & 0xFFFF and not 1 <= value >> 16 <= 127)
-        ):
-            raise SdoAbortedError(o.INVALID_VALUE)
-
-    return guard

@@ -4,10 +4,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from canopen.sdo.exceptions import SdoAbortedError
-
-from simulator import objects as o
-from simulator.objects import Objects
+from simulator.objects import Objects, key
 
 INVALID = 1 << 31
 SYNCHRONOUS = 240
@@ -31,64 +28,7 @@ def mapping(objects: Objects, index: int) -> Mapping:
 
 def pdo_numbers(objects: Objects, communication: int) -> list[int]:
     """Which PDOs the drive has, counted from 0; `communication` is 0x1400 or 0x1800."""
-    return [n for n in range(0x200) if o.key(communication + n, 1) in objects.entries]
-
-
-def guard_pdos(objects: Objects) -> None:
-    """Make the PDO objects refuse what CiA 301 forbids.
-
-    Entries change only while sub 0 is 0, sub 0 only while the PDO is invalid (bit 31), the COB-ID
-    only from or to invalid; what is mapped must exist, be mappable, match in length and fit.
-    """
-    for communication, mapped in ((0x1400, 0x1600), (0x1800, 0x1A00)):
-        for n in pdo_numbers(objects, communication):
-            objects.guards[communication + n] = _communication_guard(objects, communication + n)
-            objects.guards[mapped + n] = _mapping_guard(objects, communication + n, mapped + n)
-
-
-def _communication_guard(objects: Objects, index: int) -> o.Guard:
-    def guard(subindex: int, value: int) -> None:
-        present = objects.number(index, 1)
-        if subindex == 1:
-            changed = (value ^ present) & 0x7FF
-            if (changed and not (value | present) & INVALID) or value & 0x3FFFF800:
-                raise SdoAbortedError(o.INVALID_VALUE)
-        elif (subindex == 2 and SYNCHRONOUS < value < 254) or (
-            subindex == 3 and not present & INVALID
-        ):
-            raise SdoAbortedError(o.INVALID_VALUE)
-
-    return guard
-
-
-def _mapping_guard(objects: Objects, communication: int, index: int) -> o.Guard:
-    receives = index < 0x1800
-
-    def check(entry: int) -> int:
-        """Length of one mapped object [bit]."""
-        target = objects.entries.get(entry >> 8)
-        if target is None:
-            raise SdoAbortedError(o.NO_OBJECT)
-        direction = target.writable if receives else target.readable
-        if not target.mappable or not direction:
-            raise SdoAbortedError(o.NOT_MAPPABLE)
-        bits = 8 * struct.calcsize(target.code)
-        if entry & 0xFF != bits:
-            raise SdoAbortedError(o.NOT_MAPPABLE)
-        return bits
-
-    def guard(subindex: int, value: int) -> None:
-        if not objects.number(communication, 1) & INVALID:
-            raise SdoAbortedError(o.UNSUPPORTED_ACCESS)
-        if subindex == 0:
-            if sum(check(objects.number(index, sub)) for sub in range(1, value + 1)) > 64:
-                raise SdoAbortedError(o.PDO_TOO_LONG)
-        elif objects.number(index, 0) != 0:
-            raise SdoAbortedError(o.UNSUPPORTED_ACCESS)
-        elif value:
-            check(value)
-
-    return guard
+    return [n for n in range(0x200) if key(communication + n, 1) in objects.entries]
 
 
 class ReceivePdo:
