@@ -28,6 +28,8 @@ Push = Callable[[float, Vector, Vector], Vector]
 """(t, q, q_dot) of the whole fleet to external joint torque [Nm]."""
 
 POSITION_GAIN = 8.0
+SETTLE_S = 0.5
+"""Held before the log begins: energised in mid-air without current, the links drop at first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,23 +114,25 @@ def record_fleet(
     period = description.period_s
     ticks, inner = round(seconds / period), round(SERVO_PERIOD_S / settings.step_s)
     rows = np.empty((len(sensors), ticks, 4, n * count))
-    for k in range(ticks):
+    for k in range(-round(SETTLE_S / period), ticks):
+        now = max(k, 0) * period
         for _ in range(round(period / SERVO_PERIOD_S)):
             servo.update(plant.theta_dot)
             np.multiply(parameters.torque_constant, servo.current, out=plant.motor_torque)
             if push is not None:
-                plant.external_torque[:] = push(k * period, plant.q, plant.q_dot)
+                plant.external_torque[:] = push(now, plant.q, plant.q_dot)
             plant.advance(inner)
             for each in sensors:
                 each.update(plant.q, servo.current)
-        for each, row in zip(sensors, rows[:, k], strict=True):
+        # Row 0 is written again and again until the log begins.
+        for each, row in zip(sensors, rows[:, max(k, 0)], strict=True):
             r = each.read(plant.q, plant.theta, plant.theta_dot)
             row[:] = (r.current, r.link_position, r.motor_velocity, r.motor_position)
             np.multiply(row, scale, out=row)
-        q_d, qd_d = (np.tile(x, count) for x in reference((k + 1) * period))
+        q_d, qd_d = (np.tile(x, count) for x in reference(max(k + 1, 0) * period))
         velocity = qd_d
         if not motors_only:
-            velocity = velocity + POSITION_GAIN * (q_d - rows[0, k, 1])
+            velocity = velocity + POSITION_GAIN * (q_d - rows[0, max(k, 0), 1])
         # What `Servo.follow` does for one joint.
         servo.target[:] = velocity
         servo.rate[:] = np.abs(velocity - servo.reference) / round(period / SERVO_PERIOD_S)

@@ -20,6 +20,8 @@ from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, coulomb_viscous, resting
 from estimator.types import Matrix, Vector
 
+_BOTH = (1.5, 3.0)  # half-gaps that phi spans where it met both borders, and kept its zero
+
 
 @dataclass(frozen=True, slots=True)
 class Intervals:
@@ -48,7 +50,7 @@ class Intervals:
     measured: bool
     """whether `advance` was measured"""
     ends: Matrix
-    """(N, 4, n) at the end: q, q_dot, current, theta_dot"""
+    """(N, 5, n) at the end: `ALIGNED`, theta 0 where it was not measured"""
 
 
 def intervals(log: MotionLog, model: Model, settings: EstimatorSettings) -> Intervals:
@@ -110,7 +112,7 @@ def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inter
         theta_ddot=change[:, 3] / span,
         advance=change[:, 4] if measured else span * mean[:, 3],
         measured=measured,
-        ends=ends[1:, :4],
+        ends=ends[1:, :5],
     )
 
 
@@ -119,13 +121,37 @@ def locate(
 ) -> tuple[NDArray[np.bool_], Matrix]:
     """Which intervals lie in the gap at both ends, and phi at the end [rad], both (N, n).
 
-    By the estimator's own judgement (`MotorPosition`) with the friction and rotor of `t`.
+    Where theta is measured and phi met both borders, phi itself tells. Elsewhere the estimator's
+    own judgement (`MotorPosition`) with the friction and rotor of `t` does; it may take long to
+    find the middle of the gap of a joint that carries little.
     """
+    gap, phi = _judged(rows, t, settings)
+    if rows.measured:
+        # Whatever the encoders' zeros are, the middle of the gap lies between the borders.
+        apart = rows.ends[:, 0] - rows.ends[:, 4]
+        low, high = np.percentile(apart, [1.0, 99.0], axis=0)
+        both = (high - low > _BOTH[0] * t.half_gap) & (high - low < _BOTH[1] * t.half_gap)
+        for i in np.flatnonzero(both):
+            phi[:, i] = apart[:, i] - 0.5 * (low[i] + high[i])
+            inside = np.abs(phi[:, i]) < inner_border(float(t.half_gap[i]))
+            gap[:, i] = inside & np.concatenate([[False], inside[:-1]]) & ~rows.first
+    return gap, phi
+
+
+def inner_border(half_gap: float) -> float:
+    """|phi| [rad] below which the gear surely carries nothing, whatever the encoders' errors."""
+    return half_gap - max(0.05 * half_gap, 0.0005)
+
+
+def _judged(
+    rows: Intervals, t: Transmission, settings: EstimatorSettings
+) -> tuple[NDArray[np.bool_], Matrix]:
+    """By the motor position that the estimator would have followed."""
     position = MotorPosition(t, settings.gap, measured=rows.measured)
     engaged, phi = np.empty_like(rows.q), np.empty_like(rows.q)
     rub = coulomb_viscous(t.motor_coulomb, t.motor_viscous, rows.theta_dot, t.sign_width)
     rotor = t.rotor_inertia * rows.theta_ddot
-    q, q_dot, current, theta_dot = np.moveaxis(rows.ends, 1, 0)
+    q, q_dot, current, theta_dot, _ = np.moveaxis(rows.ends, 1, 0)
     motion = np.stack(
         [
             *(q, q_dot, theta_dot, resting(theta_dot)),
@@ -142,11 +168,17 @@ def locate(
     return engaged == 0.0, phi
 
 
+def memory(rows: Intervals, gain: float) -> float:
+    """What the filter (13) keeps of its output from row to row: (2 - T K) / (2 + T K)."""
+    TK = gain * float(np.median(rows.dt))
+    return (2.0 - TK) / (2.0 + TK)
+
+
 def low_pass(values: Matrix, rows: Intervals, gain: float) -> Matrix:
     """Rows (N, ...) [Nm] through the residual's filter (13), r_dot = K (values - r), begun at the
     first value of each stretch. Everything that a regression compares goes through it alike."""
-    TK = gain * float(np.median(rows.dt))
-    forward, back = 2.0 * TK / (2.0 + TK), (2.0 - TK) / (2.0 + TK)
+    back = memory(rows, gain)
+    forward = 1.0 - back
     out = np.empty_like(values)
     edges = [*np.flatnonzero(rows.first).tolist(), len(values)]
     for a, b in itertools.pairwise(edges):

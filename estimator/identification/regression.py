@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from estimator.identification.intervals import Intervals, low_pass
+from estimator.identification.intervals import Intervals, inner_border, low_pass, memory
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
 from estimator.types import Matrix, Vector
 
@@ -90,7 +90,7 @@ def solve_joint(
     friction K_phi and of the spring only if motion that was not fitted is explained better.
     """
     y, A, N = found.r_nl[:, i], found.columns[:, i], found.nuisance[:, i]
-    weight = _weights(rows.theta_dot[:, i], rows.first, half_gap, gap[:, i], phi[:, i], cut[:, i])
+    weight = _weights(rows, i, half_gap, gap[:, i], phi[:, i], cut[:, i])
     train = np.arange(len(y)) < (1.0 - HELD_OUT) * len(y)
     used = np.zeros(len(COLUMNS), dtype=np.bool_)
     used[_ENGAGED] = True
@@ -110,17 +110,21 @@ def solve_joint(
     return Solution(coefficients, errors, r2, condition)
 
 
-def _weights(theta_dot: Vector, first: Mask, half_gap: float, gap: Mask, phi: Vector, cut: Mask
-) -> Vector:  # fmt: skip
+def _weights(rows: Intervals, i: int, half_gap: float, gap: Mask, phi: Vector, cut: Mask) -> Vector:
     """How much each row counts, 0 to 1: not at rest, where Coulomb friction may have any value;
-    not while it is unclear which side of the gear carries; not while the current is cut off."""
-    doubtful = cut | first
+    not while it is unclear which side of the gear carries; not while the current is cut off; and
+    not while the filter remembers any of these."""
+    doubtful = cut | rows.first
     if half_gap > 0.0:
-        doubtful |= ~gap & (np.abs(phi) < 0.85 * half_gap)
+        nearest = np.minimum(np.abs(phi), np.abs(np.concatenate([phi[:1], phi[:-1]])))
+        doubtful |= ~gap & (nearest < inner_border(half_gap))
         doubtful |= np.diff(gap, prepend=gap[0])
-    for _ in range(2):  # the filter remembers
-        doubtful |= np.concatenate([[False], doubtful[:-1]])
-    return (1.0 - resting(theta_dot)) * ~doubtful
+    doubt = np.maximum(resting(rows.theta_dot[:, i]), doubtful)
+    # doubt[k] = max(doubt[k], memory * doubt[k - 1]), in logarithms.
+    forgotten = np.log(max(memory(rows, GAIN), 1e-3)) * np.arange(len(doubt))
+    with np.errstate(divide="ignore"):
+        doubt = np.exp(np.maximum.accumulate(np.log(doubt) - forgotten) + forgotten)
+    return np.asarray(1.0 - doubt)
 
 
 def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> Vector:
