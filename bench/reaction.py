@@ -5,15 +5,17 @@
 
 Ticks count from the one in which the fault is made, which is the first. `found` is held against
 what the row of the supervisor's table says; the stop command against two ticks after that. Where
-the bus takes no frame, its ticks count from when it does. `stands` is when no motor moves any more.
+the bus takes no frame, its ticks count from when it does. A fault exit is followed by silence, at
+which the drives stop by themselves. `stands` is when no motor moves any more.
 """
 
 from typing import Any
 
 import click
 
-from bench.faults import CASES, Case, Stage, restore, stage, start
+from bench.faults import CASES, Case
 from bench.figures import Target, print_report
+from bench.stage import Stage, restore, stage, start
 from daemon.modes import Mode
 from daemon.supervisor import REACTIONS, Reaction
 
@@ -44,7 +46,10 @@ def measure(on: Stage, case: Case) -> dict[str, Any]:
     mute = 0  # ticks after it was found in which the bus took nothing
     for tick in range(1, case.ticks + PATIENCE_TICKS):
         next(fault, None)
-        on.tick()
+        if on.rig.cycle.fatal:
+            on.silence()  # as after its end
+        else:
+            on.tick()
         if found is None and any(f.condition is case.condition for f in on.rig.cycle.findings):
             found = tick
         if found and obeyed and told is None:
@@ -78,7 +83,7 @@ def line(row: dict[str, Any], period_ms: float) -> str:
     stop = row["stop_ticks_after_found"]
     words = "-" if stop is None else f"+{stop}"
     if row["reaction"] == "fault exit":
-        words = "(no bus)"
+        words = "silence"
     elif row["mute_ticks"]:
         words += f" after {row['mute_ticks']} mute"
     stands = "-" if row["stands_tick"] is None else f"{row['stands_tick'] * period_ms:.0f} ms"

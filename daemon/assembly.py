@@ -11,6 +11,7 @@ from daemon.config.motion import limits_of, row
 from daemon.config.schema import Configuration
 from daemon.controller import Controller, Tuning
 from daemon.cycle import Cycle
+from daemon.following import Following, FollowingBounds
 from daemon.motion import Manner, Motion
 from daemon.observation import Observer, Patience
 from daemon.plausibility import Bounds, Plausibility
@@ -124,7 +125,12 @@ def build_observer(c: Configuration) -> Observer:
         motor_drift=c.estimator.gap.velocity_bias,
         motor_scale_error=c.estimator.gap.velocity_scale_error,
     )
-    return Observer(c.joint_names, patience, Plausibility(bounds))
+    following = FollowingBounds(
+        deviation=s.following_margin * row(c, lambda j: j.limits.velocity),
+        current=bounds.current,
+        lag_s=c.control.drive_lag_ms / 1000.0,
+    )
+    return Observer(c.joint_names, patience, Plausibility(bounds), Following(following, c.period_s))
 
 
 def build_controller(robot: Robot) -> Controller:

@@ -115,6 +115,7 @@ class Cycle:
             mode,
             lateness_s=wakeup.lateness_s,
             left_out=wakeup.left_out,
+            setpoint=None if self._decision is None else self._decision.velocity,
             residual=estimate.residual if estimate and self._updated and self._finite else None,
             interval_s=self._interval_s,
             finite=self._finite,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from daemon.following import Following
 from daemon.modes import SENSING, Mode
 from daemon.plausibility import Plausibility, Vector
 from daemon.supervisor import Condition, Finding
@@ -15,6 +16,7 @@ from drivers.events import (
     BadSetpoint,
     BusOff,
     BusTrouble,
+    Disobedient,
     Emergency,
     ErrorPassive,
     Event,
@@ -23,6 +25,7 @@ from drivers.events import (
     LateAnswer,
     NotOperational,
     Rebooted,
+    Unstoppable,
 )
 from drivers.samples import Samples
 
@@ -31,6 +34,8 @@ CONDITION_OF: dict[type[Event], Condition] = {
     Emergency: Condition.EMERGENCY,
     Rebooted: Condition.REBOOTED,
     NotOperational: Condition.DRIVE_DROPPED,
+    Disobedient: Condition.DISOBEDIENT,
+    Unstoppable: Condition.UNSTOPPABLE,
     ForeignMaster: Condition.FOREIGN_MASTER,
     BadSetpoint: Condition.NOT_FINITE,
     ErrorPassive: Condition.ERROR_PASSIVE,
@@ -57,11 +62,15 @@ class Observer:
     """Names what holds; counts what takes several ticks to become a doubt."""
 
     def __init__(
-        self, names: Sequence[str], patience: Patience, plausibility: Plausibility
+        self,
+        names: Sequence[str],
+        patience: Patience,
+        plausibility: Plausibility,
+        following: Following,
     ) -> None:
         self._names = tuple(names)
         self._patience = patience
-        self._plausibility = plausibility
+        self._plausibility, self._following = plausibility, following
         self._missed_in_row = 0  # deadlines
         self._disturbed_in_row = 0
         self._since_late = patience.stale_ticks  # ticks
@@ -75,6 +84,7 @@ class Observer:
         *,
         lateness_s: float = 0.0,
         left_out: int = 0,
+        setpoint: Vector | None = None,
         residual: Vector | None = None,
         interval_s: float = 0.0,
         finite: bool = True,
@@ -82,6 +92,7 @@ class Observer:
         """Every condition that holds in this tick; empty in an undisturbed one.
 
         lateness_s, left_out: how late the tick began, and the deadlines that this cost.
+        setpoint: what the drives were told in the tick before, (n,) [rad/s].
         residual: the estimate's (n,) [Nm], None unless the samples are complete and were used;
         interval_s: since those before. finite: whether estimate and reference are.
         """
@@ -91,6 +102,10 @@ class Observer:
             # A person has looked at it: what is now is the truth.
             self._plausibility.restart()
         self._mode = mode
+        if mode not in SENSING:
+            self._following.restart()
+        elif setpoint is not None:
+            self._following.tell(setpoint)
         found: list[Finding] = []
         found += self._of_events(samples.events)
         if not samples.fresh.all():
@@ -167,3 +182,7 @@ class Observer:
             if doubt.condition is Condition.TORQUE_SATURATED and mode is Mode.ADMITTANCE:
                 continue  # the hand that leads the arm is stronger than the motor
             yield Finding(doubt.condition, self._names[doubt.joint], doubt.figures)
+        if mode in SENSING:
+            astray = self._following.astray(samples.motor_velocity, samples.current)
+            if astray.any():
+                yield Finding(Condition.NOT_FOLLOWING, self._named(astray))

@@ -36,6 +36,9 @@ NAMES = (
 CHECK_OF: dict[Condition, str] = {
     Condition.DRIVE_FAULT: "drives",
     Condition.DRIVE_DROPPED: "drives",
+    Condition.NOT_FOLLOWING: "drives",
+    Condition.DISOBEDIENT: "drives",
+    Condition.UNSTOPPABLE: "drives",
     Condition.SAMPLE_MISSING: "samples",
     Condition.STALE: "samples",
     Condition.STARVED: "samples",

@@ -35,6 +35,9 @@ class Condition(StrEnum):
     EMERGENCY = "emergency message"
     DRIVE_FAULT = "drive fault"
     DRIVE_DROPPED = "drive left operation"
+    NOT_FOLLOWING = "drive does not follow"
+    DISOBEDIENT = "drive does not stop"
+    UNSTOPPABLE = "drive cannot be stopped"
     REBOOTED = "drive restarted"
     FOREIGN_MASTER = "another master on the bus"
     BUS_DISTURBED = "bus disturbed"
@@ -104,6 +107,24 @@ REACTIONS: Final[dict[Condition, Row]] = {
         _R.QUICK_STOP,
         "a drive that should run is not in operation enabled, or not operational",
         "somebody or something else switched it, an emergency stop for one",
+    ),
+    _C.NOT_FOLLOWING: Row(
+        _R.QUICK_STOP,
+        "for 20 ticks a motor's velocity differs from its setpoints by more than "
+        "`following_margin` times its velocity limit, and its current does not press the right way "
+        "with half of what it may",
+        "the drive sends, but seems not to hear us, or to have gone its own way",
+    ),
+    _C.DISOBEDIENT: Row(
+        _R.QUICK_STOP,
+        "a drive is still in operation 5 ticks and 50 ms after a quick stop, 1 s after it was "
+        "switched off",
+        "it hears no setpoints: it gets an NMT stop, at which it stops by itself (0x6007)",
+    ),
+    _C.UNSTOPPABLE: Row(
+        _R.FAULT_EXIT,
+        "the same again after the NMT stop",
+        "only silence is left: missing our heartbeat, it stops by itself",
     ),
     _C.REBOOTED: Row(
         _R.QUICK_STOP,

@@ -45,6 +45,26 @@ class NotOperational:
 
 
 @dataclass(frozen=True, slots=True)
+class Disobedient:
+    """A drive stays in operation although it is told to stop; it gets an NMT stop."""
+
+    node: int
+
+    def __str__(self) -> str:
+        return f"node {self.node}: goes on although told to stop; NMT stop sent"
+
+
+@dataclass(frozen=True, slots=True)
+class Unstoppable:
+    """A drive stays in operation after the NMT stop, too."""
+
+    node: int
+
+    def __str__(self) -> str:
+        return f"node {self.node}: goes on after an NMT stop, too"
+
+
+@dataclass(frozen=True, slots=True)
 class Rebooted:
     """A drive has started anew: it has forgotten its set-up."""
 
@@ -123,7 +143,15 @@ class BusTrouble:
 
 BusEvent = LateAnswer | ErrorPassive | BusOff | AdapterGone | BusTrouble
 Event = (
-    Emergency | HeartbeatLost | NotOperational | Rebooted | ForeignMaster | BadSetpoint | BusEvent
+    Emergency
+    | HeartbeatLost
+    | NotOperational
+    | Disobedient
+    | Unstoppable
+    | Rebooted
+    | ForeignMaster
+    | BadSetpoint
+    | BusEvent
 )
 
 # A socket that said one of these does not come back, whatever becomes of the adapter. ENETDOWN is

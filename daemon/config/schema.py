@@ -133,6 +133,9 @@ class SupervisorSettings(Settings, frozen=True):
     # What the measurements are believed beyond what the joint can do by itself.
     position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, and a bent gear [rad]
     speed_margin: Annotated[float, Meta(gt=1, le=10)] = 2.0  # times limits.velocity
+    # What a motor may differ from its setpoints while its drive does not press: times
+    # limits.velocity.
+    following_margin: Annotated[float, Meta(gt=0, le=10)] = 0.2
     residual_margin: Annotated[float, Meta(gt=1, le=100)] = 4.0  # times thresholds.collision
 
 

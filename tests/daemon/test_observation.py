@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from daemon.following import TICKS, Following, FollowingBounds
 from daemon.modes import SENSING, Mode
 from daemon.observation import Observer, Patience
 from daemon.plausibility import Bounds, Plausibility
@@ -13,6 +14,7 @@ from drivers.events import (
     BadSetpoint,
     BusOff,
     BusTrouble,
+    Disobedient,
     Emergency,
     ErrorPassive,
     Event,
@@ -21,6 +23,7 @@ from drivers.events import (
     LateAnswer,
     NotOperational,
     Rebooted,
+    Unstoppable,
 )
 from drivers.samples import Samples
 
@@ -72,7 +75,8 @@ def observer() -> Observer:
         motor_scale_error=0.002,
     )
     patience = Patience(stale_ticks=3, overrun_ticks=5, master_timeout_s=0.1)
-    return Observer(NAMES, patience, Plausibility(bounds))
+    following = FollowingBounds(deviation=0.2 * two, current=two, lag_s=0.01)
+    return Observer(NAMES, patience, Plausibility(bounds), Following(following, T))
 
 
 @pytest.mark.parametrize("mode", sorted(SENSING))
@@ -88,6 +92,8 @@ def test_an_undisturbed_tick_finds_nothing(observer: Observer, mode: Mode) -> No
         (Emergency(3, 0x8130, 0x11), Condition.EMERGENCY),
         (Emergency(3, 0x3220, 0x05), Condition.EMERGENCY),
         (Rebooted(3), Condition.REBOOTED),
+        (Disobedient(3), Condition.DISOBEDIENT),
+        (Unstoppable(3), Condition.UNSTOPPABLE),
         (NotOperational(3, 127), Condition.DRIVE_DROPPED),
         (ForeignMaster(0x080), Condition.FOREIGN_MASTER),
         (BadSetpoint("elbow: nan"), Condition.NOT_FINITE),
@@ -208,6 +214,30 @@ def test_a_hand_that_leads_the_arm_may_be_stronger_than_a_motor(observer: Observ
 
     assert ticks(Mode.ADMITTANCE) == []
     assert ticks(Mode.TRACKING) == [(Condition.TORQUE_SATURATED, "shoulder")]
+
+
+def test_a_motor_that_does_not_follow_is_named_where_it_should(observer: Observer) -> None:
+    astray = (Condition.NOT_FOLLOWING, "elbow")
+
+    def ticks(mode: Mode, count: int) -> list[tuple[Condition, str]]:
+        for _ in range(count):
+            found = observe(
+                observer,
+                samples(),
+                mode,
+                setpoint=np.array([0.0, 0.5]),
+                residual=np.zeros(2),
+                interval_s=T,
+            )
+        return found
+
+    assert ticks(Mode.FAULTED, 2 * TICKS) == ticks(Mode.ENABLING, 2 * TICKS) == []
+    # Six setpoints old are those that it may still obey.
+    assert ticks(Mode.TRACKING, TICKS + 4) == []
+    assert ticks(Mode.TRACKING, 1) == [astray]
+    assert ticks(Mode.OFF, 1) == []
+    assert ticks(Mode.HOLDING, TICKS + 4) == []
+    assert ticks(Mode.HOLDING, 1) == [astray]
 
 
 def test_after_a_reset_what_is_now_is_believed(observer: Observer) -> None:

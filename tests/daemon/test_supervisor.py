@@ -18,7 +18,11 @@ EXPECTED = {
         Condition.JOINT_LIMIT,
         Condition.OVERRUN,
     },
-    Reaction.FAULT_EXIT: {Condition.ADAPTER_GONE, Condition.PROGRAM_ERROR},
+    Reaction.FAULT_EXIT: {
+        Condition.UNSTOPPABLE,
+        Condition.ADAPTER_GONE,
+        Condition.PROGRAM_ERROR,
+    },
 }
 
 

@@ -6,10 +6,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from daemon import plausibility
+from daemon import following, plausibility
 from daemon.config.schema import SupervisorSettings
 from daemon.observation import STARVED_FACTOR
 from daemon.supervisor import REACTIONS, Condition, Reaction
+from drivers import obedience
+from drivers.cia402 import PowerTarget
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 WORDS = {
@@ -53,6 +55,11 @@ def test_every_bound_and_its_default(page: str) -> None:
 @pytest.mark.parametrize(
     ("constant", "value", "words"),
     [
+        (following.TICKS, 20, "for 20 ticks a motor's velocity"),
+        (following.PRESSING_SHARE, 0.5, "with half of what it may"),
+        (obedience.PATIENCE_TICKS, 5, "5 ticks and 50 ms after a quick stop"),
+        (obedience.PATIENCE_S[PowerTarget.QUICK_STOP], 0.05, "50 ms after a quick stop"),
+        (obedience.PATIENCE_S[PowerTarget.OFF], 1.0, "1 s after it was switched off"),
         (plausibility.STUCK_TRAVEL, 0.1, "while the motor turns by 0.1 rad"),
         (plausibility.STUCK_TICKS, 20, "one value for 20 ticks"),
         (plausibility.SATURATED_SHARE, 0.95, "(95 %)"),

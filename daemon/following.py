@@ -1,0 +1,68 @@
+"""Whether each motor does what its setpoints say. Pure; arrays of shape (n,), SI at the link side.
+
+A drive may send samples and hear no setpoint: it goes on at the last velocity that it heard. Its
+motor then differs from what it was told, and its current does nothing about it. A motor that is
+held up, or carried along, differs too, but its drive presses the way it was told.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+#: A motor must differ for so many ticks in a row.
+TICKS: Final = 20
+#: A drive that gives this share of its current limit the right way is doing what it can.
+PRESSING_SHARE: Final = 0.5
+#: Ticks from a setpoint until the samples of a drive without any lag show all of it: latched at the
+#: next SYNC, interpolated until the one after, and sampled there.
+LATENCY_TICKS: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class FollowingBounds:
+    """Arrays of shape (n,)."""
+
+    deviation: Vector  # of the motor's velocity from its setpoints [rad/s]
+    current: Vector  # the drives' limit [A]
+    lag_s: float  # time constant of the drives' velocity loops
+
+
+class Following:
+    """Compares velocities with all setpoints that a motor may still be obeying."""
+
+    def __init__(self, bounds: FollowingBounds, period_s: float) -> None:
+        self._bounds = bounds
+        self._pressing = PRESSING_SHARE * bounds.current
+        n = len(bounds.current)
+        ticks = LATENCY_TICKS + math.ceil(3.0 * bounds.lag_s / period_s)
+        self._told = np.zeros((ticks, n))
+        self._next = 0
+        self._in_row = np.zeros(n, dtype=np.int64)
+        self._too_slow, self._too_fast = np.zeros((2, n), dtype=np.bool_)
+
+    def restart(self) -> None:
+        """The motors stand, and were told to."""
+        self._told.fill(0.0)
+        self._in_row.fill(0)
+
+    def tell(self, setpoint: Vector) -> None:
+        """What the motors were told in the tick before [rad/s]."""
+        self._told[self._next] = setpoint
+        self._next = (self._next + 1) % len(self._told)
+
+    def astray(self, velocity: Vector, current: Vector) -> NDArray[np.bool_]:
+        """Joints whose drives do not follow: motor velocity [rad/s] and current [A] of a tick."""
+        slower = self._told.min(axis=0) - velocity
+        faster = velocity - self._told.max(axis=0)
+        deviation = self._bounds.deviation
+        np.logical_and(slower > deviation, current < self._pressing, out=self._too_slow)
+        np.logical_and(faster > deviation, current > -self._pressing, out=self._too_fast)
+        self._in_row += 1
+        self._in_row *= self._too_slow | self._too_fast
+        astray: NDArray[np.bool_] = self._in_row >= TICKS
+        return astray

@@ -1,0 +1,112 @@
+"""The drives' answers to SYNC: which TPDOs have come, and the samples that they make."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.cia402 import DriveState, drive_state
+from drivers.codec import Joint, SampleDecoder
+from drivers.events import Event, LateAnswer
+from drivers.samples import Samples
+from drivers.settings import DriveProfile
+
+
+@dataclass(slots=True)
+class Counters:
+    """How often what ought not to happen did."""
+
+    unknown_frames: int = 0
+    short_frames: int = 0
+    late_frames: int = 0
+    missing_frames: int = 0
+    error_frames: int = 0
+    send_errors: int = 0
+    dropped_events: int = 0
+
+
+class Answers:
+    """TPDOs in, samples out. Which are still awaited is one integer, a bit for each of them."""
+
+    def __init__(
+        self,
+        joints: Sequence[Joint],
+        profiles: Mapping[str, DriveProfile],
+        counters: Counters,
+        tell: Callable[[Event], None],
+    ) -> None:
+        """Raises ConfigurationError if a PDO layout does not fit."""
+        self._counters, self._tell = counters, tell
+        self._decoder = SampleDecoder(joints, profiles)
+        self._raw = self._decoder.raw
+        slots = self._decoder.slots
+        self._tpdos = {
+            cob_id: (1 << bit, start, stop, layout)
+            for bit, (cob_id, (_, start, stop, layout)) in enumerate(slots.items())
+        }
+        self._joint_bits = [0] * len(joints)
+        for bit, (joint, *_) in enumerate(slots.values()):
+            self._joint_bits[joint] |= 1 << bit
+        self._all = (1 << len(self._tpdos)) - 1
+        self.missing = 0
+        """Not zero while one is awaited."""
+        # What had come when the tick before this one ended: another before the next SYNC says that
+        # the first was old.
+        self._answered = 0
+        self._all_fresh = False
+        n = len(joints)
+        self.samples = Samples(
+            current=self._decoder.current,
+            link_position=self._decoder.link_position,
+            motor_velocity=self._decoder.motor_velocity,
+            motor_position=self._decoder.motor_position,
+            fresh=np.zeros(n, dtype=np.bool_),
+            age_ticks=np.zeros(n, dtype=np.int64),
+            states=[DriveState.UNKNOWN] * n,
+            statuswords=self._decoder.statuswords,
+        )
+
+    def expect_none(self) -> None:
+        """Until the next SYNC, whatever comes is late."""
+        self.missing = 0
+
+    def expect_all(self) -> None:
+        """SYNC is about to go out."""
+        self._answered = 0
+        self.missing = self._all
+
+    def take(self, cob_id: int, data: bytes | bytearray) -> bool:
+        """Keep a frame if it is a TPDO; False if it is none."""
+        slot = self._tpdos.get(cob_id)
+        if slot is None:
+            return False
+        bit, start, stop, layout = slot
+        if len(data) < layout.size:
+            self._counters.short_frames += 1
+            return True
+        self._raw[start:stop] = layout.unpack_from(data)
+        if self.missing & bit:
+            self.missing ^= bit
+        else:
+            self._counters.late_frames += 1
+            if self._answered & bit:
+                self._tell(LateAnswer(cob_id & 0x7F))
+        return True
+
+    def finish(self) -> Samples:
+        """What has come until now is this tick's; the same object and arrays every time."""
+        samples, missing = self.samples, self.missing
+        self._answered = self._all & ~missing
+        self._decoder.decode()
+        if missing:
+            self._counters.missing_frames += missing.bit_count()
+            for i, bits in enumerate(self._joint_bits):
+                samples.fresh[i] = not missing & bits
+            np.add(samples.age_ticks, 1, out=samples.age_ticks)
+            samples.age_ticks[samples.fresh] = 0
+        elif not self._all_fresh:
+            samples.fresh.fill(True)
+            samples.age_ticks.fill(0)
+        self._all_fresh = not missing
+        samples.states[:] = map(drive_state, samples.statuswords)
+        return samples

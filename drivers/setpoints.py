@@ -1,0 +1,72 @@
+"""RPDOs of all drives: controlwords and target velocities, written into frames that stay."""
+
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from drivers.cia402 import QUICK_STOP, DriveState, PowerTarget, controlword
+from drivers.codec import Joint, SetpointEncoder, Vector, receive_pdos
+from drivers.settings import DriveProfile
+from drivers.wire import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class _Rpdo:
+    """Its data, written over and over, and which of (controlword, counts) it carries."""
+
+    data: bytearray
+    layout: struct.Struct
+    picks: tuple[int, ...]
+
+
+class Setpoints:
+    """What the drives are told in each tick; `frames` always holds the last `write`."""
+
+    def __init__(self, joints: Sequence[Joint], profiles: Mapping[str, DriveProfile]) -> None:
+        """Raises ConfigurationError if a PDO layout does not fit."""
+        self._encoder = SetpointEncoder(joints, profiles)
+        self._controlwords = [0] * len(joints)
+        self._rpdos: list[list[_Rpdo]] = []
+        self.frames: list[Frame] = []
+        self.quick_stops: list[Frame] = []
+        """Stop each drive in any state; ready beforehand, so that nothing that breaks can be in
+        their way."""
+        for (_, wiring), still in zip(joints, self._encoder.standstill, strict=True):
+            self._rpdos.append([])
+            for pdo in receive_pdos(profiles[wiring.profile], wiring.node):
+                picks = tuple(0 if part.entry == "controlword" else 1 for part in pdo.fields)
+                rpdo = _Rpdo(bytearray(pdo.layout.size), pdo.layout, picks)
+                self._rpdos[-1].append(rpdo)
+                self.frames.append((pdo.cob_id, rpdo.data))
+                stop = pdo.layout.pack(*((QUICK_STOP, still)[pick] for pick in picks))
+                self.quick_stops.append((pdo.cob_id, stop))
+
+    def write(
+        self,
+        states: Sequence[DriveState],
+        targets: Sequence[PowerTarget],
+        velocity: Vector,
+        reset: bool,
+    ) -> None:
+        """Take each drive on its way to its target. One that is not in operation, or not wanted
+        there, gets velocity zero.
+
+        velocity: (n,) rad/s at the link; where one is not finite, all drives are told to stop
+        instead, and ValueError is raised.
+        """
+        standstill = self._encoder.standstill
+        try:
+            counts, error = self._encoder.encode(velocity), None
+        except ValueError as raised:
+            counts, error = standstill, raised
+            targets = [PowerTarget.QUICK_STOP] * len(targets)
+        for i, rpdos in enumerate(self._rpdos):
+            target, state = targets[i], states[i]
+            moves = target is PowerTarget.ON and state is DriveState.OPERATION_ENABLED
+            word = controlword(state, target, self._controlwords[i], reset)
+            self._controlwords[i] = word
+            values = (word, counts[i] if moves else standstill[i])
+            for rpdo in rpdos:
+                rpdo.layout.pack_into(rpdo.data, 0, *[values[pick] for pick in rpdo.picks])
+        if error:
+            raise error

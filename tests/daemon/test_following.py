@@ -1,0 +1,96 @@
+"""Which motors are found not to do what they are told."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from daemon.following import PRESSING_SHARE, TICKS, Following, FollowingBounds
+
+T, LAG = 0.01, 0.01
+WINDOW = 6  # three ticks of latency, three lags
+DEVIATION, CURRENT = np.array([0.2, 0.3]), np.array([1.0, 4.0])
+E = 1e-9
+Vector = NDArray[np.float64]
+
+
+@pytest.fixture
+def following() -> Following:
+    return Following(FollowingBounds(DEVIATION, CURRENT, LAG), T)
+
+
+def ticks(
+    following: Following, count: int, told: float, velocity: float, share: float = 0.0
+) -> list[bool]:
+    """Whether the second joint is astray, tick by tick; the first does what it is told."""
+    found = []
+    for _ in range(count):
+        following.tell(np.array([told, told]))
+        astray = following.astray(np.array([told, velocity]), np.array([0.0, share * CURRENT[1]]))
+        assert not astray[0]
+        found.append(bool(astray[1]))
+    return found
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("beyond", "astray"), [(-E, False), (E, True)])
+@pytest.mark.parametrize("told", [0.0, 0.1])
+def test_the_deviation_that_counts(
+    following: Following, sign: int, beyond: float, astray: bool, told: float
+) -> None:
+    ticks(following, WINDOW, sign * told, sign * told)
+    velocity = sign * (told - DEVIATION[1] - beyond)
+    found = ticks(following, TICKS, sign * told, velocity)
+    assert found == [False] * (TICKS - 1) + [astray]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("beyond", "astray"), [(-E, True), (E, False)])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_drive_that_presses_the_right_way_follows(
+    following: Following, sign: int, beyond: float, astray: bool, direction: int
+) -> None:
+    """Held up, or carried along by somebody stronger; pressing the wrong way is no excuse."""
+    share = sign * direction * (PRESSING_SHARE + beyond)
+    found = ticks(following, TICKS, 0.0, -sign * 0.5, share)
+    assert found[-1] is (astray if direction == 1 else True)
+
+
+def test_it_counts_anew(following: Following) -> None:
+    assert not any(ticks(following, TICKS - 1, 0.0, 0.5))
+    assert ticks(following, 1, 0.0, 0.0) == [False]
+    assert not any(ticks(following, TICKS - 1, 0.0, 0.5))
+    assert ticks(following, 2, 0.0, 0.5) == [True, True]
+    following.restart()
+    assert not any(ticks(following, TICKS - 1, 0.0, 0.5))
+
+
+def test_what_was_told_lately_may_still_be_obeyed(following: Following) -> None:
+    ticks(following, WINDOW, 0.5, 0.5)
+    # Told to stand, it goes on: that counts when the last 0.5 has left the window.
+    found = ticks(following, WINDOW - 1 + TICKS, 0.0, 0.5)
+    assert found == [False] * (WINDOW - 2 + TICKS) + [True]
+    following.restart()
+    ticks(following, 1, 0.5, 0.0)
+    # Told to move, it stands: that counts when nothing else was told for as long.
+    found = ticks(following, WINDOW - 2 + TICKS, 0.5, 0.0)
+    assert found == [False] * (WINDOW - 3 + TICKS) + [True]
+
+
+@pytest.mark.parametrize(
+    ("lag_s", "period_s", "window"),
+    [(0.0, 0.01, 3), (0.01, 0.01, 6), (0.011, 0.01, 7), (0.03, 0.002, 48)],
+)
+def test_the_window_follows_from_lag_and_period(lag_s: float, period_s: float, window: int) -> None:
+    following = Following(FollowingBounds(DEVIATION, CURRENT, lag_s), period_s)
+    ticks(following, 1, 0.5, 0.5)
+    found = ticks(following, 100, 0.0, 0.5)
+    assert found.index(True) == window - 1 + TICKS - 1
+
+
+def test_every_joint_by_itself() -> None:
+    following = Following(FollowingBounds(DEVIATION, CURRENT, LAG), T)
+    for _ in range(TICKS):
+        following.tell(np.zeros(2))
+        astray = following.astray(np.array([-0.21, 0.31]), np.zeros(2))
+    assert astray.tolist() == [True, True]
+    assert following.astray(np.array([0.0, 0.31]), np.zeros(2)).tolist() == [False, True]
