@@ -14,7 +14,7 @@ SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
-.PHONY: help demo test check units system install install-env install-files uninstall verify reference lock clean
+.PHONY: help demo test check units soak system install install-env install-files uninstall verify reference lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
@@ -68,6 +68,13 @@ units: $(STAMP)
 	    { cat $(STAGE)/security; exit 1; }; \
 	  echo "units: verified with $$conf: $$(tail -1 $(STAGE)/security)"; \
 	done
+
+# JOBS: processes that share the simulated hours.
+soak: MINUTES ?= 20
+soak: HOURS ?= 3
+soak: JOBS ?= 1
+soak: $(STAMP)  ## MINUTES=20 in real time and HOURS=3 simulated: what breaks, and what grows?
+	$(BIN)/python -m bench.soak --minutes $(MINUTES) --hours $(HOURS) --jobs $(JOBS)
 
 system: $(STAMP)  ## the installed service under systemd on a virtual CAN bus (root; a test machine)
 	$(BIN)/python -m pytest -q -rs tests/system --system

@@ -10,17 +10,10 @@ connects anew, again and again, and disarms. A last phase has the attackers as b
 attacks, but with each other instead of the daemon: what the machine itself takes away.
 """
 
-import contextlib
-import errno
-import multiprocessing
 import os
-import socket
-import subprocess
-import sys
-import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,132 +23,14 @@ import numpy as np
 
 from bench.figures import Target, print_report
 from bench.lockstep import SINGLE_JOINT
+from bench.processes import pair
+from bench.rude_clients import ATTACKS, BESIDE, attacking
 from daemon.client import Client
 from daemon.messages import State, Timing
 from errors import ContactdError
 
-PATIENCE_S = 30.0
 PERIOD_US = 10_000.0
-ATTACKERS = 2
-# Between two rounds of an attacker: it must not need a whole core of a machine that has two.
-PAUSE_S = 0.002
 PERSON_EVERY_S = 0.1
-
-Attack = Callable[[str], Iterator[None]]
-
-
-# --- attacks: each `next` is one round ------------------------------------------------------------
-
-
-def _dial(path: str) -> socket.socket:
-    one = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
-    with contextlib.suppress(OSError):
-        one.connect(path)
-    return one
-
-
-def _saying(path: str, packets: list[bytes], connections: int, *, listens: bool) -> Iterator[None]:
-    """Every connection says everything as fast as the daemon takes it; whoever is dropped comes
-    again."""
-    opened = [_dial(path) for _ in range(connections)]
-    while True:
-        for i, one in enumerate(opened):
-            try:
-                for packet in packets:
-                    one.send(packet)
-                while listens and one.recv(1 << 20):
-                    pass
-            except BlockingIOError:
-                continue
-            except OSError as error:
-                if error.errno != errno.EMSGSIZE:  # which is too long for the kernel
-                    one.close()
-                    opened[i] = _dial(path)
-        yield
-
-
-def flood(path: str) -> Iterator[None]:
-    """Requests for the longest answers, which are read."""
-    return _saying(path, [b'{"command":"status"}'] * 4, 12, listens=True)
-
-
-def babble(path: str) -> Iterator[None]:
-    """Garbage, messages that are cut off, and 10 MB."""
-    packets = [b"[" * 8000, b'{"command":"sta', bytes(range(256)) * 8, b"x" * 150_000]
-    return _saying(path, [*packets, b"x" * 10_000_000], 12, listens=True)
-
-
-def deaf(path: str) -> Iterator[None]:
-    """Readers that never read, and those who ask and do not listen."""
-    return _saying(path, [b'{"command":"subscribe"}', b'{"command":"status"}'], 12, listens=False)
-
-
-def upload(path: str) -> Iterator[None]:
-    """Trajectories without end: the request that costs most."""
-    row = "[%.3f,0.0123456789,-0.0123456789]"
-    header = b'{"command":"load","header":{"name":"x","joints":["joint"]}}'
-    rows = ",".join(row % (0.01 * i) for i in range(200))
-    body = b'{"command":"load","rows":[%s]}' % rows.encode()
-    return _saying(path, [header, body], 12, listens=True)
-
-
-def crowd(path: str) -> Iterator[None]:
-    """A thousand connections that stay as long as they are let."""
-    held: list[socket.socket] = []
-    while True:
-        held += [_dial(path) for _ in range(20)]
-        while len(held) > 1000:
-            held.pop(0).close()
-        yield
-
-
-def apart(path: str) -> Iterator[None]:
-    """As busy as the others, with a socket of its own."""
-    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    while True:
-        for _ in range(48):
-            near.send(b'{"command":"status"}')
-            far.recv(1 << 20)
-        yield
-
-
-ATTACKS: dict[str, Attack] = {
-    "flood": flood,
-    "babble": babble,
-    "deaf": deaf,
-    "upload": upload,
-    "crowd": crowd,
-}
-BESIDE: dict[str, Attack] = {"apart": apart}
-
-
-def _attack(name: str, path: str) -> None:
-    rounds = {**ATTACKS, **BESIDE}[name](path)
-    while True:
-        next(rounds)
-        time.sleep(PAUSE_S)
-
-
-@contextlib.contextmanager
-def attacking(name: str | None, path: Path) -> Iterator[None]:
-    """Processes that attack while the block lasts."""
-    context = multiprocessing.get_context("fork")
-    # Whoever holds a thousand connections is one, the others are many.
-    count = 0 if name is None else 1 if name == "crowd" else ATTACKERS
-    made = [
-        context.Process(target=_attack, args=(name, str(path)), daemon=True) for _ in range(count)
-    ]
-    for process in made:
-        process.start()
-    try:
-        yield
-    finally:
-        for process in made:
-            process.kill()
-            process.join()
-
-
-# --- the measurement ------------------------------------------------------------------------------
 
 
 @dataclass(slots=True)
@@ -226,52 +101,14 @@ def watch(path: Path, states: Iterator[State], name: str | None, seconds: float)
     return phase
 
 
-@contextlib.contextmanager
-def daemon_of(folder: Path) -> Iterator[Path]:
-    """The simulated arm and its daemon, each a process; the path of the control socket."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = str(probe.getsockname()[1])
-    with tempfile.TemporaryDirectory(prefix="contactd-flood-") as place:
-        door = Path(place) / "control"
-        program = [sys.executable, "-m", "daemon.commands.contactd"]
-        simulate = [*program, "simulate", str(folder), "--port", port]
-        run = [*program, "run", str(folder), "--port", port, "--socket", str(door)]
-        with (
-            subprocess.Popen(simulate, stdout=subprocess.PIPE) as simulator,
-            (Path(place) / "log").open("w") as log,
-        ):
-            assert simulator.stdout is not None
-            simulator.stdout.readline()  # it listens
-            with subprocess.Popen(run, stderr=log) as daemon:
-                try:
-                    yield door
-                finally:
-                    daemon.terminate()
-                    daemon.wait(PATIENCE_S)
-                    simulator.kill()
-
-
-def _subscribed(path: Path) -> tuple[Client, Iterator[State]]:
-    deadline = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            client = Client(path)
-            return client, client.subscribe()[1]
-        except ContactdError:
-            if time.monotonic() > deadline:
-                raise
-            time.sleep(0.1)
-
-
 def phases(seconds: float) -> list[Phase]:
     """Quiet before each attack; at the end the busy neighbours."""
     made = []
-    with daemon_of(SINGLE_JOINT) as path:
-        client, states = _subscribed(path)
+    with pair(SINGLE_JOINT) as both:
+        client, _, states = both.subscribed()
         with client:
             for name in [*ATTACKS, *BESIDE]:
-                made += [watch(path, states, kind, seconds) for kind in (None, name)]
+                made += [watch(both.door, states, kind, seconds) for kind in (None, name)]
     return made
 
 

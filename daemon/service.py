@@ -98,7 +98,6 @@ class Service:
     def doors(self) -> None:
         """Publish the tick, log its events, serve the control socket: bounded work."""
         cycle = self.loop.cycle
-        self._check_lease()
         if self.control.readers and cycle.decision is not None:
             self.control.publish(cycle.state(self.loop.wakeup))
         for event in cycle.events:
@@ -108,6 +107,8 @@ class Service:
                 self.on_fault(event.text)
             if event.kind == "mode":
                 self.notifier.status(self.summary())
+        # After the State, which tells of what was decided in its tick: the next one tells of this.
+        self._check_lease()
         self.control.poll(self.handle, DOORS_SHARE * self.robot.configuration.period_s)
         self.notifier.ticked(self.loop.wakeup.monotonic_s)
 

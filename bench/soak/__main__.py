@@ -1,0 +1,80 @@
+"""An arm, a hand, faults and people, all at random, for hours: what grows, and what breaks?
+
+    python -m bench.soak [--minutes N] [--hours H] [--jobs J] [--seed S] [--json]   (make soak)
+
+Two parts, one after the other. In *lockstep*, H simulated hours: every random choice comes from the
+seed, and a second run with it goes the same way. In *real time*, N minutes of `contactd simulate`
+and `contactd run` as processes, as at a robot, with rude clients and a recorder beside. In both a
+hand pushes, leads and holds the arm; faults come and go, and a person resets them; people and
+programs arm, start, pause, stop, upload trajectories, change gains, let leases run out, hang up.
+
+In every tick it is checked that no joint goes beyond its limits and no setpoint leads there, that
+setpoints and their steps are bounded, that nothing moves while it is latched, that it is not armed
+longer than the lease, that every change of mode is one of the table and told with its cause, and
+that the arm comes back after each fault. Memory, descriptors, helpers, theta's uncertainty,
+lateness and the time of a tick must not grow: Theil-Sen's slope over the second half, 95 % sure,
+against a stated tolerance.
+
+Writes bench/out/soak.png and soak.json. Exit status 1 when a rule was broken, or when memory,
+descriptors, helpers or uncertainty grow; lateness and times are reported only, for the machine
+may be to blame. 0 minutes, or 0 hours, leave that part out.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import click
+
+from bench.figures import print_report
+from bench.soak.lockstep import simulate_hours
+from bench.soak.plot import plot
+from bench.soak.progress import Progress
+from bench.soak.real_time import run_real_time
+from bench.soak.report import failures, show, targets_of
+
+OUT = Path("bench/out")
+
+
+@click.command(help=__doc__)
+@click.option(
+    "--minutes", type=click.FloatRange(0.0), default=20.0, show_default=True, help="Of real time."
+)
+@click.option(
+    "--hours", type=click.FloatRange(0.0), default=3.0, show_default=True, help="Simulated."
+)
+@click.option(
+    "--jobs",
+    type=click.IntRange(1, 64),
+    default=1,
+    show_default=True,
+    help="Processes that share the simulated hours; on one CPU an hour takes some 20 minutes.",
+)
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
+@click.option("--json", "as_json", is_flag=True, help="Everything as JSON on the last line.")
+def main(minutes: float, hours: float, jobs: int, seed: int, as_json: bool) -> None:
+    parts = simulate_hours(seed, hours, jobs) if hours else []
+    if minutes:
+        # Alone: how punctual it is would otherwise say what the lockstep part takes.
+        parts.append(run_real_time(seed, 60.0 * minutes, Progress("real time")))
+    if not parts:
+        raise click.UsageError("neither minutes nor hours: nothing to do")
+    if not as_json:
+        for part in parts:
+            show(part)
+        click.echo()
+    data = {part.name: part.data() for part in parts}
+    OUT.mkdir(exist_ok=True)
+    (OUT / "soak.json").write_text(json.dumps(data))
+    picture = plot(parts, OUT / "soak.png")
+    print_report("soak", seed, targets_of(parts), data, as_json=as_json)
+    found = failures(parts)
+    for line in found:
+        click.echo(f"FAILED: {line}", err=True)
+    if not as_json:
+        click.echo(f"{picture} and {OUT / 'soak.json'} written; {len(found)} failures")
+    sys.exit(1 if found else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,175 @@
+"""What must hold in every tick, whatever the hand, the faults and the people do."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.soak.record import Ledger
+from daemon.config.motion import limits_of
+from daemon.config.schema import Configuration
+from daemon.messages import State
+from daemon.modes import GUIDED, SENSING, TRANSITIONS, Mode
+
+# What a drive's velocity loop and the gear give way under a hand, beyond a joint limit [rad].
+GIVES_WAY = 0.01
+# How long a quick stop may take [s], and the speed of a motor that stands [rad/s].
+BRAKING_S = 1.0
+STANDS = 0.05
+# After the hand is off, an arm that swings in its gaps may still be felt [s].
+SWINGS_S = 1.0
+
+LATCHED = (Mode.OFF, Mode.ENABLING, Mode.FAULTED)
+STEPS = frozenset((before, after) for (before, _), after in TRANSITIONS.items())
+
+
+class Watch:
+    """Looks at one State after the other; `ledger` knows what was broken."""
+
+    def __init__(self, c: Configuration, ledger: Ledger) -> None:
+        self.ledger = ledger
+        self.contacts_s: list[float] = []
+        """When a contact or a collision was reported, where the arm can feel one."""
+        self._limits = limits_of(c)
+        self._period_s = c.period_s
+        self._names = c.joint_names
+        self._before: State | None = None
+        self._setpoint = np.zeros(len(c.joints))
+        self._quiet_since_s = 0.0
+
+    def see(
+        self,
+        state: State,
+        *,
+        lease_until_s: float,
+        disturbed: bool,
+        q: NDArray[np.float64] | None = None,
+        motor_velocity: NDArray[np.float64] | None = None,
+    ) -> None:
+        """One State. lease_until_s: until when somebody may have the arm armed (State.time_s).
+        disturbed: whether a hand is on the arm or a fault is being made. q (n,) [rad] and
+        motor_velocity (n,) [rad/s]: the true ones, where they are known."""
+        mode, now = Mode(state.mode), state.time_s
+        setpoint = np.array(state.setpoint)
+        measured = np.array(state.link_position)
+        fresh = np.array(state.fresh)
+        true_q = np.where(fresh, measured, 0.0) if q is None else q
+        self._bounds(state, mode, setpoint, measured, fresh)
+        if mode in SENSING:
+            self._position(now, true_q, fresh if q is None else np.ones_like(fresh))
+        self._permission(state, mode, lease_until_s)
+        before = self._before
+        if before is not None:
+            self.ledger.check("time goes on", now > before.time_s, now, f"after {before.time_s}")
+            if state.tick == before.tick + 1:
+                self._step(before, state, setpoint, measured)
+                self._causes(before, state)
+            if before.mode != state.mode:
+                self._quiet_since_s = now
+        if disturbed or not fresh.all():
+            self._quiet_since_s = now
+        if mode in LATCHED and now > self._quiet_since_s + BRAKING_S:
+            speed = np.array(state.motor_velocity) if motor_velocity is None else motor_velocity
+            self._all("no motion while latched", np.abs(speed) < STANDS, now, speed, "rad/s")
+        if mode in SENSING:  # elsewhere a brake carries what the residual takes for a touch
+            self.contacts_s += [now for event in state.events if event.kind == "contact"]
+        self._before, self._setpoint = state, setpoint
+
+    def _all(
+        self,
+        rule: str,
+        holds: NDArray[np.bool_],
+        now: float,
+        values: NDArray[np.float64],
+        unit: str,
+    ) -> None:
+        words = ""
+        if not holds.all():
+            wrong = np.flatnonzero(~holds)
+            words = ", ".join(f"{self._names[i]} {values[i]:.4f} {unit}" for i in wrong)
+        self.ledger.check(rule, bool(holds.all()), now, words)
+
+    def _bounds(
+        self,
+        state: State,
+        mode: Mode,
+        setpoint: NDArray[np.float64],
+        measured: NDArray[np.float64],
+        fresh: NDArray[np.bool_],
+    ) -> None:
+        limits, now = self._limits, state.time_s
+        within = np.abs(setpoint) <= limits.velocity + 1e-9
+        self._all("setpoints within the velocity limit", within, now, setpoint, "rad/s")
+        if mode in SENSING:
+            out = (measured >= limits.upper) & (setpoint > 0.0)
+            out |= (measured <= limits.lower) & (setpoint < 0.0)
+            self._all("no setpoint leads out of a limit", ~(out & fresh), now, setpoint, "rad/s")
+        else:
+            self._all("no setpoint while latched", setpoint == 0.0, now, setpoint, "rad/s")
+
+    def _position(self, now: float, q: NDArray[np.float64], known: NDArray[np.bool_]) -> None:
+        limits = self._limits
+        inside = (q >= limits.lower - GIVES_WAY) & (q <= limits.upper + GIVES_WAY)
+        self._all("no joint beyond its limit", inside | ~known, now, q, "rad")
+
+    def _permission(self, state: State, mode: Mode, lease_until_s: float) -> None:
+        check, now = self.ledger.check, state.time_s
+        if state.armed:
+            # The lease is looked at after each tick.
+            late_s = 2.0 * self._period_s + 1e-6 * state.timing.lateness_us
+            held = now <= lease_until_s + late_s
+            check("armed no longer than the lease", held, now, f"until {lease_until_s:.2f} s")
+            check("not armed while latched", mode not in LATCHED, now, state.mode)
+
+    def _step(
+        self,
+        before: State,
+        state: State,
+        setpoint: NDArray[np.float64],
+        measured: NDArray[np.float64],
+    ) -> None:
+        """Acceleration: only the braking distance to a limit may ask for more, to brake."""
+        if Mode(before.mode) not in SENSING or Mode(state.mode) not in SENSING:
+            return
+        limits = self._limits
+        dt = min(state.time_s - before.time_s, 2.0 * self._period_s)
+        step = setpoint - self._setpoint
+        gentle = np.abs(step) <= limits.acceleration * dt + 1e-9
+        brakes = np.abs(setpoint) < np.abs(self._setpoint)
+        room = np.where(self._setpoint > 0.0, limits.upper - measured, measured - limits.lower)
+        forced = brakes & (np.abs(setpoint) >= limits.funnel(room) - 1e-6)
+        at_age = ~np.array(state.fresh)  # where the arm is taken to be is not published then
+        self._all(
+            "velocity steps bounded",
+            gentle | forced | (brakes & at_age),
+            state.time_s,
+            step,
+            "rad/s",
+        )
+
+    def _causes(self, before: State, state: State) -> None:
+        """Every change of mode or permission is told, with its cause, and is one of the table."""
+        check, now = self.ledger.check, state.time_s
+        told = [event.text.partition(": ") for event in state.events if event.kind == "mode"]
+        mode, steps = before.mode, [what for what, _, _ in told if " -> " in what]
+        steps = [what for what in steps if not what.startswith("gain of ")]
+        for what in steps:
+            first, _, second = what.partition(" -> ")
+            known = (Mode(first), Mode(second)) in STEPS
+            check("changes of mode are of the table", first == mode and known, now, what)
+            mode = second
+        words = f"{before.mode} to {state.mode}, told: {told}"
+        check("a change of mode is told", mode == state.mode, now, words)
+        check("a change has a cause", all(cause for _, _, cause in told), now, words)
+        armings = [what for what, _, _ in told if what in ("armed", "disarmed")]
+        last = armings[-1] == "armed" if armings else before.armed
+        check("a change of permission is told", last == state.armed, now, words)
+        if Mode(state.mode) in GUIDED and Mode(before.mode) not in GUIDED:
+            check("nobody guides an arm that is not armed", before.armed or "armed" in armings, now)
+
+
+def false_alarms(contacts_s: Sequence[float], touches_s: Sequence[tuple[float, float]]) -> int:
+    """Contacts that nobody made: outside of every touch (from, to) and the swinging after it."""
+    return sum(
+        not any(begin <= t <= end + SWINGS_S for begin, end in touches_s) for t in contacts_s
+    )

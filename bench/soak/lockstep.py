@@ -1,0 +1,259 @@
+"""The lockstep part: simulated hours, every random choice from one seed.
+
+The daemon's cycle and service, the simulated arm, a hand, people, and the faults of `bench.faults`
+on one virtual bus. Requests reach the service without its socket, so that no clock of this machine
+decides anything.
+"""
+
+import concurrent.futures
+import contextlib
+import logging
+import multiprocessing
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import can
+import numpy as np
+
+from bench.faults import CASES, Case, FaultyBus, Stage
+from bench.lockstep import Rig, lockstep_rig
+from bench.soak.invariants import Watch, false_alarms
+from bench.soak.people import Leases, Person, View, explained, operator, program
+from bench.soak.process import held
+from bench.soak.progress import Progress
+from bench.soak.record import Part
+from bench.soak.robot import hand_script, write_robot
+from daemon.assembly import build_setups
+from daemon.config.load import load_robot
+from daemon.control import ControlSocket, Peer
+from daemon.drives import Drives
+from daemon.loop import Clock, Loop
+from daemon.messages import Reply
+from daemon.modes import Mode
+from daemon.notify import Notifier
+from daemon.service import Service
+from errors import ContactdError
+
+# Not at random: what leaves the arm somewhere it cannot be enabled from, what ends the program,
+# what needs a certain motion to be noticed, and what stands in for somebody else's part.
+UNFIT = {
+    "adapter gone",
+    "drive runs away",
+    "current stuck",
+    "encoder frozen",
+    "gear slips at 0.8 rad/s",
+    "infinite reference",
+    "pushed beyond a limit",
+}
+FAULTS = tuple(case for case in CASES if case.name not in UNFIT)
+MEAN_PAUSE_S = 40.0  # between two faults
+# A fault that is gone must be reset and the arm be up again within this time [s].
+COMES_BACK_S = 60.0
+SAMPLES = 240
+
+Tell = Callable[[float], None]
+
+
+def simulate_hours(seed: int, hours: float, jobs: int) -> list[Part]:
+    """Each job is a process with a seed of its own and its share of the hours."""
+    spawn = multiprocessing.get_context("spawn")
+    with concurrent.futures.ProcessPoolExecutor(jobs, spawn) as pool:
+        return list(pool.map(_simulate, range(seed, seed + jobs), [hours / jobs] * jobs))
+
+
+def _simulate(seed: int, hours: float) -> Part:
+    return run_lockstep(seed, hours, Progress(f"lockstep, seed {seed}"))
+
+
+class _DrivesInLockstep(Drives):
+    """Sets drives up again while the simulated ones answer from a thread."""
+
+    rig: Rig
+
+    def renew(self, joints: Sequence[int]) -> None:
+        """As Drives.renew."""
+        with self.rig.lockstep.serving():
+            super().renew(joints)
+
+
+class _Visitor:
+    """One person or program, and their connection."""
+
+    def __init__(self, person: Person) -> None:
+        self.person = person
+        self.due_s = 0.0
+        self.connection = 0
+        next(person)
+
+
+class _Troublemaker:
+    """One fault after the other, each for a while."""
+
+    def __init__(self, rng: Random, stage: Stage) -> None:
+        self._rng, self._stage = rng, stage
+        self._fault: Iterator[None] | None = None
+        self._case: Case = FAULTS[0]
+        self._next_s, self._left = rng.expovariate(1 / MEAN_PAUSE_S), 0
+        self._found = False
+
+    @property
+    def active(self) -> bool:
+        """Whether a fault is being made now."""
+        return self._fault is not None
+
+    def before(self, part: Part) -> None:
+        """Before a tick: begin, go on, or end."""
+        now = self._stage.rig.time_s
+        if self._fault is None and now >= self._next_s:
+            self._case = self._rng.choice(FAULTS)
+            self._fault = self._case.fault(self._stage)
+            self._left = self._case.ticks + self._rng.randrange(30)
+            self._found = False
+            part.counts[f"fault: {self._case.name}"] += 1
+        if self._fault is not None:
+            self._left -= 1
+            if self._left < 0 or next(self._fault, self) is self:
+                self._fault.close()  # type: ignore[attr-defined]  # all of them are generators
+                self._fault = None
+                self._next_s = now + self._rng.expovariate(1 / MEAN_PAUSE_S)
+                part.counts["faults noticed"] += self._found
+
+    def after(self) -> None:
+        """After it: was it noticed?"""
+        if self._fault is not None:
+            findings = self._stage.rig.cycle.findings
+            self._found |= any(finding.condition is self._case.condition for finding in findings)
+
+
+def run_lockstep(seed: int, hours: float, tell: Tell = lambda share: None) -> Part:
+    """Soak for so many simulated hours; `tell` hears the share that is done."""
+    logging.getLogger("contactd").setLevel(logging.CRITICAL)  # faults are what this is about
+    rng = Random(seed)
+    seconds = 3600.0 * hours
+    part = Part(f"lockstep, seed {seed}", seed, warm_up_s=0.02 * seconds)
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="contactd-soak-") as folder:
+        robot = write_robot(Path(folder) / "arm")
+        hand = hand_script(Random(seed), load_robot(robot).configuration, seconds)
+        buses: list[FaultyBus] = []
+
+        def between(near: can.BusABC) -> Any:
+            buses.append(FaultyBus(near))
+            return buses[0]
+
+        with (
+            lockstep_rig(robot, hand=hand, bus=between) as rig,
+            ControlSocket(Path(folder) / "control") as control,
+            contextlib.closing(Notifier()) as notifier,
+        ):
+            stage = Stage(rig, buses[0], rig.arm.plant.q.copy())
+            read = rig.arm.sensors.read
+            rig.arm.sensors.read = lambda *state: stage.sense(read(*state))  # type: ignore[method-assign]
+            _soak(part, rng, stage, _service(rig, control, notifier), seconds, tell)
+    part.took_s = time.perf_counter() - began
+    return part
+
+
+def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
+    c = rig.robot.configuration
+    loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+    # The clock of the rig starts at zero, as the loop's does.
+    drives = _DrivesInLockstep(
+        rig.bus, build_setups(rig.robot), c.period_ms, c.bus.master_node, list(rig.identities)
+    )
+    drives.rig = rig
+    return Service(rig.robot, loop, control, [], os.getpid(), notifier, [], drives)
+
+
+def _soak(
+    part: Part, rng: Random, stage: Stage, service: Service, seconds: float, tell: Tell
+) -> None:
+    rig, c = stage.rig, stage.rig.robot.configuration
+    leases = Leases()
+    watch = Watch(c, part.ledger)
+    trouble = _Troublemaker(Random(rng.random()), stage)
+    visitors = [_Visitor(who(Random(rng.random()), c)) for who in (operator, program)]
+    touches: list[tuple[float, float]] = []
+    sigma, error, cpu = [0.0], [0.0], time.thread_time()
+    every, done = max(seconds / SAMPLES, 0.25), 0
+    down_since_s = 0.0
+    stage.run(0.1)
+    while (now := rig.time_s) < seconds:
+        trouble.before(part)
+        touching = rig.arm.hand.touching or trouble.active
+        if touching:
+            if not touches or touches[-1][1] < now - 0.5:
+                touches.append((now, now))
+            touches[-1] = (touches[-1][0], now)
+        stage.tick()
+        trouble.after()
+        state, plant = rig.cycle.state(), rig.arm.plant  # as it is published
+        service.doors()
+        watch.see(
+            state,
+            lease_until_s=leases.until_s,
+            disturbed=touching,
+            q=plant.q,
+            motor_velocity=plant.theta_dot,
+        )
+        for visitor in visitors:
+            if visitor.due_s <= now:
+                _visit(visitor, service, leases, trouble.active, part)
+        mode = Mode(state.mode)
+        if trouble.active or mode not in (Mode.OFF, Mode.ENABLING, Mode.FAULTED):
+            down_since_s = now
+        late = now > down_since_s + COMES_BACK_S
+        part.ledger.check("the arm comes back after a fault", not late, now, state.cause)
+        if late:
+            down_since_s = now
+        sigma.append(sum(state.gap_sigma) / len(state.gap_sigma))
+        error.append(float(np.abs(np.array(state.motor) - plant.theta).max()))
+        part.counts[f"ticks {mode}"] += 1
+        if now >= (done + 1) * every:
+            ticks = len(sigma)
+            spent, cpu = time.thread_time() - cpu, time.thread_time()
+            part.sample(
+                now,
+                {
+                    **held(os.getpid()),
+                    "theta's uncertainty": 1e3 * float(np.mean(sigma)),
+                    "error of theta": 1e3 * float(np.median(error)),
+                    "CPU time, simulation included": 1e6 * spent / ticks,
+                },
+            )
+            sigma, error, done = [], [], done + 1
+            tell(now / seconds)
+    part.seconds = seconds
+    part.counts["contacts"] = len(watch.contacts_s)
+    part.counts["touches and faults"] = len(touches)
+    part.counts["false alarms"] = false_alarms(watch.contacts_s, touches)
+
+
+def _visit(visitor: _Visitor, service: Service, leases: Leases, trouble: bool, part: Part) -> None:
+    """Let somebody look at the arm and do what they will."""
+    machine, now = service.loop.cycle.controller.machine, service.loop.time_s
+    step = visitor.person.send(View(machine.mode, machine.armed, trouble))
+    if step.requests and not visitor.connection:
+        visitor.connection = leases.connection()
+    peer = Peer(os.getuid(), os.getpid(), visitor.connection)
+    for request in step.requests:
+        try:
+            reply = service.handle(request, peer)
+        except ContactdError as error:  # as the control socket does
+            reply = Reply(ok=False, message=str(error))
+        leases.answered(request, reply, peer.connection, now)
+        part.counts[f"{request.command} {'done' if reply.ok else 'refused'}"] += 1
+        words = f"{request.command} in {machine.mode}: {reply.message} {reply.reasons}"
+        part.ledger.check("a refusal has its reasons", explained(reply), now, words)
+        always = request.command not in ("stop", "disarm") or reply.ok
+        part.ledger.check("stop and disarm are never refused", always, now, words)
+    if step.hang_up and visitor.connection:
+        service.control.on_close(peer)
+        leases.closed(visitor.connection, now, 0.0)
+        visitor.connection = 0
+    visitor.due_s = now + step.wait_s

@@ -1,0 +1,88 @@
+"""Faults that come to a running daemon from outside: frames of somebody else on its bus, and
+processes that stand still for a while."""
+
+import os
+import signal
+import socket
+import time
+from collections.abc import Callable, Sequence
+from random import Random
+
+from bench.processes import Pair
+
+Fault = Callable[[Pair, Random, Sequence[int]], None]
+"""Makes the fault, and returns when its cause is gone; gets the nodes of the drives."""
+
+NMT, SYNC, EMERGENCY, SETPOINT = 0x000, 0x080, 0x080, 0x200
+STOP_NODE, PRE_OPERATIONAL, RESET_NODE = 0x02, 0x80, 0x81
+OVER_TEMPERATURE = 0x4310
+
+
+def say(port: int, *frames: tuple[int, bytes]) -> None:
+    """Put frames on the simulated bus as one more client of its socketcand server."""
+    with socket.create_connection(("127.0.0.1", port), timeout=5.0) as stream:
+        for word in (b"", b"< open can0 >", b"< rawmode >"):
+            stream.sendall(word)
+            stream.recv(64)  # < hi >, < ok >, < ok >
+        for cob_id, data in frames:
+            octets = " ".join(f"{byte:02X}" for byte in data)
+            stream.sendall(f"< send {cob_id:03X} {len(data)} {octets} >".encode())
+        time.sleep(0.05)
+
+
+def _hold_up(pid: int, seconds: float) -> None:
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        time.sleep(seconds)
+    finally:
+        os.kill(pid, signal.SIGCONT)
+
+
+def emergency(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
+    """A drive is too hot for a second."""
+    node = rng.choice(nodes)
+    code = OVER_TEMPERATURE.to_bytes(2, "little")
+    say(both.port, (EMERGENCY + node, code + bytes([0x08, 0, 0, 0, 0, 0])))
+    time.sleep(1.0)
+    say(both.port, (EMERGENCY + node, bytes(8)))
+
+
+def drive_restarts(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
+    """A drive is restarted, and knows nothing of its set-up any more."""
+    say(both.port, (NMT, bytes([RESET_NODE, rng.choice(nodes)])))
+
+
+def drive_stopped(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
+    """A drive is told to be silent."""
+    say(both.port, (NMT, bytes([rng.choice((STOP_NODE, PRE_OPERATIONAL)), rng.choice(nodes)])))
+
+
+def foreign_sync(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
+    """Somebody else gives the beat, too."""
+    say(both.port, (SYNC, b""))
+
+
+def foreign_setpoint(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
+    """Somebody else takes a drive's voltage away."""
+    say(both.port, (SETPOINT + rng.choice(nodes), bytes(6)))
+
+
+def drives_held_up(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
+    """No drive is heard for a while: a tick, stale samples, or no heartbeats."""
+    _hold_up(both.simulator.pid, rng.choice((0.015, 0.05, 0.3)))
+
+
+def daemon_held_up(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
+    """A late tick, an overrun, or the drives miss the master."""
+    _hold_up(both.daemon.pid, rng.choice((0.015, 0.06, 0.3)))
+
+
+FAULTS: tuple[Fault, ...] = (
+    emergency,
+    drive_restarts,
+    drive_stopped,
+    foreign_sync,
+    foreign_setpoint,
+    drives_held_up,
+    daemon_held_up,
+)

@@ -1,0 +1,153 @@
+"""People and programs at the control socket, at random: each a generator of what it does next.
+
+`yield Step(...)` hands over requests and how long it then waits; what comes back is the arm as it
+is then. They know neither sockets nor clocks: the lockstep part and the real-time part both drive
+them.
+"""
+
+import itertools
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from random import Random
+
+from daemon.config.schema import Configuration
+from daemon.messages import Header, Reply, Request
+from daemon.modes import Mode
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What somebody at the socket knows when it is their turn."""
+
+    mode: Mode
+    armed: bool
+    trouble: bool  # a fault is being made: no use in `reset`
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Requests on one connection; whether it is closed after them; then a pause."""
+
+    requests: Sequence[Request] = ()
+    hang_up: bool = True
+    wait_s: float = 1.0
+
+
+Person = Generator[Step, View, None]
+
+NOTHING = ""
+STRAY = ("enable", "start", "pause", "arm", "disarm", "stop", "disable", "reset", "gain", "status")
+# What a person wishes for in each mode, and how much more often than something else.
+WISHES: dict[Mode, dict[str, float]] = {
+    Mode.OFF: {"enable": 8, "stray": 1},
+    Mode.ENABLING: {NOTHING: 8, "stray": 1},
+    Mode.HOLDING: {"start": 5, "arm": 5, "load": 2, "gain": 1, "disable": 0.5, "stray": 1},
+    Mode.TRACKING: {"arm": 6, NOTHING: 6, "pause": 1, "stop": 0.5, "gain": 1, "stray": 1},
+    Mode.ADMITTANCE: {NOTHING: 12, "pause": 1, "disarm": 1, "stop": 0.5, "gain": 2, "stray": 0.5},
+    Mode.RETRACTING: {NOTHING: 8, "stray": 1},
+    Mode.RETURNING: {NOTHING: 8, "stray": 1},
+    Mode.STOPPING: {NOTHING: 8, "stray": 1},
+    Mode.FAULTED: {"reset": 8, "stray": 1},
+}
+
+
+def operator(rng: Random, c: Configuration) -> Person:
+    """Somebody at a command line who keeps the arm busy, and often wants what cannot be."""
+    view = yield Step()
+    while True:
+        wishes = WISHES[view.mode]
+        wish = rng.choices(list(wishes), list(wishes.values()))[0]
+        if wish == "stray":
+            wish = rng.choice(STRAY)
+        if wish == "reset" and view.trouble:
+            wish = NOTHING
+        view = yield Step(_requests(wish, rng, c), wait_s=rng.uniform(0.2, 2.5))
+
+
+def program(rng: Random, c: Configuration) -> Person:
+    """A program that keeps a connection and a short lease: it renews for a while, then forgets to,
+    disarms, or dies."""
+    view = yield Step()
+    while True:
+        if view.mode not in (Mode.HOLDING, Mode.TRACKING):
+            view = yield Step(wait_s=rng.uniform(0.5, 2.0))
+            continue
+        lease_s = rng.choice((None, 0.3, 1.0, 2.0))
+        pace_s = 0.3 * (lease_s or 0.5)
+        for _ in range(rng.randrange(1, 40)):
+            view = yield Step((Request("arm", lease_s=lease_s),), hang_up=False, wait_s=pace_s)
+            if not view.armed:
+                break
+        end = rng.choice(("forgets", "disarms", "dies"))
+        if end == "forgets":
+            view = yield Step(hang_up=False, wait_s=2.0)
+        last = (Request("disarm"),) if end == "disarms" else ()
+        view = yield Step(last, wait_s=rng.uniform(0.5, 8.0))
+
+
+def _requests(wish: str, rng: Random, c: Configuration) -> tuple[Request, ...]:
+    match wish:
+        case "":
+            return ()
+        case "arm":
+            return (Request("arm", lease_s=rng.choice((None, 1.0, 5.0, 20.0)), detached=True),)
+        case "gain":
+            joint = rng.choice(c.joints)
+            gain = rng.choice((-1.0, 1e9, *(rng.uniform(0.2, 1.5) * joint.admittance_gain,) * 8))
+            return (Request("gain", joint=joint.name, gain=gain),)
+        case "load":
+            return _trajectory(rng, c)
+        case _:
+            return (Request(wish),)  # type: ignore[arg-type]  # all others are commands as they are
+
+
+def _trajectory(rng: Random, c: Configuration) -> tuple[Request, ...]:
+    """There and back of one joint, from where it stands; one in five too fast, or out of limits."""
+    joint = rng.choice(c.joints)
+    way = rng.choice((-1, 1)) * rng.choice((0.05, 0.1, 0.1, 0.1, 3.0))
+    header = Header(name="soak.csv", joints=[joint.name], from_here=True)
+    end_s, n = rng.uniform(2.0, 6.0), 40
+    # A cosine: position and velocity at (n + 1) moments.
+    shape = [(i / n, *_cosine(i / n)) for i in range(n + 1)]
+    rows = [[end_s * x, way * p, way * v / end_s] for x, p, v in shape]
+    loads = [Request("load", rows=list(chunk)) for chunk in _by(rows, 30)]
+    return (Request("load", header=header), *loads, Request("start", loaded=True))
+
+
+def _cosine(x: float) -> tuple[float, float]:
+    """x^2 (1 - x)^2, scaled to a height of 1: there and back, at rest at both ends."""
+    return 16.0 * x**2 * (1.0 - x) ** 2, 32.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
+
+
+def _by(rows: list[list[float]], size: int) -> list[list[list[float]]]:
+    return [rows[i : i + size] for i in range(0, len(rows), size)]
+
+
+def explained(reply: Reply) -> bool:
+    """Whether a refusal says why."""
+    return reply.ok or bool(reply.reasons) or not reply.message.endswith("refused")
+
+
+class Leases:
+    """Until when the arm may be armed, from what was asked and answered."""
+
+    def __init__(self) -> None:
+        self.until_s = -1.0
+        self._holder = 0
+        self._numbers = itertools.count(1)
+
+    def connection(self) -> int:
+        """A number for a new connection."""
+        return next(self._numbers)
+
+    def answered(self, request: Request, reply: Reply, connection: int, time_s: float) -> None:
+        """An `arm` that was granted counts from when its answer is there."""
+        if request.command == "arm" and reply.ok:
+            usual = 600.0 if request.detached else 0.5
+            self.until_s = time_s + (request.lease_s or usual)
+            self._holder = 0 if request.detached else connection
+
+    def closed(self, connection: int, time_s: float, within_s: float) -> None:
+        """The daemon may take `within_s` to notice that its owner is gone."""
+        if connection == self._holder:
+            self.until_s = min(self.until_s, time_s + within_s)

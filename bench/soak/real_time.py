@@ -1,0 +1,257 @@
+"""The real-time part: `contactd simulate` and `contactd run` as processes, people and programs at
+the control socket, rude clients, a recorder that comes and goes, and faults from outside."""
+
+import contextlib
+import json
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+
+import msgspec
+import numpy as np
+
+from bench.processes import PATIENCE_S, Pair, pair
+from bench.rude_clients import ATTACKS, attacking
+from bench.soak.invariants import Watch, false_alarms
+from bench.soak.outside_faults import FAULTS
+from bench.soak.people import Leases, Person, View, explained, operator, program
+from bench.soak.process import Stopwatch, held
+from bench.soak.record import Part
+from bench.soak.robot import hand_script, write_robot
+from daemon.client import Client
+from daemon.config.load import load_robot
+from daemon.config.schema import Configuration
+from daemon.messages import State
+from daemon.modes import Mode
+from errors import ContactdError
+
+MEAN_PAUSE_S = 25.0  # between two faults, two rude clients, two recordings
+RUDE_S = 2.0
+COMES_BACK_S = 60.0  # after a fault
+# How long the end of a connection may go unseen: rude clients keep the doors busy.
+HANG_UP_S = 1.0
+SETTLES_S = 1.0  # after a fault's cause is gone
+SAMPLES = 240
+
+Tell = Callable[[float], None]
+
+
+@dataclass(slots=True)
+class House:
+    """What the threads share; each field has one that writes it."""
+
+    both: Pair
+    part: Part
+    over: threading.Event = field(default_factory=threading.Event)
+    leases: Leases = field(default_factory=Leases)
+    state: State | None = None  # the last one
+    trouble: bool = False  # a fault is being made
+    disturbed: list[tuple[float, float]] = field(default_factory=list)  # from, to [s, monotonic]
+    told: list[str] = field(default_factory=list)  # what went wrong in a thread
+
+    def pause(self, seconds: float) -> bool:
+        """Wait; whether it goes on after that."""
+        return not self.over.wait(seconds)
+
+
+def run_real_time(seed: int, seconds: float, tell: Tell = lambda share: None) -> Part:
+    """Soak for so many seconds; `tell` hears the share that is done. Raises ContactdError when the
+    daemon does not start, or is gone."""
+    # The black box keeps a minute, and touches its memory meanwhile.
+    part = Part("real time", seed, warm_up_s=min(90.0, 0.2 * seconds))
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="contactd-soak-") as place:
+        robot = write_robot(Path(place) / "arm")
+        c = load_robot(robot).configuration
+        script = Path(place) / "hand.yaml"
+        script.write_bytes(msgspec.yaml.encode(hand_script(Random(seed), c, seconds)))
+        with pair(robot, script) as both:
+            house = House(both, part)
+            client, _, states = both.subscribed()
+            with client, _inhabited(house, Random(seed), c):
+                watch = Watch(c, part.ledger)
+                offset_s = _observe(house, states, watch, seconds, tell)
+            both.daemon.terminate()
+            _look_back(house, both.daemon.wait(PATIENCE_S))
+            touches = _touches(both.events.read_text()) + house.disturbed
+            contacts_s = [t + offset_s for t in watch.contacts_s]
+            part.counts["false alarms"] = false_alarms(contacts_s, touches)
+            part.counts["contacts"] = len(contacts_s)
+    part.seconds, part.took_s = seconds, time.perf_counter() - began
+    return part
+
+
+# --- who is there -------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def _inhabited(house: House, rng: Random, c: Configuration) -> Iterator[None]:
+    """People, programs, faults and rude clients, each a thread, while the block lasts."""
+
+    def guarded(work: Callable[..., None], *arguments: object) -> None:
+        try:
+            work(house, *arguments)
+        except Exception as error:
+            house.told.append(f"{work.__name__}: {error!r}")
+
+    work: list[tuple[object, ...]] = [
+        (_live, operator(Random(rng.random()), c)),
+        (_live, program(Random(rng.random()), c)),
+        (_make_trouble, Random(rng.random()), [joint.wiring.node for joint in c.joints]),
+        (_be_rude, Random(rng.random())),
+        (_record, Random(rng.random())),
+    ]
+    threads = [threading.Thread(target=guarded, args=each) for each in work]
+    for thread in threads:
+        thread.start()
+    try:
+        yield
+    finally:
+        house.over.set()
+        for thread in threads:
+            thread.join(PATIENCE_S)
+
+
+def _live(house: House, person: Person) -> None:
+    """A person or a program, each with a connection of its own."""
+    part, leases = house.part, house.leases
+    client: Client | None = None
+    number = 0
+    step = next(person)
+    while house.pause(step.wait_s):
+        if (state := house.state) is None:
+            continue
+        step = person.send(View(Mode(state.mode), state.armed, house.trouble))
+        try:
+            if step.requests and client is None:
+                client, number = Client(house.both.door), leases.connection()
+            for request in step.requests:
+                assert client is not None
+                reply = client.ask(request)
+                now = time.monotonic()
+                leases.answered(request, reply, number, now)
+                part.counts[f"{request.command} {'done' if reply.ok else 'refused'}"] += 1
+                words = f"{request.command} in {reply.mode}: {reply.message} {reply.reasons}"
+                why = explained(reply)
+                part.ledger.check("a refusal has its reasons", why, state.time_s, words)
+                always = request.command not in ("stop", "disarm") or reply.ok
+                part.ledger.check("stop and disarm are never refused", always, state.time_s, words)
+        except ContactdError:
+            # Held up on purpose, or flooded: a person tries again.
+            part.counts["requests without an answer"] += 1
+            leases.until_s += 5.0  # an `arm` may have been granted all the same
+            step = type(step)(wait_s=0.5)
+        if step.hang_up and client is not None:
+            client.close()
+            leases.closed(number, time.monotonic(), HANG_UP_S)
+            client = None
+    if client is not None:
+        client.close()
+
+
+def _make_trouble(house: House, rng: Random, nodes: Sequence[int]) -> None:
+    while house.pause(1.0 + rng.expovariate(1 / MEAN_PAUSE_S)):
+        fault = rng.choice(FAULTS)
+        house.part.counts[f"fault: {fault.__name__.replace('_', ' ')}"] += 1
+        began, house.trouble = time.monotonic(), True
+        fault(house.both, rng, nodes)
+        house.disturbed.append((began, time.monotonic() + SETTLES_S))
+        house.trouble = not house.pause(0.2)
+
+
+def _be_rude(house: House, rng: Random) -> None:
+    while house.pause(rng.expovariate(1 / MEAN_PAUSE_S)):
+        name = rng.choice(list(ATTACKS))
+        house.part.counts[f"rude: {name}"] += 1
+        with attacking(name, house.both.door):
+            house.pause(RUDE_S)
+
+
+def _record(house: House, rng: Random) -> None:
+    """`contactctl record` for some seconds, now and then."""
+    while house.pause(rng.expovariate(1 / MEAN_PAUSE_S)):
+        words = [sys.executable, "-m", "daemon.commands.contactctl", "--socket"]
+        words += [str(house.both.door), "record", "--seconds", "5"]
+        with tempfile.TemporaryDirectory(prefix="contactd-soak-") as place:
+            file = Path(place) / "soak.mcap"
+            done = subprocess.run([*words, str(file)], capture_output=True, text=True, check=False)
+        house.part.counts["recordings" if done.returncode == 0 else "recordings ended early"] += 1
+
+
+# --- what is seen ---------------------------------------------------------------------------------
+
+
+def _observe(
+    house: House, states: Iterator[State], watch: Watch, seconds: float, tell: Tell
+) -> float:
+    """Check every State, and sample what the daemon holds and how punctual it is. Returns what must
+    be added to State.time_s for the clock that all processes share [s]."""
+    part, pid = house.part, house.both.daemon.pid
+    window, first = [next(states)], next(states)
+    stopwatch, every = Stopwatch(pid), max(seconds / SAMPLES, 0.5)
+    offset_s = first.timing.monotonic_s - first.time_s
+    next_s, down_since_s = first.time_s + every, first.time_s
+    for state in states:
+        now, house.state = state.time_s, state
+        watch.see(state, lease_until_s=house.leases.until_s - offset_s, disturbed=house.trouble)
+        if house.trouble or state.mode not in (Mode.OFF, Mode.ENABLING, Mode.FAULTED):
+            down_since_s = now
+        back = now <= down_since_s + COMES_BACK_S
+        part.ledger.check("the arm comes back after a fault", back, now, state.cause)
+        down_since_s = down_since_s if back else now
+        part.counts[f"ticks {state.mode}"] += 1
+        part.counts["states that were not taken"] += state.tick - window[-1].tick - 1
+        window.append(state)
+        if now >= next_s:
+            part.sample(now - first.time_s, _figures(window, pid, stopwatch))
+            window, next_s = [state], next_s + every
+            tell((now - first.time_s) / seconds)
+        if now >= first.time_s + seconds:
+            break
+    part.counts["deadlines missed"] = window[-1].timing.missed
+    return offset_s
+
+
+def _figures(window: Sequence[State], pid: int, stopwatch: Stopwatch) -> dict[str, float]:
+    lateness = [state.timing.lateness_us for state in window]
+    return {
+        **held(pid),
+        "theta's uncertainty": 1e3 * float(np.mean([s.gap_sigma for s in window])),
+        "CPU time of a tick": stopwatch.per_tick_us(window[-1].tick),
+        "lateness, median": float(np.median(lateness)),
+        "lateness, 99 %": float(np.percentile(lateness, 99)),
+        "time of a tick": float(np.median([state.timing.work_us for state in window])),
+        "time of the doors": float(np.median([state.timing.doors_us for state in window])),
+    }
+
+
+def _look_back(house: House, code: int) -> None:
+    """How it ended, and what the log says."""
+    check, end = house.part.ledger.check, house.part.times_s[-1]
+    check("SIGTERM ends it in good order", code in (0, 69), end, f"exit status {code}")
+    log = house.both.log.read_text()
+    words = log[log.find("Traceback") :][:500]
+    check("no traceback in the log", "Traceback" not in log, end, words)
+    check("the bench's own people are well", not house.told, end, "; ".join(house.told))
+    house.part.counts["lines in the log"] = len(log.splitlines())
+
+
+def _touches(events: str) -> list[tuple[float, float]]:
+    """When a hand was on the arm (from, to) [s, monotonic], from what the simulator tells."""
+    touches, since = [], None
+    for line in events.splitlines():
+        event = json.loads(line)
+        if event["kind"] != "hand":
+            continue
+        if event["text"].startswith(("begin push", "begin guide", "begin hold")):
+            since = event["monotonic_s"]
+        elif event["text"].startswith(("end push", "begin release")) and since is not None:
+            touches.append((since, event["monotonic_s"]))
+            since = None
+    return touches if since is None else [*touches, (since, float("inf"))]

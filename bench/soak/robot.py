@@ -1,0 +1,74 @@
+"""The arm that is soaked, and the hand that is on it: seven joints that all move, motor positions
+integrated from velocities, brakes that hold what is not energised."""
+
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import yaml
+
+from bench.contact_free import MOTION
+from bench.lockstep import ROMEO
+from daemon.config.schema import Configuration
+from simulator.hand import AnyAct, Guide, Hold, Push, Release
+
+AMPLITUDE = 0.5  # of MOTION's
+
+
+def write_robot(folder: Path) -> Path:
+    """A copy of Romeo's arm in `folder`, changed to be soaked; returns the folder."""
+    folder.mkdir()
+    for file in ROMEO.iterdir():
+        if file.name != "third_experiment.yaml":
+            (folder / file.name).write_bytes(file.read_bytes())
+    path = folder / "config.yaml"
+    c: dict[str, Any] = yaml.safe_load(path.read_text())
+    c["trajectory"]["sinusoids"] = {
+        name: {"amplitude": AMPLITUDE * amplitude, "frequency_Hz": frequency}
+        for name, (amplitude, frequency) in MOTION.items()
+    }
+    c["estimator"]["motor_position"] = "integrated"
+    c["estimator"]["beside"] = []
+    for joint in c["joints"]:
+        # A drive that is reset lets go for a moment; nobody is there to lift the arm up again.
+        joint["end"] = "brake"
+    path.write_text(yaml.safe_dump(c, sort_keys=False))
+    return folder
+
+
+def hand_script(rng: Random, c: Configuration, seconds: float) -> tuple[AnyAct, ...]:
+    """Pushes, guiding and holding, each followed by some quiet."""
+    acts: list[AnyAct] = []
+    at_s = 4.0
+    while at_s < seconds:
+        kind = rng.choices(("push", "guide", "hold"), (6, 3, 1))[0]
+        joint = rng.choice(c.joints)
+        # Up to 40 % of what the drive has, but felt.
+        most = max(
+            0.4 * joint.torque_constant * joint.wiring.max_current_A, 2.0 * joint.thresholds.contact
+        )
+        if kind == "push":
+            strength = rng.uniform(1.2 * joint.thresholds.contact, most)
+            push = Push(
+                at_s=at_s,
+                joint=joint.name,
+                torque=rng.choice((-1, 1)) * strength,
+                duration_s=rng.uniform(0.1, 2.0),
+                shape=rng.choice(("step", "ramp", "pulse")),
+            )
+            acts.append(push)
+            at_s += push.duration_s
+        else:
+            grip = {"stiffness": 40.0, "damping": 2.0, "max_torque": most}
+            reach = rng.uniform(-0.1, 0.1) + rng.choice((joint.limits.lower, joint.limits.upper))
+            goal = {joint.name: rng.choice((reach, rng.uniform(-0.5, 0.5)))}
+            speed = rng.uniform(0.1, 0.5)
+            acts.append(
+                Guide(at_s=at_s, to=goal, speed=speed, **grip)
+                if kind == "guide"
+                else Hold(at_s=at_s, joints=(joint.name,), **grip)
+            )
+            at_s += rng.uniform(1.0, 8.0)
+            acts.append(Release(at_s=at_s))
+        at_s += 0.5 + rng.expovariate(1 / 6.0)
+    return tuple(acts)

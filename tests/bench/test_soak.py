@@ -1,0 +1,229 @@
+"""What the soak calls a trend, a broken rule, a false alarm; and some seconds of it."""
+
+from random import Random
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from bench.lockstep import ROMEO
+from bench.soak.invariants import Watch, false_alarms
+from bench.soak.lockstep import run_lockstep
+from bench.soak.people import Leases, Person, Step, View, operator, program
+from bench.soak.record import Ledger, Part
+from bench.soak.report import failures
+from bench.soak.robot import hand_script
+from bench.soak.trend import Bound, trend
+from daemon.config.load import load_robot
+from daemon.messages import Event, Reply, Request, State, Timing
+from daemon.modes import Mode
+from simulator.hand import Hand
+
+C = load_robot(ROMEO).configuration
+MIDDLE = [(joint.limits.lower + joint.limits.upper) / 2 for joint in C.joints]
+TIMES = [float(t) for t in range(120)]
+
+
+def noise(seed: int = 1) -> np.ndarray:
+    return np.random.default_rng(seed).normal(0.0, 20.0, len(TIMES))
+
+
+@pytest.mark.parametrize(
+    ("values", "grows"),
+    [
+        (1000.0 + noise(), False),
+        (1000.0 + noise() + 2.0 * np.array(TIMES), True),  # by 118 in the second half
+        (1000.0 - 2.0 * np.array(TIMES), False),
+        # A start that takes memory, once.
+        (1000.0 + 500.0 * (np.array(TIMES) > 30.0), False),
+        # A few bad moments of a busy machine.
+        (1000.0 + 1e5 * (np.arange(120) % 10 == 9), False),
+        (1000.0 + np.maximum(0.0, np.array(TIMES) - 60.0) * 3.0, True),
+    ],
+)
+def test_a_trend_is_a_growth_that_lasts(values: np.ndarray, grows: bool) -> None:
+    found = trend("x", Bound("kB", share=0.05, least=10.0), TIMES, list(values))
+    assert found.grows is grows, found
+
+
+def test_too_few_samples_are_no_trend() -> None:
+    with pytest.raises(ValueError, match="too few"):
+        trend("x", Bound("", 0.0, 1.0), [1.0, 2.0, 3.0], [1.0, 1.0, 1.0])
+
+
+# --- rules ----------------------------------------------------------------------------------------
+
+
+def state(tick: int, **changes: Any) -> State:
+    n = len(C.joints)
+    zeros = [0.0] * n
+    plain: dict[str, Any] = {
+        "tick": tick,
+        "time_s": 0.01 * tick,
+        "interval_s": 0.01,
+        "mode": "holding",
+        "armed": False,
+        "cause": "",
+        "moving": False,
+        "fresh": [True] * n,
+        "drives": [""] * n,
+        "current": zeros,
+        "link_position": MIDDLE,
+        "motor_velocity": zeros,
+        "motor_position": None,
+        "velocity": zeros,
+        "motor": zeros,
+        "gap": zeros,
+        "gap_sigma": zeros,
+        "side": [""] * n,
+        "torque": zeros,
+        "residual": zeros,
+        "threshold": zeros,
+        "thresholded": zeros,
+        "touched_link": "",
+        "beside": {},
+        "flags": [],
+        "updated": True,
+        "reference": zeros,
+        "setpoint": zeros,
+        "quiet_s": 0.0,
+        "events": [],
+        "timing": Timing(wall_s=0.0, monotonic_s=0.0, lateness_us=0.0, work_us=0.0, missed=0),
+    }
+    return State(**{**plain, **changes})
+
+
+def first(value: float, others: list[float] | None = None) -> list[float]:
+    rest = others or [0.0] * len(C.joints)
+    return [value, *rest[1:]]
+
+
+def told(text: str) -> list[Event]:
+    return [Event(kind="mode", text=text)]
+
+
+UPPER = C.joints[0].limits.upper
+BROKEN: list[tuple[str, list[State]]] = [
+    ("setpoints within the velocity limit", [state(1, setpoint=first(1.01))]),
+    (
+        "no setpoint leads out of a limit",
+        [state(1, link_position=first(UPPER, MIDDLE), setpoint=first(0.01))],
+    ),
+    ("no setpoint while latched", [state(1, mode="faulted", setpoint=first(0.001))]),
+    ("no joint beyond its limit", [state(1, link_position=first(UPPER + 0.02, MIDDLE))]),
+    ("velocity steps bounded", [state(1), state(2, setpoint=first(0.1))]),
+    # To brake that hard is right only before a limit.
+    ("velocity steps bounded", [state(1, setpoint=first(0.5)), state(2)]),
+    ("armed no longer than the lease", [state(100, armed=True)]),
+    ("not armed while latched", [state(1, armed=True, mode="off")]),
+    ("time goes on", [state(1), state(2, time_s=0.01)]),
+    ("a change of mode is told", [state(1), state(2, mode="tracking")]),
+    (
+        "changes of mode are of the table",
+        [state(1), state(2, mode="enabling", events=told("holding -> enabling: x"))],
+    ),
+    (
+        "a change has a cause",
+        [state(1), state(2, mode="tracking", events=told("holding -> tracking"))],
+    ),
+    ("a change of permission is told", [state(1), state(2, armed=True)]),
+    (
+        "nobody guides an arm that is not armed",
+        [state(1), state(2, mode="admittance", events=told("holding -> admittance: x"))],
+    ),
+    (
+        "no motion while latched",
+        [state(k, mode="faulted", motor_velocity=first(0.1)) for k in range(1, 130)],
+    ),
+]
+
+
+@pytest.mark.parametrize(("rule", "states"), BROKEN, ids=[rule for rule, _ in BROKEN])
+def test_each_rule_can_be_broken(rule: str, states: list[State]) -> None:
+    ledger = Ledger()
+    watch = Watch(C, ledger)
+    for each in states:
+        watch.see(each, lease_until_s=0.5, disturbed=False)
+    assert set(ledger.broken) == {rule}, ledger.cases
+    part = Part("x", 1, ledger=ledger)
+    assert failures([part])[0].startswith(f"x: {rule}, ")
+
+
+def test_what_is_right_breaks_no_rule() -> None:
+    ledger = Ledger()
+    watch = Watch(C, ledger)
+    arming = [*told("armed: x"), *told("holding -> tracking: y")]
+    at_limit = first(UPPER, MIDDLE)
+    for each in (
+        state(1),
+        state(2, mode="tracking", armed=True, events=arming),
+        state(3, mode="tracking", armed=True, setpoint=first(0.04)),
+        # The joint is at its limit: its speed is taken away at once.
+        state(4, mode="tracking", armed=True, link_position=at_limit),
+        state(5, mode="faulted", events=[*told("disarmed: z"), *told("tracking -> faulted: z")]),
+    ):
+        watch.see(each, lease_until_s=0.5, disturbed=False)
+    assert not ledger.broken, ledger.cases
+
+
+def test_a_contact_that_nobody_made_is_a_false_alarm() -> None:
+    touches = [(10.0, 11.0), (20.0, 20.5)]
+    assert false_alarms([10.0, 11.9, 20.4], touches) == 0
+    assert false_alarms([9.9, 12.1, 15.0], touches) == 3
+
+
+# --- the hand, and people -------------------------------------------------------------------------
+
+
+def test_the_hand_is_one_that_the_simulator_can_play() -> None:
+    acts = hand_script(Random(1), C, 600.0)
+    Hand(acts, C.joint_names, np.full(len(C.joints), 1.0))
+    assert msgspec.yaml.decode(msgspec.yaml.encode(acts), type=type(acts)) is not None
+    assert [act.at_s for act in acts] == sorted(act.at_s for act in acts)
+    assert {type(act).__name__ for act in acts} == {"Push", "Guide", "Hold", "Release"}
+
+
+def wishes(person: Person, view: View, turns: int) -> list[Step]:
+    next(person)
+    return [person.send(view) for _ in range(turns)]
+
+
+def test_people_want_much_and_not_all_of_it_is_right() -> None:
+    steps = wishes(operator(Random(1), C), View(Mode.HOLDING, False, False), 2000)
+    asked = {request.command for step in steps for request in step.requests}
+    assert asked >= {"start", "arm", "load", "gain", "disable", "stop", "reset", "pause", "status"}
+    steps = wishes(program(Random(1), C), View(Mode.HOLDING, True, False), 400)
+    assert any(step.hang_up and not step.requests for step in steps)  # it dies
+    assert any(step.requests and step.requests[0].command == "disarm" for step in steps)
+
+
+def test_leases_are_known_from_the_answers() -> None:
+    leases, granted = Leases(), Reply(ok=True)
+    one, two = leases.connection(), leases.connection()
+    leases.answered(Request("arm", lease_s=2.0), granted, one, 10.0)
+    assert leases.until_s == 12.0
+    leases.closed(two, 10.5, 0.1)
+    assert leases.until_s == 12.0
+    leases.closed(one, 11.0, 0.1)
+    assert leases.until_s == 11.1
+    leases.answered(Request("arm", detached=True), Reply(ok=False), two, 11.0)
+    assert leases.until_s == 11.1
+    leases.answered(Request("arm", detached=True), granted, two, 11.0)
+    leases.closed(two, 12.0, 0.1)
+    assert leases.until_s == 611.0
+
+
+# --- a little of it -------------------------------------------------------------------------------
+
+
+def test_the_lockstep_part_goes_the_same_way_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bench.soak.lockstep.MEAN_PAUSE_S", 1.0)
+    runs = [run_lockstep(2, 4.0 / 3600.0) for _ in range(2)]
+    for part in runs:
+        assert not part.ledger.broken, part.ledger.cases
+        assert part.counts["enable done"] > 0
+        assert any(what.startswith("fault: ") for what in part.counts)
+    assert runs[0].counts == runs[1].counts
+    assert runs[0].ledger.checked == runs[1].ledger.checked
+    assert runs[0].samples["error of theta"] == runs[1].samples["error of theta"]
