@@ -64,7 +64,7 @@ class IdealArm:
     def step(self, **seen: Any) -> Decision:
         """One tick."""
         before = self.decisions[-1].velocity if self.decisions else np.zeros(2)
-        calm = Observed(self.q.copy(), before, np.zeros(2), "", "", True, (), ())
+        calm = Observed(self.q.copy(), before, np.zeros(2), "", "", True, (), tuple)
         decision = self.controller.step(self.time_s, T, replace(calm, **seen))
         self.q = self.q + decision.velocity * T
         self.tick += 1

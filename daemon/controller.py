@@ -5,6 +5,7 @@ plain data. How the arm moves in a mode is elsewhere (motion), and so is what is
 (limits, admittance).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,7 @@ class Observed:
     hit: str  # the collision that began in this tick, likewise
     energised: bool  # every drive is in operation enabled
     findings: tuple[Finding, ...]
-    objections: tuple[Objection, ...]  # outside the modes, why arming would be refused
+    objections: Callable[[], tuple[Objection, ...]]  # asked when somebody would arm
     age_s: Vector | float = 0.0  # of q, where a sample did not come in time
 
 
@@ -144,7 +145,7 @@ class Controller:
     @property
     def objections(self) -> tuple[Objection, ...]:
         """Outside the modes, why arming would be refused after the last tick."""
-        return self._observed.objections if self._observed else ()
+        return self._observed.objections() if self._observed else ()
 
     def set_gain(self, joint: str, gain: float, who: str) -> list[str]:
         """Let K_a [rad/s per Nm] of a joint move to `gain`, in any mode; returns why not."""

@@ -14,7 +14,7 @@ from daemon.controller import Controller, Decision, Observed
 from daemon.messages import Check, Contact, Event, State, Timing, Vector
 from daemon.modes import Mode
 from daemon.observation import Observer
-from daemon.prearm import FLAG_NAMES, PreArm
+from daemon.prearm import FLAG_NAMES, Objection, PreArm
 from daemon.supervisor import Finding, Reaction
 from drivers.arm import Arm
 from drivers.cia402 import DriveState, PowerTarget
@@ -190,13 +190,19 @@ class Cycle:
             hit=hit,
             energised=all(state is DriveState.OPERATION_ENABLED for state in samples.states),
             findings=findings,
-            objections=self.prearm.objections(
-                samples, estimate, findings, self.arm.unheard(), self.arm.forgetful()
-            ),
+            objections=self._objections,
             age_s=0.0 if self._updated else np.multiply(samples.age_ticks, self._period_s),
         )
 
     # --- what others see of it --------------------------------------------------------------
+
+    def _objections(self) -> tuple[Objection, ...]:
+        """Why nobody should arm now, after the last tick. Not asked in a tick."""
+        samples, estimate = self._samples, self._estimate
+        if samples is None or estimate is None:
+            return ()
+        unheard, forgetful = self.arm.unheard(), self.arm.forgetful()
+        return self.prearm.objections(samples, estimate, self._findings, unheard, forgetful)
 
     def checks(self) -> list[Check]:
         """What arming needs, each passed or failed: the mode, and everything else by name."""

@@ -1,7 +1,7 @@
 """What must be right before the arm may yield to hands: named checks, each passed or failed.
 
-`objections` is asked in every tick and is cheap while there are none; `checks` puts it into words
-when somebody asks. No I/O; time is an argument.
+A tick only takes note of what will be forgotten (`watch`); `objections` and `checks` are for those
+who ask between two ticks. No I/O; time is an argument.
 """
 
 from collections.abc import Sequence
@@ -123,8 +123,7 @@ class PreArm:
         forgetful: Sequence[str],
     ) -> tuple[Objection, ...]:
         """Every reason against arming now; `unheard` names the drives whose heartbeat is missing,
-        `forgetful` those that restarted and were not set up again.
-        Empty, and then cheap, in an undisturbed tick."""
+        `forgetful` those that restarted and were not set up again."""
         found = [Objection(CHECK_OF.get(f.condition, "supervisor"), str(f)) for f in findings]
         if unheard:
             found.append(Objection("heartbeats", f"not heard from {', '.join(unheard)}"))

@@ -10,6 +10,7 @@ from bench.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm,
 from daemon.admittance import GuidedBounds
 from daemon.controller import Observed
 from daemon.modes import REFUSALS, TRANSITIONS, Event, Mode
+from daemon.prearm import Objection
 from daemon.reactions import AfterQuiet, Reaction, Reactions
 from daemon.sampled_path import PathBuilder, SampledPath
 from daemon.supervisor import Condition, Finding
@@ -201,10 +202,11 @@ def test_disarmed_while_guided_nothing_goes_on_by_itself_later(tracking: IdealAr
 def test_arming_is_refused_with_every_reason(holding: IdealArm) -> None:
     assert ideal_arm().controller.arm("me") == ["no samples of the drives yet"]
     holding.request(Event.STOP)
+    against = (Objection("residual", "b is touched"), Objection("loop", "late"))
     holding.controller.step(
         holding.time_s,
         T,
-        Observed(holding.q, np.ones(2), np.zeros(2), "", "", True, (), ("b is touched", "late")),
+        Observed(holding.q, np.ones(2), np.zeros(2), "", "", True, (), lambda: against),
     )
     reasons = holding.controller.arm("me")
     assert reasons == ["the arm is still stopping", "b is touched", "late"]
