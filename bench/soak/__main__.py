@@ -16,8 +16,8 @@ lateness and the time of a tick must not grow: Theil-Sen's slope over the second
 against a stated tolerance.
 
 Writes bench/out/soak.png and soak.json. Exit status 1 when a rule was broken, or when memory,
-descriptors, helpers or uncertainty grow; lateness and times are reported only, for the machine
-may be to blame. 0 minutes, or 0 hours, leave that part out.
+descriptors, helpers or (in 15 minutes or more) uncertainty grow; lateness and times are reported
+only, for the machine may be to blame. 0 minutes, or 0 hours, leave that part out.
 """
 
 import json
