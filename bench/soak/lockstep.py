@@ -20,7 +20,8 @@ from typing import Any
 import can
 import numpy as np
 
-from bench.faults import CASES, Case, FaultyBus, Stage
+from bench.faults import CASES, Case
+from bench.faulty_bus import FaultyBus
 from bench.lockstep import Rig, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.people import Leases, Person, View, explained, operator, program
@@ -28,6 +29,7 @@ from bench.soak.process import held
 from bench.soak.progress import Progress
 from bench.soak.record import Part
 from bench.soak.robot import hand_script, write_robot
+from bench.stage import Stage
 from daemon.assembly import build_setups
 from daemon.config.load import load_robot
 from daemon.control import ControlSocket, Peer
@@ -43,6 +45,10 @@ from errors import ContactdError
 # what needs a certain motion to be noticed, and what stands in for somebody else's part.
 UNFIT = {
     "adapter gone",
+    "drive deaf to setpoints",
+    "... and to quick stops",
+    "... and to NMT",
+    "drive stone-deaf",
     "drive runs away",
     "current stuck",
     "encoder frozen",
