@@ -189,18 +189,25 @@ class Arm:
         gets zero. A velocity that is not finite stops all drives and is an event.
         """
         targets = [power] * len(self._drives) if isinstance(power, PowerTarget) else power
-        states, fresh = self.samples.states, self.samples.fresh
+        states = self.samples.states
         for i, drive in enumerate(self._drives):
-            if fresh[i]:
-                event = drive.obedience.check(states[i], targets[i], self._now)
-                if isinstance(event, Disobedient):
-                    self._send([(NMT, bytes([STOP_NODE, event.node]))])
-                self._tell(event)
+            if targets[i] is not PowerTarget.ON or drive.obedience.ticks:
+                self._enforce(i, targets[i])
         try:
             self._setpoints.write(states, targets, velocity, reset)
         except ValueError as error:
             self._tell(BadSetpoint(str(error)))
         self._send(self._setpoints.frames)
+
+    def _enforce(self, joint: int, target: PowerTarget) -> None:
+        """See that a drive leaves operation when it is told to."""
+        samples = self.samples
+        if not samples.fresh[joint]:
+            return
+        event = self._drives[joint].obedience.check(samples.states[joint], target, self._now)
+        if isinstance(event, Disobedient):
+            self._send([(NMT, bytes([STOP_NODE, event.node]))])
+        self._tell(event)
 
     def quick_stop(self) -> None:
         """Tell all drives to quick-stop and hold, now, whatever else is broken or unknown."""
