@@ -18,7 +18,8 @@ from daemon.config.schema import Configuration
 from daemon.cycle import Cycle
 from daemon.messages import State
 from daemon.modes import Event, Mode
-from drivers.boot_up import DriveIdentity, boot_up
+from drivers.boot_up import boot_up
+from drivers.identity import DriveIdentity
 from simulator.arm import SimulatedArm
 from simulator.description import SimulationSettings
 from simulator.events import Listener

@@ -22,6 +22,8 @@ from errors import ControlError, TrajectoryError, UnreachableError
 MAX_PACKET_BYTES = 2 << 20
 
 _RETRY_S = 0.01
+# Drives that are set up again may have to boot.
+RESET_PATIENCE_S = 30.0
 
 T = TypeVar("T")
 
@@ -35,6 +37,7 @@ class Client:
 
     def __init__(self, path: Path | None = None, timeout_s: float = 2.0) -> None:
         self.path = path or default_socket_path()
+        self._timeout_s = timeout_s
         self._socket = _connect(self.path, timeout_s)
         self._buffer = bytearray(MAX_PACKET_BYTES)
         self._replies = msgspec.json.Decoder(Reply)
@@ -61,6 +64,15 @@ class Client:
 
     def ask(self, request: Request) -> Reply:
         """The same with what only some commands take."""
+        if request.command != "reset":
+            return self._ask(request)
+        self._socket.settimeout(max(RESET_PATIENCE_S, self._timeout_s))
+        try:
+            return self._ask(request)
+        finally:
+            self._socket.settimeout(self._timeout_s)
+
+    def _ask(self, request: Request) -> Reply:
         try:
             self._socket.send(msgspec.json.encode(request))
         except (BrokenPipeError, ConnectionResetError):

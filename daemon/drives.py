@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 
 import can
 
-from drivers.boot_up import DriveIdentity, boot_up, boot_up_again, forget_master
+from drivers.boot_up import boot_up, boot_up_again, forget_master
 from drivers.drive_setup import DriveSetup
+from drivers.frame_ring import FrameRing
+from drivers.identity import DriveIdentity
 from errors import DriveError
 
 _log = logging.getLogger("contactd")
@@ -23,6 +25,7 @@ class Drives:
     period_ms: int
     master_node: int
     identities: list[DriveIdentity] = field(default_factory=list)
+    ring: FrameRing | None = None  # keeps the frames
 
     def boot_up(self, progress: Callable[[str], None]) -> None:
         """Set all of them up and read back. Raises ContactdError."""
@@ -32,19 +35,24 @@ class Drives:
             period_ms=self.period_ms,
             master_node=self.master_node,
             progress=progress,
+            ring=self.ring,
         )
         self.identities[:] = found
 
-    def renew(self, joints: Sequence[int]) -> None:
-        """Set some up again, while the arm stands and nobody ticks. Raises ContactdError, also when
-        another drive answers than before: what was judged of the arm at the start was not of it."""
+    def renew(self, joints: Sequence[int], meanwhile: Callable[[], None]) -> None:
+        """Set some up again, while the arm stands and nobody ticks; `meanwhile` is called all the
+        time. Raises ContactdError, also when another drive answers than before: what was judged of
+        the arm at the start was not of it."""
         begun = time.monotonic()
         found = boot_up_again(
             self.bus,
-            [self.setups[i] for i in joints],
+            self.setups,
+            joints,
             period_ms=self.period_ms,
             master_node=self.master_node,
             progress=_log.info,
+            meanwhile=meanwhile,
+            ring=self.ring,
         )
         for i, identity in zip(joints, found, strict=True):
             if self.identities and identity != self.identities[i]:
@@ -58,4 +66,4 @@ class Drives:
 
     def let_go(self) -> None:
         """Have them mind our silence no more. Raises DriveError when one does not hear it."""
-        forget_master(self.bus, self.setups)
+        forget_master(self.bus, self.setups, ring=self.ring)

@@ -39,9 +39,14 @@ class Loop:
         self._doors_s = 0.0
 
     @property
+    def now_s(self) -> float:
+        """Of the clock."""
+        return self._clock.now()
+
+    @property
     def time_s(self) -> float:
         """Since the loop was made."""
-        return self._clock.now() - self._start_s
+        return self.now_s - self._start_s
 
     def run(self, doors: Callable[[], None], running: Callable[[], bool]) -> None:
         """Tick until `running()` is false; `doors()` follows each tick, in its slack."""

@@ -57,7 +57,7 @@ def _serve(
     black_box: BlackBox,
 ) -> None:
     c = robot.configuration
-    drives = Drives(bus, build_setups(robot), c.period_ms, c.bus.master_node)
+    drives = Drives(bus, build_setups(robot), c.period_ms, c.bus.master_node, ring=black_box.ring)
 
     def progress(line: str) -> None:
         _log.info(line)

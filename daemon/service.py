@@ -229,7 +229,8 @@ class Service:
     def _renewed(self) -> list[str]:
         """Before a reset: set drives up again that need it; returns why that failed.
 
-        By SDO, so no tick happens meanwhile: the arm stands in quick stop or without torque.
+        By SDO, so no tick happens meanwhile: the arm stands in quick stop or without torque. The
+        watchdog is fed as long as drives answer or are given up.
         """
         cycle = self.loop.cycle
         joints = cycle.arm.unfit() if cycle.controller.faulted else []
@@ -239,8 +240,9 @@ class Service:
             names = ", ".join(cycle.arm.names[i] for i in joints)
             return [f"these drives have lost their set-up, start the daemon again: {names}"]
         try:
-            self.drives.renew(joints)
+            self.drives.renew(joints, lambda: self.notifier.ticked(self.loop.now_s))
         except ContactdError as error:
+            cycle.arm.listen_again(self.loop.time_s)
             return str(error).splitlines()
         else:
             cycle.arm.start(self.loop.time_s)

@@ -124,6 +124,11 @@ class Arm:
             drive.emergency = 0
         self._send([self._heartbeat, *self._nmt(START_NODE)])
 
+    def listen_again(self, now: float) -> None:
+        """After a pause in which nobody heard the drives: their silence in it is no news."""
+        for drive in self._drives:
+            drive.watch.excuse(now)
+
     def unfit(self) -> list[int]:
         """Joints whose drives must be set up again before a reset can help: silent, restarted, no
         longer operational, or in fault with an error of communication (0x81xx, CiA 301)."""

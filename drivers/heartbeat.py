@@ -30,6 +30,10 @@ class HeartbeatWatch:
         """Watch from `now` on, when the drive has just been told to be operational."""
         self.heard_at, self.lost, self.operational, self.forgot = now, False, False, False
 
+    def excuse(self, now: float) -> None:
+        """Nobody listened until `now`."""
+        self.heard_at = now
+
     def hear(self, nmt_state: int, now: float) -> NotOperational | Rebooted | None:
         """A heartbeat or boot-up message has come."""
         self.heard_at, self.lost = now, False

@@ -16,6 +16,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from drivers.bus import BUS_FAILURES, connection_lost
 from drivers.drive_setup import DriveSetup, find_object
+from drivers.frame_ring import FrameRing, RingListener
 from errors import BusError, DriveError, SilentDriveError
 
 # What fails is raised, and told by whoever catches it; canopen would log it once more.
@@ -31,14 +32,33 @@ LONGEST_ANSWER: Final = 256
 
 
 @contextmanager
-def sdo_network(bus: can.BusABC) -> Iterator[canopen.Network]:
-    """A canopen network on an open bus; leaving it stops its reader, and keeps the bus open."""
+def sdo_network(bus: can.BusABC, ring: FrameRing | None = None) -> Iterator[canopen.Network]:
+    """A canopen network on an open bus; leaving it stops its reader, and keeps the bus open.
+
+    `ring` keeps the frames of both directions."""
     network = canopen.Network(bus)
+    if ring is not None:
+        keep = RingListener(ring)
+        network = _KeptNetwork(bus, keep)
+        network.listeners.append(keep)
     reader = can.Notifier(bus, network.listeners, timeout=_READER_CYCLE_S)
     try:
         yield network
     finally:
         reader.stop()
+
+
+class _KeptNetwork(canopen.Network):  # type: ignore[misc]
+    """canopen's network, which also keeps what it sends."""
+
+    def __init__(self, bus: can.BusABC, keep: RingListener) -> None:
+        super().__init__(bus)
+        self._keep = keep
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """As canopen's; what the bus refuses is not kept."""
+        super().send_message(can_id, data, remote)
+        self._keep.put(can_id, bytes(data), sent=True)
 
 
 class _Client(SdoClient):  # type: ignore[misc]

@@ -63,7 +63,7 @@ class MessageWire:
 
     def receive(self, timeout: float) -> Frame | None:
         message = self._bus.recv(timeout)
-        return None if message is None else _frame(message)
+        return None if message is None else frame_of(message)
 
     def send(self, frames: Sequence[Frame]) -> None:
         for can_id, data in frames:
@@ -82,7 +82,7 @@ class QueueWire:
     def receive(self, timeout: float) -> Frame | None:
         if not self._taken and not self._take(timeout):
             return None
-        return _frame(self._taken.popleft())
+        return frame_of(self._taken.popleft())
 
     def send(self, frames: Sequence[Frame]) -> None:
         self._refuse_closed()
@@ -118,7 +118,8 @@ class QueueWire:
             raise can.CanOperationError("cannot operate on a closed bus")
 
 
-def _frame(message: can.Message) -> Frame:
+def frame_of(message: can.Message) -> Frame:
+    """What python-can received, with Linux' flags in the identifier."""
     can_id = message.arbitration_id
     if message.is_error_frame:
         can_id |= ERROR

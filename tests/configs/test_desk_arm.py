@@ -171,3 +171,33 @@ def test_a_drive_that_is_gone_keeps_the_fault(house):
     assert "node 11 (column) does not answer" in reply.reasons[0]
     rig.run(0.1)
     assert rig.mode is Mode.FAULTED
+
+
+def test_while_it_waits_for_drives_the_watchdog_is_fed_and_nobody_else_is_missed(
+    house, monkeypatch
+):
+    rig = house.rig
+    rig.enable()
+    gone = rig.arm.drives[0]
+    gone.tick = gone.transmit = gone.on_sdo = lambda *_: None
+    rig.run(0.5)
+    fed = []
+    monkeypatch.setattr(house.service.notifier, "ticked", fed.append)
+    renew = Drives.renew
+
+    def for_a_second(drives, joints, meanwhile):
+        rig.ticks += 100
+        renew(drives, joints, meanwhile)
+
+    monkeypatch.setattr(Drives, "renew", for_a_second)
+    begun = rig.time_s
+    assert not house.ask("reset").ok
+    assert len(fed) > 10
+    assert set(fed) == {begun + 1.0}
+    rig.tick()
+    told = [str(event) for event in rig.cycle.samples.events]
+    assert told == [], "the other drive's heartbeats of this second went to the SDO client"
+    rig.run(0.3)
+    rig.arm.drives[1].tick = lambda *_: None
+    rig.run(0.3)
+    assert rig.cycle.arm.unheard() == ("column", "swing"), "and it is watched as before"

@@ -1,30 +1,48 @@
 """Drives that are set up again must be those of the start."""
 
-from dataclasses import replace
-from unittest.mock import Mock
+from collections.abc import Iterator
 
 import pytest
 
-from daemon import drives
-from drivers.boot_up import DriveIdentity
+from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from daemon.assembly import build_setups
+from daemon.drives import Drives
 from errors import DriveError
+from simulator.objects import key
 
-SAME = DriveIdentity("elbow", 3, 0x1, 0x402, 0x10000, 7)
+SERIAL = key(0x1018, 4)
 
 
-@pytest.mark.parametrize(
-    ("answer", "refused"), [(SAME, False), (replace(SAME, serial=8), True)], ids=["same", "other"]
-)
-def test_another_drive_than_at_the_start_is_refused(
-    monkeypatch: pytest.MonkeyPatch, answer: DriveIdentity, refused: bool
-) -> None:
-    setup = Mock()
-    setup.name = "elbow"
-    arm = drives.Drives(Mock(), [setup], 10, 127, [SAME])
-    monkeypatch.setattr(drives, "boot_up_again", lambda *_, **__: [answer])
-    if refused:
-        with pytest.raises(DriveError, match=r"elbow has another drive .*serial 8.*serial 7"):
-            arm.renew([0])
-    else:
-        arm.renew([0])
-    assert arm.identities == [SAME]
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    with lockstep_rig(SINGLE_JOINT) as rig, rig.lockstep.serving():
+        yield rig
+
+
+@pytest.fixture
+def drives(rig: Rig) -> Drives:
+    """Set up, as at the start."""
+    c = rig.robot.configuration
+    drives = Drives(rig.bus, build_setups(rig.robot), c.period_ms, c.bus.master_node)
+    drives.boot_up(lambda line: None)
+    return drives
+
+
+def test_a_drive_that_was_switched_off_and_on_is_the_same(rig: Rig, drives: Drives) -> None:
+    before = list(drives.identities)
+    rig.arm.drives[0].boot()
+    assert rig.arm.drives[0].objects.number(0x6007) == 0
+    called: list[None] = []
+    drives.renew([0], lambda: called.append(None))
+    assert rig.arm.drives[0].objects.number(0x6007) == 3
+    assert drives.identities == before
+    assert called
+
+
+def test_another_drive_in_its_place_is_refused(rig: Rig, drives: Drives) -> None:
+    serial = drives.identities[0].serial
+    rig.arm.drives[0].objects.values[SERIAL] = 4711
+    with pytest.raises(DriveError, match=rf"^joint has another drive .*serial 4711; .*{serial}\."):
+        drives.renew([0], lambda: None)
+    rig.arm.drives[0].objects.values[SERIAL] = serial
+    drives.renew([0], lambda: None)

@@ -13,10 +13,19 @@ import pytest
 
 from drivers.boot_up import boot_up, boot_up_again, forget_master, refuse_other_master
 from drivers.bus import connection_lost
+from drivers.frame_ring import FrameRing, read_frames
 from errors import BusError, ConfigurationError, DriveError
 from simulator.objects import key
 
-QUICK = {"period_ms": 10, "listen_s": 0.005, "sdo_timeout_s": 0.1}
+QUICK = {"period_ms": 10, "listen_s": 0.005}
+
+
+def with_profile(setup, **changes):
+    return replace(setup, profile=msgspec.structs.replace(setup.profile, **changes))
+
+
+def hasty(setup):
+    return with_profile(setup, sdo_timeout_ms=10)
 
 
 def start(bench, setups, **options):
@@ -46,7 +55,7 @@ def test_every_drive_says_who_it_is(bench, setups):
         "product 0x402, revision 0x10000, serial 3"
     )
     assert re.fullmatch(
-        r"node 7 \(LWristPitch\): set up and read back in \d+ ms \(recovery, pre-operational, "
+        r"node 7 \(LWristPitch\): set up and read back in \d+ ms \(pre-operational, "
         r"communication, stopping, mode, limits, own objects, PDO mapping\)",
         lines[-1],
     )
@@ -295,7 +304,7 @@ def test_a_drive_in_fault_that_does_not_boot(bench, setups):
     drive.tick(0.0)
     drive.on_nmt = lambda command: None
     with pytest.raises(DriveError, match=r"no boot-up message after NMT reset communication"):
-        start(bench, setups, sdo_timeout_s=0.01)
+        start(bench, [hasty(setup) for setup in setups])
 
 
 def test_what_cannot_be_written_must_be_so(bench, setups):
@@ -308,24 +317,76 @@ def test_what_cannot_be_written_must_be_so(bench, setups):
     start(bench, [replace(setup, data_sheet=sheet)])
 
 
-def test_again_while_the_others_go_on_hearing_their_master(bench, setups):
+@pytest.mark.parametrize(("bears_ms", "beats"), [(100, 10), (30, 30)])
+def test_again_while_the_others_go_on_hearing_their_master(bench, setups, bears_ms, beats):
     start(bench, setups)
     drive = bench.simulated.drives[2]
     drive.on_nmt(129)
     assert number(bench, 2, 0x6007) == 0
-    heard = []
+    heard, called = [], []
     other = bench.simulated.drives[0]
-    other.on_heartbeat = lambda node, now: heard.append(time.monotonic())
+    other.on_heartbeat = lambda node, now: heard.append(node)
     # The first request is lost: its time-out alone is longer than the others bear.
     lost = iter([True])
     intercept(drive, lambda *_: next(lost, False))
+    patient = with_profile(setups[2], sdo_timeout_ms=500)
+    others = [with_profile(setup, master_timeout_ms=bears_ms) for setup in setups]
     begun = time.monotonic()
     with bench.lockstep.serving():
-        boot_up_again(bench.bus, [setups[2]], period_ms=10)
+        boot_up_again(
+            bench.bus,
+            [*others[:2], patient, *others[3:]],
+            [2],
+            period_ms=10,
+            meanwhile=lambda: called.append(None),
+        )
     took = time.monotonic() - begun
     assert number(bench, 2, 0x6007) == 3
-    assert took > 0.3, "the time-out, and the wait for a late answer"
-    assert len(heard) >= 10, "it goes on beating"
+    assert took > 2 * 0.3 * 0.5, "the time-out, and the wait for a late answer"
+    assert len(heard) >= beats, "as often as the least patient of all drives wants it"
+    assert set(heard) == {127}
+    assert len(called) == len(heard)
+
+
+def test_drives_in_fault_boot_side_by_side(bench, setups):
+    """Each takes a while to boot; together they take no longer."""
+    commands = []
+    for drive in bench.simulated.drives:
+        drive.fault(0x2310, "too much current")
+        drive.tick(0.0)
+
+        def hear(command, node=drive.node, on_nmt=drive.on_nmt):
+            commands.append((command, node))
+            if command != 130:
+                on_nmt(command)
+            elif node == len(setups):  # by now all of them are to boot
+                for other in bench.simulated.drives:
+                    other.boot()
+
+        drive.on_nmt = hear
+    start(bench, setups)
+    nodes = range(1, len(setups) + 1)
+    assert commands == [(130, node) for node in nodes] + [(128, node) for node in nodes]
+
+
+def test_the_black_box_has_what_was_said(bench, setups, tmp_path):
+    ring = FrameRing(tmp_path / "frames", 10_000, time.monotonic)
+    heard = []
+    send = bench.simulated._send
+    bench.simulated._send = lambda message: (heard.append(message), send(message))
+    start(bench, setups, ring=ring)
+    kept = read_frames(ring.path)
+    assert (0x603, bytes.fromhex("4000100000000000")) in said(kept, True), "0x1000 is asked for"
+    assert said(kept, True).count((0x000, b"\x80\x03")) == 1
+    answers = [(m.arbitration_id, bytes(m.data)) for m in heard if m.arbitration_id > 0x580]
+    assert [frame for frame in said(kept, False) if frame[0] > 0x580] == answers
+    asked = [cob_id for cob_id, _ in said(kept, True) if 0x600 < cob_id < 0x680]
+    assert len(asked) == len([a for a in answers if a[0] < 0x600]), "a request, an answer"
+    ring.close()
+
+
+def said(kept, sent):
+    return [(frame.can_id, frame.data) for frame in kept if frame.sent is sent]
 
 
 def test_a_closed_bus(wire, setups):
@@ -338,6 +399,6 @@ def test_forget_master_tells_every_drive_even_if_one_is_gone(bench, setups):
     start(bench, setups)
     gone = replace(setups[2], wiring=msgspec.structs.replace(setups[2].wiring, node=99))
     with bench.lockstep.serving(), pytest.raises(DriveError, match="node 99"):
-        forget_master(bench.bus, [*setups[:2], gone, *setups[3:]], sdo_timeout_s=0.05)
+        forget_master(bench.bus, [*setups[:2], hasty(gone), *setups[3:]])
     watched = [number(bench, drive, 0x1016, 1) for drive in range(7)]
     assert watched == [0, 0, 127 << 16 | 100, 0, 0, 0, 0]

@@ -21,6 +21,14 @@ def test_silence_is_told_once(watch):
     assert watch.check(10.2) is None
 
 
+def test_silence_while_nobody_listened_is_excused(watch):
+    watch.excuse(20.0)
+    assert watch.check(20.149) is None
+    assert watch.check(20.151) == HeartbeatLost(3)
+    watch.excuse(30.0)
+    assert watch.lost, "what was lost before must be heard first"
+
+
 def test_a_heartbeat_that_comes_back_can_be_lost_again(watch):
     watch.check(11.0)
     assert watch.hear(OPERATIONAL, 12.0) is None

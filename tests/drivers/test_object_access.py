@@ -3,7 +3,9 @@ raised is a DriveError."""
 
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -155,6 +157,9 @@ def test_whatever_it_answers_what_is_raised_is_a_drive_error(setups, answers):
 def test_a_boot_up_that_is_garbled_comes_up_or_says_why(make_bench, setups, harm):
     bench = make_bench()
     drive = bench.simulated.drives[2]
+    hasty = replace(
+        setups[2], profile=msgspec.structs.replace(setups[2].profile, sdo_timeout_ms=30)
+    )
     send, count = drive._sdo.network._send, iter(range(1_000_000))
 
     def garbled(cob_id, data):
@@ -166,9 +171,7 @@ def test_a_boot_up_that_is_garbled_comes_up_or_says_why(make_bench, setups, harm
 
     drive._sdo.network._send = garbled
     with bench.lockstep.serving():
-        said = refusal(
-            lambda: boot_up(bench.bus, [setups[2]], period_ms=10, listen_s=0.0, sdo_timeout_s=0.03)
-        )
+        said = refusal(lambda: boot_up(bench.bus, [hasty], period_ms=10, listen_s=0.0))
     assert "node 3 (LElbowRoll)" in said or not said
     if not said:
         assert drive.objects.number(0x6007) == 3

@@ -1,0 +1,77 @@
+"""Who a drive is, and whether it is one that this program can use and that was configured."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from drivers.drive_setup import CYCLIC_SYNCHRONOUS_VELOCITY, DriveSetup, rated_object
+from drivers.object_access import ObjectAccess
+from errors import DriveError
+
+_CIA_402: Final = 402
+# What is rated in the drive scales every current or torque that it reports.
+_RATED_TOLERANCE: Final = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class DriveIdentity:
+    """Who one drive is: objects 0x1018 and 0x1008; None where the drive keeps it to itself."""
+
+    name: str
+    node: int
+    vendor: int
+    product: int | None
+    revision: int | None
+    serial: int | None
+    device: str | None = None
+
+    def __str__(self) -> str:
+        numbers = (("vendor", self.vendor), ("product", self.product), ("revision", self.revision))
+        known = [f"{what} 0x{value:X}" for what, value in numbers if value is not None]
+        device = [self.device] if self.device else []
+        serial = "no serial number" if self.serial is None else f"serial {self.serial}"
+        return ", ".join([*device, *known, serial])
+
+
+def identify(setup: DriveSetup, access: ObjectAccess) -> DriveIdentity:
+    """Raises DriveError if it is no CiA 402 drive, another one than configured, has other ratings
+    or no cyclic synchronous velocity."""
+    device_profile = access.read(0x1000) & 0xFFFF
+    if device_profile != _CIA_402:
+        raise DriveError(
+            f"{setup} is not a CiA 402 drive: object 0x1000:00 says device profile "
+            f"{device_profile}, expected {_CIA_402}"
+        )
+    vendor = access.read(0x1018, 1)
+    product, revision, serial = (
+        access.read(0x1018, sub) if access.has(0x1018, sub) else None for sub in (2, 3, 4)
+    )
+    if setup.wiring.serial is not None and serial != setup.wiring.serial:
+        raise DriveError(
+            f"{setup} is another drive: object 0x1018:04 says serial number {serial}, configured "
+            f"{setup.wiring.serial}"
+        )
+    device = access.read_text(0x1008) if access.has(0x1008) else None
+    modes = access.read(0x6502) if access.has(0x6502) else -1
+    if not modes >> (CYCLIC_SYNCHRONOUS_VELOCITY - 1) & 1:
+        raise DriveError(
+            f"{setup} has no cyclic synchronous velocity: object 0x6502:00 reads 0x{modes:08X}, "
+            "bit 8 is needed"
+        )
+    _refuse_other_rating(setup, access)
+    node = setup.wiring.node
+    return DriveIdentity(setup.name, node, vendor, product, revision, serial, device)
+
+
+def _refuse_other_rating(setup: DriveSetup, access: ObjectAccess) -> None:
+    index, wiring, what = rated_object(setup.profile), setup.wiring, setup.profile.effort
+    in_current = what == "current"
+    configured = wiring.rated_current_A if in_current else wiring.rated_torque_Nm
+    unit = "A" if in_current else "Nm"
+    if configured is None or not access.has(index):
+        return
+    rated = access.read(index) / 1000.0
+    if abs(rated - configured) > _RATED_TOLERANCE * configured:
+        raise DriveError(
+            f"{setup}: object 0x{index:04X}:00 says a rated {what} of {rated:g} {unit}, configured "
+            f"{configured:g} {unit}"
+        )
