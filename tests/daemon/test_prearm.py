@@ -153,15 +153,16 @@ def test_a_drive_that_left_its_fault_has_no_emergency(calm: Rig) -> None:
 
 
 def test_a_restarted_drive_must_be_set_up_again_and_then_may_be_armed(rig: Rig) -> None:
-    arm, samples, estimate = rig.cycle.arm, rig.cycle.samples, rig.cycle.estimate
-    assert samples is not None
-    assert estimate is not None
-    arm._drives[0].watch.forgot = True
-    found = rig.cycle.prearm.objections(samples, estimate, (), (), arm.forgetful())
-    assert [o.check for o in found] == ["set-up"]
-    assert "contactctl reset" in found[0].reason
-    arm.start(rig.time_s)  # as after setting it up again
-    assert rig.cycle.prearm.objections(samples, estimate, (), (), arm.forgetful()) == ()
+    rig.arm.drives[0].boot()
+    rig.run(0.3)  # long after the tick in which that was news
+    assert "set-up" in failed(rig)
+    text = checks(rig)["set-up"].text
+    assert text.startswith("restarted, and without their set-up: joint")
+    assert "contactctl reset" in text
+    assert text in rig.cycle.controller.not_armable()
+    rig.cycle.arm.start(rig.time_s)  # as after setting it up again
+    rig.tick()
+    assert "set-up" not in failed(rig)
 
 
 def test_a_missing_heartbeat(calm: Rig) -> None:

@@ -12,6 +12,7 @@ import msgspec
 import pytest
 import yaml
 
+from bench.scripted_bus import ScriptedBus
 from drivers.arm import Arm
 from drivers.codec import Joint
 from drivers.drive_setup import DriveSetup, load_data_sheet
@@ -141,3 +142,17 @@ def make_bench() -> Iterator[Callable[[], Bench]]:
 def make_arm(joints: list[Joint], profiles: dict[str, DriveProfile]) -> Callable[[can.BusABC], Arm]:
     """An arm whose clock stands still: `collect` reads what is queued."""
     return lambda bus: Arm(bus, joints, profiles, PERIOD_S, lambda: 0.0)
+
+
+@pytest.fixture
+def scripted() -> ScriptedBus:
+    return ScriptedBus()
+
+
+@pytest.fixture
+def arm(scripted: ScriptedBus, make_arm: Callable[[Any], Arm]) -> Arm:
+    """On the scripted bus; started, at time 0."""
+    arm = make_arm(scripted)
+    arm.start(0.0)
+    scripted.sent.clear()
+    return arm

@@ -9,85 +9,30 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bench.scripted_bus import (
+    PERIOD_S,
+    N,
+    ScriptedBus,
+    everything,
+    frame,
+    tick,
+)
 from drivers.arm import EVENTS_PER_TICK, FRAMES_PER_PASS, Arm
 from drivers.boot_up import boot_up, forget_master
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.events import (
     AdapterGone,
-    BadSetpoint,
     BusOff,
     BusTrouble,
     Emergency,
     ErrorPassive,
     ForeignMaster,
     HeartbeatLost,
-    LateAnswer,
     NotOperational,
     Rebooted,
 )
 
-N = 7
 STILL = np.zeros(N)
-PERIOD_S = 0.010
-OPERATION_ENABLED = 0x27
-
-
-def frame(cob_id: int, data: bytes = b"", **kind) -> can.Message:
-    return can.Message(arbitration_id=cob_id, data=data, **{"is_extended_id": False} | kind)
-
-
-def tpdos(node: int, statusword: int = OPERATION_ENABLED) -> list[can.Message]:
-    return [
-        frame(0x180 + node, struct.pack("<Hhi", statusword, 500, 10 * node)),
-        frame(0x280 + node, struct.pack("<ii", 1000 * node, 0)),
-    ]
-
-
-def everything(statusword: int = OPERATION_ENABLED) -> list[can.Message]:
-    return [message for node in range(1, N + 1) for message in tpdos(node, statusword)]
-
-
-class ScriptedBus:
-    """A bus that delivers what it is given and keeps what it is told to send."""
-
-    channel_info = "scripted"
-
-    def __init__(self) -> None:
-        self.incoming: list[can.Message] = []
-        self.sent: list[tuple[int, bytes]] = []
-        self.waits: list[float] = []
-        self.failure: Exception | None = None
-
-    def recv(self, timeout: float) -> can.Message | None:
-        if self.failure:
-            raise self.failure
-        self.waits.append(timeout)
-        return self.incoming.pop(0) if self.incoming else None
-
-    def send(self, message: can.Message) -> None:
-        if self.failure:
-            raise self.failure
-        self.sent.append((message.arbitration_id, bytes(message.data)))
-
-
-@pytest.fixture
-def scripted() -> ScriptedBus:
-    return ScriptedBus()
-
-
-@pytest.fixture
-def arm(scripted, make_arm) -> Arm:
-    """Started, at time 0."""
-    arm = make_arm(scripted)
-    arm.start(0.0)
-    scripted.sent.clear()
-    return arm
-
-
-def tick(arm, bus, frames, now=PERIOD_S):
-    arm.sync(now)
-    bus.incoming += frames
-    return arm.collect(now)
 
 
 # -- with the simulated drives ---------------------------------------------------------------------
@@ -167,9 +112,6 @@ def test_an_orderly_end_is_no_fault_to_the_drives(bench, setups, make_arm):
         assert not 0x180 <= message.arbitration_id < 0x580, "no PDO"
 
 
-# -- sending ---------------------------------------------------------------------------------------
-
-
 def test_start_names_every_node_and_nobody_else(scripted, make_arm):
     make_arm(scripted).start(0.0)
     assert scripted.sent == [(0x77F, b"\x05")] + [
@@ -189,127 +131,12 @@ def test_the_master_beats_within_a_third_of_the_drives_patience(scripted, arm):
     assert gaps.min() > 2.5 * PERIOD_S, "and not more often than needed"
 
 
-def test_a_setpoint_on_the_wire(scripted, arm):
-    tick(arm, scripted, everything())
-    scripted.sent.clear()
-    arm.command(PowerTarget.ON, np.linspace(-0.3, 0.3, N))
-    gears = np.array([150, 150, 100, 100, 100, 80, 80])
-    counts = np.rint(np.linspace(-0.3, 0.3, N) * gears * 600 / (2 * np.pi)).astype(int)
-    assert scripted.sent == [
-        (0x200 + node, struct.pack("<Hi", 0x0F, counts[node - 1])) for node in range(1, N + 1)
-    ]
-
-
-@pytest.mark.parametrize(
-    ("statusword", "power"),
-    [
-        (0x23, PowerTarget.ON),
-        (0x07, PowerTarget.ON),
-        (0x08, PowerTarget.ON),
-        (OPERATION_ENABLED, PowerTarget.QUICK_STOP),
-        (OPERATION_ENABLED, PowerTarget.OFF),
-    ],
-)
-def test_a_drive_that_is_not_in_operation_gets_no_velocity(scripted, arm, statusword, power):
-    tick(arm, scripted, everything(statusword))
-    scripted.sent.clear()
-    arm.command(power, np.full(N, 0.5))
-    assert len(scripted.sent) == N
-    assert {data[2:] for _, data in scripted.sent} == {bytes(4)}
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_a_velocity_that_is_not_finite_stops_the_arm(scripted, arm, bad):
-    tick(arm, scripted, everything())
-    scripted.sent.clear()
-    velocity = np.full(N, 0.5)
-    velocity[2] = bad
-    arm.command(PowerTarget.ON, velocity)
-    assert {data for _, data in scripted.sent} == {struct.pack("<Hi", 0x02, 0)}
-    assert [type(event) for event in tick(arm, scripted, []).events] == [BadSetpoint]
-
-
-def test_a_reset_is_an_edge(scripted, arm):
-    words = []
-    for k in range(4):
-        tick(arm, scripted, everything(0x08), k * PERIOD_S)
-        scripted.sent.clear()
-        arm.command(PowerTarget.OFF, STILL, reset=True)
-        words.append({data[:2] for _, data in scripted.sent})
-    assert words == [{b"\x80\0"}, {b"\0\0"}] * 2
-
-
 def test_the_heartbeat_is_last(scripted, arm):
     arm.end()
     assert scripted.sent == [
         *((0x000, bytes([128, node])) for node in range(1, N + 1)),
         (0x77F, b"\x05"),
     ]
-
-
-# -- receiving -------------------------------------------------------------------------------------
-
-
-def test_reading_ends_with_the_last_tpdo(scripted, arm):
-    late = frame(0x703, b"\x05")
-    samples = tick(arm, scripted, [*everything(), late])
-    assert samples.fresh.all()
-    assert scripted.incoming == [late]
-    np.testing.assert_allclose(samples.current, [1.0, 0.75, 0.6, 0.6, 0.3, 0.15, 0.15])
-
-
-def test_reading_waits_until_the_deadline_and_no_longer(scripted, joints, profiles):
-    times = iter([0.0, 0.001, 0.004, 0.0, 0.0])
-    arm = Arm(scripted, joints, profiles, PERIOD_S, lambda: next(times))
-    arm.sync(0.0)
-    scripted.waits.clear()
-    scripted.incoming += tpdos(1)
-    arm.collect(0.003)
-    assert scripted.waits == pytest.approx([0.003, 0.002, 0.0])
-
-
-def test_a_joint_is_fresh_when_all_its_tpdos_are_in(scripted, arm):
-    samples = tick(arm, scripted, everything())
-    position = samples.link_position.copy()
-    for age in (1, 2):
-        one_missing = [message for message in everything() if message.arbitration_id != 0x283]
-        samples = tick(arm, scripted, one_missing, (1 + age) * PERIOD_S)
-        assert list(samples.fresh) == [i != 2 for i in range(N)]
-        assert list(samples.age_ticks) == [age if i == 2 else 0 for i in range(N)]
-        np.testing.assert_array_equal(samples.link_position, position)
-    assert arm.counters.missing_frames == 2
-    samples = tick(arm, scripted, everything(), 4 * PERIOD_S)
-    assert samples.fresh.all()
-    assert not samples.age_ticks.any()
-
-
-def test_a_late_tpdo_does_not_pass_for_the_next(scripted, arm):
-    tick(arm, scripted, everything())
-    tick(arm, scripted, everything()[1:], 2 * PERIOD_S)
-    scripted.incoming += everything()[:1]  # comes after the deadline, before the next SYNC
-    samples = tick(arm, scripted, everything()[1:], 3 * PERIOD_S)
-    assert not samples.fresh[0]
-    assert list(samples.age_ticks[:2]) == [2, 0]
-    assert arm.counters.late_frames == 1
-
-
-def test_the_arm_recovers_at_once_from_drives_that_were_late(scripted, arm):
-    fresh = []
-    for k in range(1, 31):
-        late = 10 < k <= 20
-        samples = tick(arm, scripted, [] if late else everything(), k * PERIOD_S)
-        fresh.append(bool(samples.fresh.all()))
-        if late:
-            scripted.incoming += everything()
-    assert fresh == [True] * 10 + [False] * 10 + [True] * 10
-    assert arm.counters.late_frames == arm.counters.missing_frames == 10 * 2 * N
-
-
-def test_short_frames_are_counted_and_not_believed(scripted, arm):
-    samples = tick(arm, scripted, [frame(0x181, b"\x27"), frame(0x703), frame(0x83, b"\1")])
-    assert arm.counters.short_frames == 3
-    assert samples.statuswords[0] == -1
-    assert samples.events == ()
 
 
 @pytest.mark.parametrize(
@@ -346,39 +173,6 @@ def test_what_is_none_of_our_business_is_no_event(scripted, arm, message):
     samples = tick(arm, scripted, [message])
     assert samples.events == ()
     assert samples.statuswords == [-1] * N
-
-
-def test_an_answer_that_comes_twice_for_one_sync_was_old(scripted, arm):
-    tick(arm, scripted, everything())
-    tick(arm, scripted, everything()[1:], 2 * PERIOD_S)  # the first comes more than a period late
-    late = tick(arm, scripted, everything(), 3 * PERIOD_S)  # here it is, taken for the third
-    assert late.events == ()
-    scripted.incoming += everything()[:1]  # and here is the third
-    assert tick(arm, scripted, everything(), 4 * PERIOD_S).events == (LateAnswer(1),)
-    assert tick(arm, scripted, everything(), 5 * PERIOD_S).events == ()
-
-
-def test_what_came_before_the_first_sync_is_nobodys_late_answer(scripted, arm):
-    scripted.incoming += everything()
-    assert tick(arm, scripted, everything()).events == ()
-    assert arm.counters.late_frames == 2 * N
-
-
-def test_a_bus_that_returns_with_old_frames_gives_no_sample_of_before(scripted, arm):
-    tick(arm, scripted, everything())
-    scripted.incoming += 40 * everything(0x27)  # more than one pass reads
-    samples = tick(arm, scripted, everything(0x08), 2 * PERIOD_S)
-    assert not samples.fresh.any(), "all that was read may be old"
-    samples = tick(arm, scripted, everything(0x08), 3 * PERIOD_S)
-    assert samples.fresh.all()
-    assert set(samples.states) == {DriveState.FAULT}
-    assert arm.counters.late_frames == 40 * 2 * N + 2 * N
-
-
-def test_the_quick_stop_needs_neither_samples_nor_state(scripted, arm):
-    arm.quick_stop()
-    stops = [(0x200 + node, bytes([0x02, 0, 0, 0, 0, 0])) for node in range(1, N + 1)]
-    assert scripted.sent == [*stops, (0x080, b"")]
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,17 @@ def changed(setup, **fields):
     return replace(setup, profile=msgspec.convert(raw, DriveProfile))
 
 
+@pytest.mark.parametrize(
+    ("timeout_ms", "allowed"), [(19, False), (20, True), (5000, True), (5001, False)]
+)
+def test_the_range_of_the_sdo_timeout(setups, timeout_ms, allowed):
+    if allowed:
+        assert changed(setups[0], sdo_timeout_ms=timeout_ms).profile.sdo_timeout_ms == timeout_ms
+    else:
+        with pytest.raises(msgspec.ValidationError, match="sdo_timeout_ms"):
+            changed(setups[0], sdo_timeout_ms=timeout_ms)
+
+
 def test_romeo_fits(setups):
     for setup in setups:
         check_drive(setup, 10, 127)
