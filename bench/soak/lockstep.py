@@ -81,10 +81,10 @@ class _DrivesInLockstep(Drives):
 
     rig: Rig
 
-    def renew(self, joints: Sequence[int]) -> None:
+    def renew(self, joints: Sequence[int], meanwhile: Callable[[], None]) -> None:
         """As Drives.renew."""
         with self.rig.lockstep.serving():
-            super().renew(joints)
+            super().renew(joints, meanwhile)
 
 
 class _Visitor:
