@@ -51,7 +51,7 @@ class Gains:
 
     def step(self, dt: float) -> None:
         """Move on by dt [s]."""
-        if self._rate.any():
+        if np.count_nonzero(self._rate):
             left = self.goal - self.value
             reach = self._rate * dt
             arrived = np.abs(left) <= reach

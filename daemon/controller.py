@@ -42,7 +42,7 @@ class Observed:
     energised: bool  # every drive is in operation enabled
     findings: tuple[Finding, ...]
     objections: Callable[[], tuple[Objection, ...]]  # asked when somebody would arm
-    age_s: Vector | float = 0.0  # of q, where a sample did not come in time
+    age_s: Vector | None = None  # of q; None where every sample came in time
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,6 +217,8 @@ class Controller:
 
     def doubt(self, time_s: float, findings: tuple[Finding, ...]) -> None:
         """React to what the supervisor found; also before there is anything to decide on."""
+        if not findings:
+            return
         if self._resetting(time_s):
             findings = tuple(f for f in findings if f.condition is not Condition.DRIVE_FAULT)
         finding = strongest(findings)
@@ -229,7 +231,7 @@ class Controller:
         return self.machine.mode is Mode.OFF and time_s < self._reset_until_s
 
     def _feel(self, time_s: float, observed: Observed) -> None:
-        if observed.thresholded.any():
+        if np.count_nonzero(observed.thresholded):
             self._touched_s = time_s
         self.quiet_s = time_s - self._touched_s
         mode, armed, reactions = self.machine.mode, self.machine.armed, self._tuning.reactions

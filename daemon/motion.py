@@ -107,13 +107,13 @@ class Motion:
 
     # --- one tick -----------------------------------------------------------------------------
 
-    def step(self, mode: Mode, q: Vector, age_s: Vector | float, push: Vector, dt: float) -> None:
+    def step(self, mode: Mode, q: Vector, age_s: Vector | None, push: Vector, dt: float) -> None:
         """Set velocity and reference for the next dt [s], from the thresholded residual `push`
-        [Nm] and q [rad], which was measured age_s [s] ago."""
+        [Nm] and q [rad], which was measured age_s [s] ago (None: now)."""
         self.gains.step(dt)
         desired = self._desired(mode, q, push, dt)
         # A joint that was not heard of in this tick has moved on as it was told to.
-        here = q + self.velocity * age_s
+        here = q if age_s is None else q + self.velocity * age_s
         if mode in SENSING:
             self.velocity = self.limits.bound_velocity(here, desired, self.velocity, dt)
         else:

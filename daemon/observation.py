@@ -108,7 +108,7 @@ class Observer:
             self._following.tell(setpoint)
         found: list[Finding] = []
         found += self._of_events(samples.events)
-        if not samples.fresh.all():
+        if not all(samples.fresh.tolist()):
             found += self._of_samples(samples)
         if samples.states != self._enabled:
             found += self._of_drives(samples, mode)

@@ -168,7 +168,7 @@ class Plausibility:
             turned[1] = 0.0
         np.abs(m, out=m)
         beyond = m > self._bounds
-        return tuple(self._doubts(beyond)) if beyond.any() else ()
+        return tuple(self._doubts(beyond)) if np.count_nonzero(beyond) else ()
 
     def _turn(self, motor_velocity: Vector, motor_position: Vector | None, dt: float) -> None:
         """Move theta, and say by how much."""

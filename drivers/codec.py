@@ -11,6 +11,7 @@ and a target velocity goes the same way backwards. All of it is affine, so that 
 multiplication and one addition. COB-IDs are CiA 301's predefined connection set.
 """
 
+import math
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -221,7 +222,7 @@ class SetpointEncoder:
         Raises ValueError if a velocity is not finite: saturated, it would be a setpoint of full
         speed.
         """
-        if not np.isfinite(velocity).all():
+        if not math.isfinite(sum(velocity.tolist())):
             raise ValueError(f"target velocity is not finite: {velocity}")
         counts = self._counts
         np.subtract(velocity, self._bias, out=counts)
