@@ -4,7 +4,6 @@
 SYNC in between. Times come from the caller.
 """
 
-import math
 import time
 from dataclasses import dataclass
 
@@ -12,6 +11,7 @@ import msgspec
 import numpy as np
 
 from daemon.controller import Controller, Decision, Observed
+from daemon.limits import all_finite
 from daemon.messages import Check, Contact, Event, State, Timing, Vector
 from daemon.modes import Mode
 from daemon.observation import Observer
@@ -293,12 +293,6 @@ class Cycle:
 def invalid(estimate: Estimate) -> Estimate:
     """The estimate that holds while there is no new one that could be used."""
     return msgspec.structs.replace(estimate, contacts=(), flags=Flag.INVALID)
-
-
-def all_finite(values: np.ndarray) -> bool:
-    """Whether no value is NaN or infinite: their sum would be, too. Five times cheaper than asking
-    numpy, on so few; that of `any` and `all` holds for the whole tick."""
-    return math.isfinite(sum(values.tolist()))
 
 
 def finite_list(values: np.ndarray) -> Vector:

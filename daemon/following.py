@@ -57,9 +57,13 @@ class Following:
 
     def astray(self, velocity: Vector, current: Vector) -> NDArray[np.bool_]:
         """Joints whose drives do not follow: motor velocity [rad/s] and current [A] of a tick."""
+        deviation = self._bounds.deviation
+        if not np.count_nonzero(np.abs(velocity - self._told[self._next - 1]) > deviation):
+            # All do what was said last: the usual tick need not look for more.
+            self._in_row.fill(0)
+            return np.zeros(len(velocity), dtype=np.bool_)
         slower = self._told.min(axis=0) - velocity
         faster = velocity - self._told.max(axis=0)
-        deviation = self._bounds.deviation
         np.logical_and(slower > deviation, current < self._pressing, out=self._too_slow)
         np.logical_and(faster > deviation, current > -self._pressing, out=self._too_fast)
         self._in_row += 1
