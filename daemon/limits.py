@@ -37,7 +37,8 @@ class Limits:
         step = self.acceleration * dt
         bounded = np.minimum(np.maximum(desired, before - step), before + step)
         down, up = self.funnel(np.array((q - self.lower, self.upper - q)))
-        return np.minimum(np.maximum(bounded, -down), up)
+        within: Vector = np.minimum(np.maximum(bounded, -down), up)
+        return within
 
     def funnel(self, distance: Vector) -> Vector:
         """The largest speed [rad/s] towards a limit that is `distance` [rad] away, both (..., n),
