@@ -176,12 +176,13 @@ def _be_rude(house: House, rng: Random) -> None:
 def _record(house: House, rng: Random) -> None:
     """`contactctl record` for some seconds, now and then."""
     while house.pause(rng.expovariate(1 / MEAN_PAUSE_S)):
-        words = [sys.executable, "-m", "daemon.commands.contactctl", "--socket"]
-        words += [str(house.both.door), "record", "--seconds", "5"]
+        words = [sys.executable, "-c", "from daemon.commands.contactctl import main; main()"]
+        words += ["--socket", str(house.both.door), "record", "--seconds", "5"]
         with tempfile.TemporaryDirectory(prefix="contactd-soak-") as place:
             file = Path(place) / "soak.mcap"
             done = subprocess.run([*words, str(file)], capture_output=True, text=True, check=False)
-        house.part.counts["recordings" if done.returncode == 0 else "recordings ended early"] += 1
+            complete = done.returncode == 0 and file.stat().st_size > 0
+        house.part.counts["recordings" if complete else "recordings ended early"] += 1
 
 
 # --- what is seen ---------------------------------------------------------------------------------

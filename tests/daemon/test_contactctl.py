@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from daemon.commands import contactctl
+from daemon.commands import answers, contactctl
 from daemon.messages import COMMANDS, State
 from daemon.recorder import read_log
 
@@ -26,7 +26,7 @@ Run = Callable[..., Result]
 @pytest.fixture
 def run(fake_daemon: Any, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Runs contactctl against the fake daemon; 0.3 s are long enough to wait."""
-    monkeypatch.setattr(contactctl, "WAIT_S", 0.3)
+    monkeypatch.setattr(answers, "WAIT_S", 0.3)
 
     def call(*arguments: str) -> Result:
         return CliRunner().invoke(

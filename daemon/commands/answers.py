@@ -1,0 +1,87 @@
+"""What comes of a command of `contactctl`: asked for, waited for, and said."""
+# ruff: noqa: PLC0415 - messages are imported by the command that needs them
+
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from daemon.commands.session_options import Options
+from errors import ControlError
+
+if TYPE_CHECKING:
+    from daemon.client import Client
+    from daemon.messages import Command, Reply, Status
+
+WAIT_S = 5.0
+POLL_S = 0.02
+
+# Where a command leads to, when it takes a while: waited for unless told otherwise.
+GOALS: dict[str, frozenset[str]] = {
+    "enable": frozenset({"holding"}),
+    "pause": frozenset({"holding"}),
+    "stop": frozenset({"holding", "off", "faulted"}),
+    "disable": frozenset({"off"}),
+}
+RESTING = frozenset({"off", "holding", "faulted"})  # nothing leaves these by itself
+
+
+def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
+    """Ask for `command`, wait where it takes a while, and say where it ended; exit 1 if not."""
+    with options.connect() as client:
+        reply = client.request(command)
+        if wait and reply.ok:
+            reply = wait_for(client, reply, GOALS[command])
+    answer(options, reply)
+
+
+def answer(options: Options, reply: "Reply") -> None:
+    """What came of it, on stdout or stderr; exit 1 if nothing did."""
+    if options.json:
+        print_json(reply)
+    else:
+        for check in reply.checks:
+            click.echo(check, err=not reply.ok)
+        said = reply.message or (reply.mode if reply.ok else "refused")
+        click.echo(said if reply.ok else f"contactctl: {said}", err=not reply.ok)
+        # The checks have said it already.
+        for reason in reply.reasons if not reply.checks else ():
+            click.echo(f"  - {reason}", err=True)
+    if not reply.ok:
+        sys.exit(1)
+
+
+def wait_for(client: "Client", first: "Reply", goal: frozenset[str]) -> "Reply":
+    """Poll until the mode is in `goal`, comes to rest elsewhere, or WAIT_S have passed."""
+    from daemon.messages import Reply
+
+    deadline = time.monotonic() + WAIT_S
+    left = False
+    while True:
+        now = status_of(client)
+        left = left or now.mode != first.mode
+        late = time.monotonic() > deadline
+        if now.mode in goal or late or (left and now.mode in RESTING):
+            break
+        time.sleep(POLL_S)
+    text = f"{now.mode}{', armed' if now.armed else ''}: {now.cause}"
+    if now.mode not in goal:
+        expected = "holding" if "holding" in goal else "off"
+        text = f"not {expected} {f'after {WAIT_S:.0f} s' if late else 'but'} {text}"
+    return Reply(ok=now.mode in goal, message=text, mode=now.mode, armed=now.armed)
+
+
+def status_of(client: "Client") -> "Status":
+    """What the daemon says of itself. Raises ControlError."""
+    reply = client.request("status")
+    if reply.status is None:
+        raise ControlError("; ".join([reply.message or "no status", *reply.reasons]))
+    return reply.status
+
+
+def print_json(message: Any) -> None:
+    """One line of JSON on stdout."""
+    import msgspec
+
+    click.echo(msgspec.json.encode(message).decode())

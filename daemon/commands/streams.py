@@ -1,0 +1,78 @@
+"""What `contactctl` does with the states that stream from the daemon: shown live, recorded."""
+# ruff: noqa: PLC0415 - rich and mcap are imported by the command that needs them
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from daemon.commands.answers import print_json
+from daemon.commands.session_options import Options
+
+if TYPE_CHECKING:
+    from daemon.client import Client
+
+FRAMES_PER_S = 10
+
+
+def show_live(client: "Client") -> None:
+    """Take every state, draw some."""
+    from rich.live import Live
+
+    from daemon.view import Dashboard, History
+
+    snapshot, states = client.subscribe()
+    history = History()
+    drawn_s = 0.0
+    with Live(screen=True, auto_refresh=False) as live:
+        for state in states:
+            history.add(state)
+            now_s = time.monotonic()
+            if now_s - drawn_s >= 1 / FRAMES_PER_S:
+                drawn_s = now_s
+                live.update(Dashboard(snapshot, state, history.summary()), refresh=True)
+
+
+def stream_json(client: "Client") -> None:
+    """The states as the daemon sends them, until the reader of the pipe has had enough."""
+    client.subscribe()
+    try:
+        while True:
+            sys.stdout.buffer.write(client.packet() + b"\n")
+            sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        return
+
+
+def record_states(
+    options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
+) -> str:
+    """Every state, as MCAP; returns why it ended early, or nothing."""
+    from daemon.recorder import record
+
+    made = record(options.connect, file, seconds=seconds, stop=stop)
+    if options.json:
+        print_json(made)
+    else:
+        again = f", {made.snapshots} snapshots" if made.snapshots > 1 else ""
+        click.echo(
+            f"{file}: {made.duration_s:.1f} s, {made.states} states, {made.lost} lost{again}"
+        )
+    return made.ended
+
+
+def record_csv(
+    options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
+) -> str:
+    """Where the joints go, as CSV; returns why it ended early, or nothing."""
+    from daemon.trajectory_recorder import record_trajectory
+
+    made = record_trajectory(options.connect, file, seconds=seconds, stop=stop)
+    if options.json:
+        print_json(made)
+    else:
+        click.echo(f"{file}: {made.duration_s:.1f} s, {made.samples} samples")
+    return made.ended
