@@ -12,7 +12,8 @@ from typing import Self, TypeVar
 
 import msgspec
 
-from daemon.control import GROUP, MAX_REQUEST_BYTES, default_socket_path
+from daemon.control import MAX_REQUEST_BYTES
+from daemon.control_path import GROUP, default_socket_path
 from daemon.lease import LONGEST_S
 from daemon.messages import Command, Header, Reply, Request, Snapshot, State
 from daemon.trajectory_file import PLAUSIBLE, refuse_shapes, rows_of, slopes

@@ -10,14 +10,10 @@ makes room: those who only hold connections lock nobody out.
 
 import contextlib
 import errno
-import grp
-import logging
 import math
 import os
 import select
 import socket
-import stat
-import struct
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,31 +23,17 @@ from typing import Self
 
 import msgspec
 
+from daemon.control_path import listen
 from daemon.messages import COMMANDS, Reply, Request, State
-from errors import ContactdError, ControlError
+from daemon.peers import Peer, groups_of, peer_of
+from errors import ContactdError
 
-GROUP = "contact"
 MAX_REQUEST_BYTES = 8192
 MAX_CONNECTIONS = 32
 MAX_READERS = 8
 EVENTS_PER_POLL = 4
 ACCEPTS_PER_EVENT = 4
 SEND_BUFFER_BYTES = 1 << 20  # the kernel grants what net.core.wmem_max allows
-LISTEN_BACKLOG = 64
-
-_UCRED = struct.Struct("3i")  # pid, uid, gid
-_SO_PEERGROUPS = 59  # Linux 4.13; not in Python's socket module
-_MOST_GROUPS = 256
-_log = logging.getLogger("contactd")
-
-
-@dataclass(frozen=True, slots=True)
-class Peer:
-    """Who is at the other end of a connection, as the kernel saw it connect."""
-
-    uid: int
-    pid: int
-    connection: int = 0  # counts up: no two connections of one daemon have the same
 
 
 @dataclass(slots=True)
@@ -68,42 +50,6 @@ Handler = Callable[[Request, Peer], Reply]
 Listener = Callable[[Peer], None]
 
 
-def default_socket_path() -> Path:
-    """Where daemon and clients meet unless told otherwise.
-
-    `$CONTACTD_SOCKET`, else `/run/contactd/control` where that directory exists, else
-    `$XDG_RUNTIME_DIR/contactd.sock`, else `/tmp/contactd-UID.sock`. Everybody may create files in
-    /tmp: a file of another user at that name raises ControlError.
-    """
-    if chosen := os.environ.get("CONTACTD_SOCKET"):
-        return Path(chosen)
-    if Path("/run/contactd").is_dir():
-        return Path("/run/contactd/control")
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    if runtime and Path(runtime).is_dir():
-        return Path(runtime) / "contactd.sock"
-    path = Path(f"/tmp/contactd-{os.getuid()}.sock")
-    with contextlib.suppress(FileNotFoundError):
-        owner = path.lstat().st_uid
-        if owner != os.getuid():
-            raise ControlError(f"{path} belongs to user {owner}, not to you: refused as unsafe")
-    return path
-
-
-def peer_of(connected: socket.socket, connection: int = 0) -> Peer:
-    """Credentials of the process at the other end, from the kernel."""
-    raw = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
-    pid, uid, _ = _UCRED.unpack(raw)
-    return Peer(uid, pid, connection)
-
-
-def _groups_of(connected: socket.socket) -> tuple[int, ...]:
-    """All groups of the process at the other end, from the kernel."""
-    gid = _UCRED.unpack(connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))[2]
-    raw = connected.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, 4 * _MOST_GROUPS)
-    return (gid, *struct.unpack(f"{len(raw) // 4}I", raw))
-
-
 class ControlSocket:
     """Listens at `path` from construction to `close`; belongs to the one thread that polls it.
 
@@ -112,7 +58,7 @@ class ControlSocket:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._listener = _listen(path)
+        self._listener = listen(path)
         file = path.stat()
         self._inode, self._group = file.st_ino, file.st_gid
         self._epoll = select.epoll()
@@ -226,7 +172,7 @@ class ControlSocket:
         """Whether the socket file's group, owner or root is at the other end: what the file's mode
         says, even where somebody has opened it to all."""
         try:
-            return peer_of(accepted).uid in (0, os.getuid()) or self._group in _groups_of(accepted)
+            return peer_of(accepted).uid in (0, os.getuid()) or self._group in groups_of(accepted)
         except OSError:  # an old kernel, or too many groups to ask for: the file's mode has decided
             return True
 
@@ -296,58 +242,3 @@ class ControlSocket:
             connection.reads = False
             text = f"an answer of {len(packet)} bytes does not fit: raise net.core.wmem_max"
             self._send(connection, Reply(ok=False, message=text))
-
-
-def _listen(path: Path) -> socket.socket:
-    """A listening socket that appears at `path` complete: open to its group, and never deaf."""
-    hidden = path.with_name(f".{path.name}.{os.getpid()}")
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
-    try:
-        _refuse_unless_stale(path)
-        hidden.unlink(missing_ok=True)
-        # Linux takes the file's mode from the socket: nobody gets in before the group is set.
-        os.fchmod(listener.fileno(), 0o600)
-        listener.bind(str(hidden))
-        _open_to_group(hidden)
-        listener.listen(LISTEN_BACKLOG)
-        hidden.rename(path)
-    except OSError as error:
-        listener.close()
-        with contextlib.suppress(OSError):
-            hidden.unlink(missing_ok=True)
-        raise ControlError(f"cannot listen at {path}: {error.strerror or error}") from error
-    except ControlError:
-        listener.close()
-        raise
-    return listener
-
-
-def _refuse_unless_stale(path: Path) -> None:
-    """Only nothing, or the socket that a dead daemon left behind, may be replaced."""
-    try:
-        mode = path.lstat().st_mode
-    except FileNotFoundError:
-        return
-    if not stat.S_ISSOCK(mode):
-        raise ControlError(f"{path} exists and is not a socket; remove it or choose another path")
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK) as probe:
-        try:
-            probe.connect(str(path))
-        except ConnectionRefusedError:
-            return
-        except BlockingIOError:  # alive, with a full backlog
-            raise ControlError(f"another contactd serves {path}") from None
-        raise ControlError(f"another contactd (pid {peer_of(probe).pid}) serves {path}")
-
-
-def _open_to_group(path: Path) -> None:
-    try:
-        group = grp.getgrnam(GROUP).gr_gid
-        # As a service the daemon makes it so from the beginning, and may change no owners.
-        if path.stat().st_gid != group:
-            os.chown(path, -1, group)
-    except (KeyError, PermissionError) as error:
-        why = "does not exist" if isinstance(error, KeyError) else "is not one of the daemon's"
-        owner = path.stat().st_gid
-        _log.warning("group %s %s: the control socket is open to group %d", GROUP, why, owner)
-    path.chmod(0o660)

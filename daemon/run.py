@@ -14,7 +14,8 @@ from daemon.assembly import build_cycle, build_estimator, build_setups
 from daemon.black_box import BlackBox, default_directory, ring_path
 from daemon.config.identified import objections, unwired
 from daemon.config.load import Robot
-from daemon.control import ControlSocket, default_socket_path
+from daemon.control import ControlSocket
+from daemon.control_path import default_socket_path
 from daemon.drives import Drives
 from daemon.journal import log_to_stderr
 from daemon.last_resort import stop_on_error

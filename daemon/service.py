@@ -10,7 +10,7 @@ import numpy as np
 
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of
-from daemon.control import ControlSocket, Peer
+from daemon.control import ControlSocket
 from daemon.cycle import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
 from daemon.drives import Drives
 from daemon.lease import PERSON_S, PROGRAM_S, Lease, Owner, in_words
@@ -28,6 +28,7 @@ from daemon.messages import (
 )
 from daemon.modes import Event, Mode, ModeMachine
 from daemon.notify import Notifier
+from daemon.peers import Peer
 from drivers.cia402 import reached
 from errors import ContactdError, ControlError, TrajectoryError
 

@@ -32,12 +32,13 @@ from bench.soak.robot import hand_script, write_robot
 from bench.stage import Stage
 from daemon.assembly import build_setups
 from daemon.config.load import load_robot
-from daemon.control import ControlSocket, Peer
+from daemon.control import ControlSocket
 from daemon.drives import Drives
 from daemon.loop import Clock, Loop
 from daemon.messages import Reply
 from daemon.modes import Mode
 from daemon.notify import Notifier
+from daemon.peers import Peer
 from daemon.service import Service
 from errors import ContactdError
 

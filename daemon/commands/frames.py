@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from daemon.black_box import default_directory, new_log, ring_path, save_left_over, write_log
-from daemon.control import default_socket_path
+from daemon.control_path import default_socket_path
 from drivers.frame_ring import read_frames
 from errors import LogError
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from daemon.control import ControlSocket, Peer
+from daemon.control import ControlSocket
 from daemon.messages import (
     Check,
     Contact,
@@ -23,6 +23,7 @@ from daemon.messages import (
     Timing,
     Trajectory,
 )
+from daemon.peers import Peer
 
 JOINTS = [f"L{part}" for part in ("ShoulderPitch", "ShoulderYaw", "ElbowRoll", "ElbowYaw")]
 JOINTS += ["LWristRoll", "LWristYaw", "LWristPitch"]

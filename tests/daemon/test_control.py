@@ -1,15 +1,9 @@
 """The control socket against clients that are rude, slow, many, or gone."""
 
-import grp
 import json
 import os
 import select
 import socket
-import stat
-import subprocess
-import sys
-import tempfile
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -18,10 +12,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daemon import control as control_module
-from daemon.control import ControlSocket, Peer, default_socket_path
+from daemon.control import ControlSocket
 from daemon.messages import Reply, Request, Snapshot, State
-from errors import ControlError, ModelError
+from daemon.peers import Peer
+from errors import ModelError
 
 Dial = Callable[[], socket.socket]
 
@@ -253,46 +247,6 @@ def test_every_close_is_told(control: ControlSocket, dial: Dial) -> None:
 
 # Becomes nobody, with the given groups, and disarms. An error of the connection is reported once,
 # ahead of the daemon's last words.
-SOMEBODY_ELSE = """
-import contextlib, os, socket, sys
-door = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-os.setgroups(eval(sys.argv[2]))
-os.setgid(65534)
-os.setuid(65534)
-door.connect(sys.argv[1])
-for step in (lambda: door.send(b'{"command": "disarm"}'), lambda: print(door.recv(1000).decode())):
-    try:
-        step()
-    except ConnectionError:
-        print(door.recv(1000).decode())
-        break
-"""
-
-
-def test_the_kernel_is_asked_who_it_is() -> None:
-    """Although somebody has opened the socket file to all."""
-    if os.getuid() != 0:
-        pytest.skip("only root may become somebody else")
-    said = []
-    # pytest's own folders are closed to others.
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        ControlSocket(Path(folder) / "control") as control,
-    ):
-        Path(folder).chmod(0o755)
-        control.path.chmod(0o666)
-        for groups in ("[]", f"[{control.path.stat().st_gid}]"):
-            command = [sys.executable, "-c", SOMEBODY_ELSE, str(control.path), groups]
-            process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-            while process.poll() is None:
-                control.poll(Handler())
-                time.sleep(0.001)
-            said.append(process.communicate()[0])
-    refused, served = said
-    assert "you are not in the group of" in refused
-    assert '"ok":true' in served
-
-
 @pytest.mark.parametrize("how", ["close", "shutdown", "empty packet"])
 def test_half_connected_client_is_dropped(control: ControlSocket, dial: Dial, how: str) -> None:
     client = dial()
@@ -446,102 +400,3 @@ def test_snapshot_that_does_not_fit_is_told(
         control.poll(Handler(huge))
     assert "wmem_max" in str(told(client)["message"])
     assert not control.readers
-
-
-def test_permissions(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    previous = os.umask(0)
-    try:
-        with ControlSocket(tmp_path / "control") as control:
-            mode = control.path.stat().st_mode
-            group = control.path.stat().st_gid
-    finally:
-        os.umask(previous)
-    assert stat.S_ISSOCK(mode)
-    assert stat.S_IMODE(mode) == 0o660
-    try:
-        assert group == grp.getgrnam("contact").gr_gid
-    except KeyError:
-        assert group == os.getgid()
-        assert caplog.text.count("group contact does not exist") == 1
-
-
-def test_group_is_set_where_it_exists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    if os.getuid() != 0:
-        pytest.skip("only root may give a file to any group")
-    other = next(g for g in grp.getgrall() if g.gr_gid != os.getgid())
-    monkeypatch.setattr(control_module, "GROUP", other.gr_name)
-    with ControlSocket(tmp_path / "control") as control:
-        assert control.path.stat().st_gid == other.gr_gid
-
-
-def test_live_daemon_is_left_alone(control: ControlSocket) -> None:
-    with pytest.raises(ControlError, match=rf"another contactd \(pid {os.getpid()}\) serves"):
-        ControlSocket(control.path)
-    assert control.path.is_socket()
-
-
-def test_stale_socket_is_replaced(tmp_path: Path) -> None:
-    path = tmp_path / "control"
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as dead:
-        dead.bind(str(path))
-        dead.listen()
-    assert path.is_socket()
-    with ControlSocket(path), socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as client:
-        client.connect(str(path))
-    assert not path.exists()
-
-
-def test_socket_file_of_a_successor_is_left(tmp_path: Path) -> None:
-    first = ControlSocket(tmp_path / "control")
-    first.path.rename(tmp_path / "moved")
-    with ControlSocket(tmp_path / "control") as second:
-        first.close()
-        assert second.path.is_socket()
-
-
-@pytest.mark.parametrize("kind", ["file", "directory", "link"])
-def test_only_a_socket_is_ever_removed(tmp_path: Path, kind: str) -> None:
-    path = tmp_path / "control"
-    if kind == "file":
-        path.write_text("mine")
-    elif kind == "directory":
-        path.mkdir()
-    else:
-        path.symlink_to("/etc/passwd")
-    with pytest.raises(ControlError, match="not a socket"):
-        ControlSocket(path)
-    assert path.lstat()
-
-
-@pytest.mark.parametrize("path", ["/nonexistent/control", "/tmp/" + "x" * 200])
-def test_impossible_path(path: str) -> None:
-    with pytest.raises(ControlError, match="cannot listen at /"):
-        ControlSocket(Path(path))
-
-
-def test_default_path(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("CONTACTD_SOCKET", "/somewhere/else")
-    assert default_socket_path() == Path("/somewhere/else")
-    monkeypatch.delenv("CONTACTD_SOCKET")
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr(Path, "is_dir", lambda self: str(self) == "/run/contactd")
-    assert default_socket_path() == Path("/run/contactd/control")
-    monkeypatch.setattr(Path, "is_dir", lambda self: self == tmp_path)
-    assert default_socket_path() == tmp_path / "contactd.sock"
-    monkeypatch.setenv("XDG_RUNTIME_DIR", "")
-    monkeypatch.setattr(os, "getuid", lambda: 987_654)
-    assert default_socket_path() == Path("/tmp/contactd-987654.sock")
-
-
-def test_default_path_of_another_user_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    trap = Path("/tmp/contactd-987654.sock")
-    monkeypatch.delenv("CONTACTD_SOCKET", raising=False)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", "")
-    monkeypatch.setattr(Path, "is_dir", lambda self: False)
-    monkeypatch.setattr(os, "getuid", lambda: 987_654)
-    trap.symlink_to("/nowhere")
-    try:
-        with pytest.raises(ControlError, match="not to you"):
-            default_socket_path()
-    finally:
-        trap.unlink()
