@@ -24,6 +24,7 @@ from daemon.notify import Notifier, notifier_of
 from daemon.prearm import Verdict
 from daemon.realtime import go_realtime
 from daemon.service import Service
+from daemon.winding_down import wind_down
 from drivers.bus import open_bus
 from drivers.bus_load import frame_rate_hz
 from errors import BusError, DriveError
@@ -87,7 +88,9 @@ def _serve(
         loop.run(service.doors, lambda: not (signals.received or cycle.fatal))
         why = signals.received or str(cycle.fatal)
         notifier.stopping(f"stopping: {why}")
-        stragglers = [] if cycle.fatal else service.wind_down(why)
+        stragglers = (
+            [] if cycle.fatal else wind_down(loop, service.doors, c.supervisor.stop_timeout_s, why)
+        )
     if cycle.fatal:
         raise BusError(f"{cycle.fatal}; the drives stop by themselves")
     if not stragglers and not cycle.controller.faulted:

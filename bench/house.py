@@ -1,0 +1,92 @@
+"""The whole daemon behind its socket, in lockstep with the simulated arm: what a client gets."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from click.testing import CliRunner, Result
+
+from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from daemon.client import Client
+from daemon.commands import contactctl
+from daemon.control import ControlSocket
+from daemon.loop import Clock, Loop
+from daemon.messages import Reply
+from daemon.notify import Notifier
+from daemon.service import Service
+
+
+@dataclass(slots=True)
+class House:
+    """Service, loop and simulated arm; time passes by `tick` alone."""
+
+    rig: Rig
+    service: Service
+
+    @property
+    def path(self) -> Path:
+        """Of the control socket."""
+        return self.service.control.path
+
+    def tick(self) -> None:
+        """One tick, and the doors after it."""
+        self.rig.tick()
+        self.service.doors()
+
+    def run(self, seconds: float) -> None:
+        """Tick for so long."""
+        for _ in range(round(seconds / self.rig.robot.configuration.period_s)):
+            self.tick()
+
+    def until(self, work: Callable[[], Any]) -> Any:
+        """Tick while `work`, which talks to the daemon, runs in a thread of its own."""
+        results: list[Any] = []
+        errors: list[BaseException] = []
+
+        def run() -> None:
+            try:
+                results.append(work())
+            except BaseException as error:
+                errors.append(error)
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        while thread.is_alive():
+            self.tick()
+            thread.join(0.0005)
+        if errors:
+            raise errors[0]
+        return results[0]
+
+    def ask(self, client: Client, command: Any) -> Reply:
+        """What the daemon answers."""
+        reply = self.until(lambda: client.request(command))
+        assert isinstance(reply, Reply)
+        return reply
+
+    def contactctl(self, *arguments: str) -> Result:
+        """As a person would type it."""
+        result = self.until(
+            lambda: CliRunner().invoke(
+                contactctl.main, ["--socket", str(self.path), *arguments], catch_exceptions=False
+            )
+        )
+        assert isinstance(result, Result)
+        return result
+
+
+@contextmanager
+def open_house(folder: Path) -> Iterator[House]:
+    """A single joint, off, with its control socket in `folder`."""
+    with (
+        lockstep_rig(SINGLE_JOINT) as rig,
+        ControlSocket(folder / "control") as control,
+        closing(Notifier()) as notifier,
+    ):
+        c = rig.robot.configuration
+        loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+        rig.run(0.1)
+        yield House(rig, Service(rig.robot, loop, control, [], 1, notifier))

@@ -1,0 +1,68 @@
+"""Who may keep the arm armed, asked at the daemon's door: the lease over the controller."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from daemon.controller import Controller
+from daemon.lease import PERSON_S, PROGRAM_S, Lease, Owner, in_words
+from daemon.messages import Check, Permit, Request
+from daemon.peers import Peer
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """To `arm`: every reason why not, each check as passed or failed, and for how long [s]."""
+
+    reasons: Sequence[str]
+    checks: Sequence[Check]
+    duration_s: float
+
+
+@dataclass(slots=True)
+class Permission:
+    """One lease at a time; it ends with its time, or with its owner's connection."""
+
+    controller: Controller
+    checks: Callable[[], list[Check]]
+    _lease: Lease | None = None
+
+    @property
+    def connection(self) -> int:
+        """Number of the connection that holds it; 0 for a person's, or nobody's."""
+        return self._lease.owner.connection if self._lease else 0
+
+    def arm(self, request: Request, peer: Peer, time_s: float) -> Answer:
+        """Arm, or renew: whoever holds the lease need not pass the checks again."""
+        owner = Owner(peer.uid, peer.pid, 0 if request.detached else peer.connection)
+        duration_s = request.lease_s or (PERSON_S if request.detached else PROGRAM_S)
+        held = self._lease if self.controller.machine.armed else None
+        if held and (refusal := held.refusal(owner, time_s)):
+            return Answer([refusal], [], duration_s)
+        checks = [] if held else self.checks()
+        reasons = [] if held else self.controller.arm(f"{owner}, for {in_words(duration_s)}")
+        if not reasons:
+            self._lease = Lease(owner, time_s + duration_s)
+        return Answer(reasons, checks, duration_s)
+
+    def expire(self, time_s: float, closed: int = 0) -> None:
+        """End what has run out, or was held by connection number `closed`."""
+        lease, controller = self._lease, self.controller
+        if lease is None:
+            return
+        if not controller.machine.armed:
+            self._lease = None
+        elif why := lease.ended(time_s, closed):
+            self._lease = None
+            controller.disarm(why, time_s)
+
+    def permit(self, time_s: float) -> Permit | None:
+        """Who armed the arm, and for how long from now; None while it is not."""
+        lease = self._lease
+        if lease is None or not self.controller.machine.armed:
+            return None
+        return Permit(
+            uid=lease.owner.uid,
+            pid=lease.owner.pid,
+            detached=lease.owner.connection == 0,
+            left_s=lease.left_s(time_s),
+        )

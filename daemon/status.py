@@ -1,0 +1,88 @@
+"""The running daemon in words and figures: for `contactctl status`, and for new readers."""
+
+import math
+from collections.abc import Sequence
+from importlib.metadata import version
+
+from daemon.config.load import Robot
+from daemon.controller import Controller
+from daemon.cycle import DRIVE_STATE_NAMES, SIDE_NAMES, Cycle, finite_list
+from daemon.loop import Loop
+from daemon.messages import Grant, Permit, Snapshot, Status, Trajectory
+from errors import ControlError
+
+
+def status_of(
+    robot: Robot,
+    loop: Loop,
+    *,
+    pid: int,
+    permit: Permit | None,
+    realtime: list[Grant],
+    readers: int,
+    identities: Sequence[object],
+    serials: list[int | None],
+) -> Status:
+    """Everything that a person asks for; `identities` and `serials` are the drives'."""
+    c, cycle = robot.configuration, loop.cycle
+    samples, estimate = cycle.samples, cycle.estimate
+    zeros = [0.0] * len(c.joints)
+    machine = cycle.controller.machine
+    return Status(
+        name=c.name,
+        configuration=str(robot.path),
+        pid=pid,
+        uptime_s=loop.time_s,
+        mode=machine.mode.value,
+        armed=machine.armed,
+        permit=permit,
+        cause=machine.cause,
+        trajectory=_trajectory(cycle.controller),
+        checks=cycle.checks(),
+        cycles=cycle.tick + 1,
+        missed=loop.missed,
+        lateness_max_us=loop.lateness_max_s * 1e6,
+        work_max_us=loop.work_max_s * 1e6,
+        realtime=realtime,
+        readers=readers,
+        joints=c.joint_names,
+        identities=[str(identity) for identity in identities],
+        drives=[DRIVE_STATE_NAMES[s] for s in samples.states] if samples else [],
+        position=finite_list(samples.link_position) if samples else zeros,
+        residual=estimate.residual.tolist() if estimate else zeros,
+        threshold=estimate.threshold.tolist() if estimate else zeros,
+        side=[SIDE_NAMES[s] for s in estimate.side.tolist()] if estimate else [],
+        gain=cycle.controller.motion.gains.goal.tolist(),
+        age_ticks=samples.age_ticks.tolist() if samples else [],
+        serials=serials,
+    )
+
+
+def _trajectory(controller: Controller) -> Trajectory:
+    place, state = controller.next_place(), controller.machine.trajectory
+    end = place.path.duration
+    return Trajectory(
+        name=place.path.name,
+        state=state,
+        time_s=place.s,
+        duration_s=end if math.isfinite(end) else None,
+    )
+
+
+def snapshot_of(robot: Robot, cycle: Cycle) -> Snapshot:
+    """What a reader needs beside the States. Raises ControlError before the first sample."""
+    c = robot.configuration
+    if cycle.decision is None:
+        raise ControlError("the drives have not sent all their samples yet; try again")
+    return Snapshot(
+        joints=c.joint_names,
+        half_gap=[joint.half_gap for joint in c.joints],
+        thresholds=[joint.thresholds.contact for joint in c.joints],
+        period_s=c.period_s,
+        tick=cycle.tick,
+        memory=cycle.estimator.memory(),
+        configuration=robot.text,
+        urdf=robot.urdf,
+        identified=robot.identified_text,
+        program=f"contactd {version('contactd')}",
+    )

@@ -1,0 +1,43 @@
+"""The end: the arm at rest, every joint as configured, and seen to be so."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from daemon.cycle import Cycle
+from daemon.loop import Loop
+from daemon.modes import Event, Mode
+from drivers.cia402 import reached
+
+# How long the drives may take to reach the state they end in [s].
+PATIENCE_S = 1.0
+
+
+def wind_down(loop: Loop, doors: Callable[[], None], stop_timeout_s: float, why: str) -> list[str]:
+    """Decelerate, stop, let every joint end as configured, and see that it did.
+
+    Returns the names of drives that did not follow. The loop goes on ticking meanwhile, and so does
+    our heartbeat; it ends with the last tick.
+    """
+    cycle = loop.cycle
+    machine = cycle.controller.machine
+
+    def tick_until(done: Callable[[], bool], patience_s: float) -> None:
+        end = loop.time_s + patience_s
+        loop.run(doors, lambda: not done() and loop.time_s < end)
+
+    cycle.controller.request(Event.DISABLE, why, loop.time_s)
+    # A joint that does not stop in time becomes a fault, and then a quick stop.
+    resting = (Mode.OFF, Mode.FAULTED)
+    tick_until(lambda: machine.mode in resting, stop_timeout_s + PATIENCE_S)
+    tick_until(lambda: not _stragglers(cycle), PATIENCE_S)
+    return _stragglers(cycle)
+
+
+def _stragglers(cycle: Cycle) -> list[str]:
+    """Drives that have not reached what was last asked of them."""
+    if cycle.samples is None or cycle.decision is None:
+        return []
+    pairs = zip(cycle.samples.states, cycle.decision.power, strict=True)
+    wrong = np.flatnonzero([not reached(state, target) for state, target in pairs])
+    return [cycle.arm.names[i] for i in wrong]

@@ -1,0 +1,168 @@
+"""Arming through the daemon's socket: checks, leases, owners, in lockstep."""
+
+import json
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bench.house import House, open_house
+from daemon.client import Client
+from daemon.modes import Mode
+
+
+@pytest.fixture
+def house(tmp_path: Path) -> Iterator[House]:
+    with open_house(tmp_path) as opened:
+        yield opened
+
+
+@pytest.fixture
+def client(house: House) -> Iterator[Client]:
+    with Client(house.path) as connected:
+        yield connected
+
+
+def armed(house: House) -> bool:
+    return house.rig.cycle.controller.machine.armed
+
+
+def cause_of_disarming(house: House) -> str:
+    texts = [e.text for e in house.rig.cycle.events if e.text.startswith("disarmed")]
+    return texts[0] if texts else ""
+
+
+def until_disarmed(house: House, limit_s: float) -> tuple[float, str]:
+    begun = house.rig.time_s
+    while armed(house):
+        house.tick()
+        assert house.rig.time_s - begun < limit_s
+    took = house.rig.time_s - begun
+    house.rig.tick()
+    return took, cause_of_disarming(house)
+
+
+def test_arm_shows_every_check_and_who_armed(house: House) -> None:
+    house.rig.enable()
+    result = house.contactctl("arm")
+    lines = result.stdout.splitlines()
+    assert result.exit_code == 0, result.stderr
+    assert all(line.startswith("passed  ") for line in lines[:-1])
+    assert len(lines) == 13
+    assert lines[-1] == "arm: holding, armed for 10 min"
+    status = json.loads(house.contactctl("status", "--json").stdout)
+    permit = status["permit"]
+    assert (permit["uid"], permit["pid"], permit["detached"]) == (os.getuid(), os.getpid(), True)
+    assert permit["left_s"] == pytest.approx(600.0, abs=0.5)
+    assert f"(pid {os.getpid()}) for another" in house.contactctl("status").stdout
+
+
+def test_arm_is_refused_with_the_checks_that_failed(house: House) -> None:
+    result = house.contactctl("arm")
+    assert (result.exit_code, result.stdout) == (1, "")
+    failed = [line for line in result.stderr.splitlines() if line.startswith("failed")]
+    assert failed == ["failed  mode            the drives are off (`contactctl enable` first)"]
+    assert result.stderr.splitlines()[-1] == "contactctl: arm: refused"
+    answer = json.loads(house.contactctl("--json", "arm").stdout)
+    assert [c["name"] for c in answer["checks"] if not c["passed"]] == ["mode"]
+    assert not armed(house)
+
+
+def test_a_persons_lease_outlives_the_connection_and_runs_out(house: House) -> None:
+    house.rig.enable()
+    assert house.contactctl("arm", "--lease", "1.5").exit_code == 0
+    assert house.service.control.connections <= 1
+    took, cause = until_disarmed(house, 2.0)
+    assert took == pytest.approx(1.5, abs=0.1)
+    assert cause == f"disarmed: the lease of uid {os.getuid()} (pid {os.getpid()}) ran out"
+    assert house.rig.mode is Mode.HOLDING
+
+
+def test_arming_again_renews(house: House) -> None:
+    house.rig.enable()
+    assert house.contactctl("arm", "--lease", "1").exit_code == 0
+    house.run(0.7)
+    renewed = house.contactctl("arm", "--lease", "1")
+    assert renewed.stdout == "arm: holding, armed for 1.0 s\n"  # no checks: it is armed already
+    took, _ = until_disarmed(house, 2.0)
+    assert took == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_program_holds_its_lease_by_renewing(house: House, client: Client) -> None:
+    house.rig.enable()
+    for _ in range(3):
+        assert house.until(client.arm).ok
+        house.run(0.4)
+        assert armed(house)
+    took, cause = until_disarmed(house, 1.0)
+    assert took <= 0.11
+    assert "ran out" in cause
+
+
+def test_a_program_that_is_gone_leaves_the_arm_holding(house: House) -> None:
+    house.rig.enable()
+    client = Client(house.path)
+    assert house.until(lambda: client.arm(3600.0)).ok
+    house.rig.arm.external_torque[0] = 3.0
+    house.run(0.3)
+    assert house.rig.mode is Mode.ADMITTANCE
+    client.close()
+    took, cause = until_disarmed(house, 0.1)
+    assert took <= 0.02
+    assert cause == (f"disarmed: uid {os.getuid()} (pid {os.getpid()}), who had armed it, is gone")
+    house.run(0.5)
+    assert house.rig.mode is Mode.HOLDING
+
+
+def test_while_guided_the_owner_renews(house: House, client: Client) -> None:
+    house.rig.enable()
+    assert house.until(client.arm).ok
+    house.rig.arm.external_torque[0] = 3.0
+    for _ in range(4):
+        house.run(0.3)
+        assert house.until(client.arm).ok
+    assert house.rig.mode is Mode.ADMITTANCE
+
+
+def test_another_owner_is_refused_and_everybody_disarms(house: House, client: Client) -> None:
+    house.rig.enable()
+    assert house.until(lambda: client.arm(60.0)).ok
+    result = house.contactctl("arm")
+    assert result.exit_code == 1
+    assert f"armed by uid {os.getuid()} (pid {os.getpid()}) for another 1 min" in result.stderr
+    assert armed(house)
+    assert house.contactctl("disarm").exit_code == 0
+    assert not armed(house)
+    assert house.contactctl("arm").exit_code == 0  # free again
+    refused = house.until(client.arm)
+    assert not refused.ok
+    assert "for another 10 min" in refused.reasons[0]
+
+
+@pytest.mark.parametrize("lease", [0.0, -1.0, 86_401.0, "soon", float("nan")])
+def test_impossible_leases(house: House, lease: object) -> None:
+    house.rig.enable()
+    assert house.contactctl("arm", "--lease", str(lease)).exit_code == 2
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as raw:
+        raw.connect(str(house.path))
+        raw.send(json.dumps({"command": "arm", "lease_s": lease}).encode())
+        assert "not a request" in json.loads(house.until(lambda: raw.recv(10_000)))["message"]
+    assert not armed(house)
+
+
+def test_disarm_works_in_every_mode(house: House) -> None:
+    enabled = [house.contactctl("disarm").exit_code]
+    house.rig.enable()
+    enabled.append(house.contactctl("disarm").exit_code)
+    house.contactctl("arm")
+    house.contactctl("start")
+    enabled.append(house.contactctl("disarm").exit_code)
+    house.contactctl("pause", "--no-wait")
+    enabled.append(house.contactctl("disarm").exit_code)
+    house.rig.arm.drives[0].fault(0x2310, "injected by the test")
+    house.run(0.1)
+    assert house.rig.mode is Mode.FAULTED
+    enabled.append(house.contactctl("disarm").exit_code)
+    assert enabled == [0] * 5
