@@ -117,6 +117,10 @@ def test_killed_the_drives_stop_by_themselves_and_the_next_energises_nothing(
     stopped = simulator.wait_for("drive", LOST)
     wait_for(lambda: service.pid not in (0, pid), "a new process")
     assert stopped < service.started_s
+    # By ExecStopPost=: the daemon's own helper is killed with it.
+    (saved,) = [line.split("black box: ")[1] for line in service.log() if "black box: " in line]
+    assert Path(saved).parent == Path("/var/lib/contactd")
+    assert Path(saved).stat().st_size > 0
     wait_for(lambda: service.show("ActiveState") == "active", "readiness")
     status = service.wait_for_samples()
     assert (status.mode, status.armed) == ("off", False)
