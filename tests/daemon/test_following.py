@@ -55,6 +55,13 @@ def test_a_drive_that_presses_the_right_way_follows(
     assert found[-1] is (astray if direction == 1 else True)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_at_the_bounds_it_follows(following: Following, sign: int) -> None:
+    assert not any(ticks(following, 2 * TICKS, 0.0, sign * DEVIATION[1]))
+    found = ticks(following, 2 * TICKS, 0.0, -sign * 0.5, sign * PRESSING_SHARE)
+    assert not any(found)
+
+
 def test_it_counts_anew(following: Following) -> None:
     assert not any(ticks(following, TICKS - 1, 0.0, 0.5))
     assert ticks(following, 1, 0.0, 0.0) == [False]
