@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.complete
+MUTMUT := build/mutants/venv/bin/mutmut
 
 # Where `make install` puts things; DESTDIR in front of it all, for packages and images.
 PREFIX  ?= /opt/contactd
@@ -14,7 +15,7 @@ SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
-.PHONY: help demo test check units soak system install install-env install-files uninstall verify reference lock clean
+.PHONY: help demo test check units soak mutants system install install-env install-files uninstall verify reference lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
@@ -78,6 +79,13 @@ soak: $(STAMP)  ## MINUTES=20 in real time and HOURS=3 simulated: what breaks, a
 
 system: $(STAMP)  ## the installed service under systemd on a virtual CAN bus (root; a test machine)
 	$(BIN)/python -m pytest -q -rs tests/system --system
+
+mutants: $(STAMP) $(MUTMUT)  ## break what judges and bounds, a bit at a time, and see tests fail, 30 min
+	$(BIN)/python -m bench.mutants --mutmut $(MUTMUT)
+
+$(MUTMUT):
+	$(PYTHON) -m venv --clear build/mutants/venv
+	build/mutants/venv/bin/pip install --quiet --disable-pip-version-check mutmut==2.5.1
 
 install: install-env install-files  ## into PREFIX=/opt/contactd, as a service (root; honours DESTDIR)
 ifneq ($(HERE),)
