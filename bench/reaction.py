@@ -1,5 +1,5 @@
 """How soon each fault is found, the stop command is on the bus, and the arm stands: every case of
-`bench.faults`, in lockstep.
+`bench.faults`, in lockstep, and what is none: an exception in the tick, and a daemon that dies.
 
     python -m bench.reaction [--json]
 
@@ -9,15 +9,22 @@ the bus takes no frame, its ticks count from when it does. A fault exit is follo
 which the drives stop by themselves. `stands` is when no motor moves any more.
 """
 
-from typing import Any
+import logging
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, cast
 
 import click
 
 from bench.faults import CASES, Case
 from bench.figures import Target, print_report
 from bench.stage import Stage, restore, stage, start
+from daemon.last_resort import stop_on_error
 from daemon.modes import Mode
-from daemon.supervisor import REACTIONS, Reaction
+from daemon.supervisor import REACTIONS, Condition, Reaction
+from errors import ProgramError
+from simulator.state_machine import State
 
 STOP_TICKS = 2
 STANDS = 0.02  # [rad/s] of the fastest motor, at the link
@@ -66,23 +73,80 @@ def measure(on: Stage, case: Case) -> dict[str, Any]:
     if hasattr(fault, "close"):
         fault.close()
     stops = reaction is not Reaction.CONTINUE
+    return row(
+        case,
+        found_tick=found,
+        stop_ticks_after_found=told - found - mute if found and told else None,
+        mute_ticks=mute,
+        stands_tick=stood if stops else None,
+    )
+
+
+def program_error() -> dict[str, Any]:
+    """An exception in the tick, in full motion."""
+    logging.getLogger("contactd").addHandler(logging.NullHandler())  # its traceback is no news here
+    with stage() as on:
+        start(on, armed=True)
+        told = []
+
+        def sleep(_: float) -> None:
+            told.append(on.stops)
+            on.silence()
+
+        on.rig.cycle.controller = cast(Any, None)
+        with suppress(ProgramError), stop_on_error(on.rig.cycle.arm, on.period_s, sleep):
+            on.tick()
+        stands = 1 + len(told) + silent_ticks(on, lambda: on.speed < STANDS)
+    return row(
+        Case("exception in the tick", Condition.PROGRAM_ERROR, lambda _: iter(()), 1),
+        found_tick=1,
+        stop_ticks_after_found=told.index(True),
+        stands_tick=stands,
+    )
+
+
+def killed() -> dict[str, Any]:
+    """Without the daemon: found is when the last drive has missed its heartbeat."""
+    with stage() as on:
+        start(on, armed=True)
+        drives, c = on.rig.arm.drives, on.rig.robot.configuration
+        timeout_ms = max(profile.master_timeout_ms for profile in c.drives.values())
+        stops = State.QUICK_STOP_ACTIVE
+        found = silent_ticks(on, lambda: all(drive.state is stops for drive in drives))
+        stands = found + silent_ticks(on, lambda: on.speed < STANDS)
     return {
-        "fault": case.name,
-        "condition": case.condition.value,
-        "reaction": WORDS[reaction],
-        "stated_ticks": case.ticks,
+        "fault": "daemon killed",
+        "condition": "(by the drives)",
+        "reaction": "quick stop",
+        "stated_ticks": math.ceil(timeout_ms / c.period_ms) + 1,
         "found_tick": found,
-        "stop_ticks_after_found": told - found - mute if found and told else None,
-        "mute_ticks": mute,
-        "stands_tick": stood if stops else None,
+        "stop_ticks_after_found": 0,
+        "mute_ticks": 0,
+        "stands_tick": stands,
     }
+
+
+def silent_ticks(on: Stage, done: Callable[[], bool]) -> int:
+    """Ticks without a daemon until something is so."""
+    for tick in range(PATIENCE_TICKS):
+        if done():
+            return tick
+        on.silence()
+    raise AssertionError("never")
+
+
+def row(case: Case, **measured: int | None) -> dict[str, Any]:
+    """What is printed and kept of one fault."""
+    reaction = WORDS[REACTIONS[case.condition].reaction]
+    stated = {"fault": case.name, "condition": case.condition.value, "reaction": reaction}
+    return {**stated, "stated_ticks": case.ticks, "mute_ticks": 0, **measured}
 
 
 def line(row: dict[str, Any], period_ms: float) -> str:
     """One row of the printed table."""
     stop = row["stop_ticks_after_found"]
     words = "-" if stop is None else f"+{stop}"
-    if row["reaction"] == "fault exit":
+    if row["reaction"] == "fault exit" and stop is None:
         words = "silence"
     elif row["mute_ticks"]:
         words += f" after {row['mute_ticks']} mute"
@@ -107,6 +171,7 @@ def main(as_json: bool) -> None:
         with stage() as on:
             start(on, armed=case.armed)
             rows.append(measure(on, case))
+    rows += [program_error(), killed()]
     if not as_json:
         click.echo(
             f"{'fault':26} {'found as':29} {'ticks':>5} {'found':>6}  {'reaction':10} "
@@ -115,8 +180,7 @@ def main(as_json: bool) -> None:
         for row in rows:
             click.echo(line(row, period_ms))
     late = [r for r in rows if r["found_tick"] is None or r["found_tick"] > r["stated_ticks"]]
-    stopping = [r for r in rows if r["reaction"] in ("hold", "quick stop")]
-    waits = [r["stop_ticks_after_found"] for r in stopping]
+    waits = [r["stop_ticks_after_found"] for r in rows if r["reaction"] in ("hold", "quick stop")]
     moving = [r for r in rows if r["reaction"] != "continue" and r["stands_tick"] is None]
     worst = max(PATIENCE_TICKS if wait is None else wait for wait in waits)
     targets = [
