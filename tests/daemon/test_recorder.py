@@ -219,6 +219,26 @@ def test_truncated_yields_what_is_whole(connect: Callable[[], Client], tmp_path:
     assert f"ends in the middle: {len(found) - 1} states read, last tick {last}" in said
 
 
+def test_a_killed_recorder_loses_less_than_a_second(
+    connect: Callable[[], Client], tmp_path: Path
+) -> None:
+    """What is in the file while it is still being written."""
+    path, cut = tmp_path / "made.mcap", tmp_path / "cut.mcap"
+    asked = 0
+
+    def stop() -> bool:
+        nonlocal asked
+        asked += 1
+        if asked == 200:
+            cut.write_bytes(path.read_bytes())
+        return asked > 200
+
+    record(connect, path, stop=stop)
+    found, said = broken(cut)
+    assert "ends in the middle" in said
+    assert 100 < len(found) < 200
+
+
 @settings(
     max_examples=60,
     deadline=None,
