@@ -249,6 +249,7 @@ def _visit(visitor: _Visitor, service: Service, leases: Leases, trouble: bool, p
         visitor.connection = leases.connection()
     peer = Peer(os.getuid(), os.getpid(), visitor.connection)
     for request in step.requests:
+        leases.asked(request, peer.connection, now)
         try:
             reply = service.handle(request, peer)
         except ContactdError as error:  # as the control socket does

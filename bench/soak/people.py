@@ -123,6 +123,10 @@ def _by(rows: list[list[float]], size: int) -> list[list[list[float]]]:
     return [rows[i : i + size] for i in range(0, len(rows), size)]
 
 
+# How long an answer may take, at most [s]: the client's patience.
+ANSWER_S = 2.0
+
+
 def explained(reply: Reply) -> bool:
     """Whether a refusal says why."""
     return reply.ok or bool(reply.reasons) or not reply.message.endswith("refused")
@@ -132,22 +136,37 @@ class Leases:
     """Until when the arm may be armed, from what was asked and answered."""
 
     def __init__(self) -> None:
-        self.until_s = -1.0
+        self._until_s = -1.0
         self._holder = 0
+        self._asked: dict[int, float] = {}  # by connection: until when, if it is granted
         self._numbers = itertools.count(1)
 
     def connection(self) -> int:
         """A number for a new connection."""
         return next(self._numbers)
 
+    @property
+    def until_s(self) -> float:
+        """The latest time until which the arm may be armed."""
+        return max([self._until_s, *tuple(self._asked.values())])
+
+    def asked(self, request: Request, connection: int, time_s: float) -> None:
+        """An `arm` may be granted before its answer is read, and although none comes."""
+        if request.command == "arm":
+            self._asked[connection] = time_s + ANSWER_S + _duration_s(request)
+
     def answered(self, request: Request, reply: Reply, connection: int, time_s: float) -> None:
         """An `arm` that was granted counts from when its answer is there."""
+        self._asked.pop(connection, None)
         if request.command == "arm" and reply.ok:
-            usual = 600.0 if request.detached else 0.5
-            self.until_s = time_s + (request.lease_s or usual)
+            self._until_s = time_s + _duration_s(request)
             self._holder = 0 if request.detached else connection
 
     def closed(self, connection: int, time_s: float, within_s: float) -> None:
         """The daemon may take `within_s` to notice that its owner is gone."""
         if connection == self._holder:
-            self.until_s = min(self.until_s, time_s + within_s)
+            self._until_s = min(self._until_s, time_s + within_s)
+
+
+def _duration_s(request: Request) -> float:
+    return request.lease_s or (600.0 if request.detached else 0.5)

@@ -2,7 +2,6 @@
 the control socket, rude clients, a recorder that comes and goes, and faults from outside."""
 
 import contextlib
-import json
 import subprocess
 import sys
 import tempfile
@@ -19,6 +18,7 @@ import numpy as np
 from bench.processes import PATIENCE_S, Pair, pair
 from bench.rude_clients import ATTACKS, attacking
 from bench.soak.invariants import Watch, false_alarms
+from bench.soak.onlooker import Onlooker
 from bench.soak.outside_faults import FAULTS
 from bench.soak.people import Leases, Person, View, explained, operator, program
 from bench.soak.process import Stopwatch, held
@@ -74,12 +74,16 @@ def run_real_time(seed: int, seconds: float, tell: Tell = lambda share: None) ->
         with pair(robot, script) as both:
             house = House(both, part)
             client, _, states = both.subscribed()
-            with client, _inhabited(house, Random(seed), c):
+            with (
+                client,
+                contextlib.closing(Onlooker(both.events)) as onlooker,
+                _inhabited(house, Random(seed), c),
+            ):
                 watch = Watch(c, part.ledger)
-                offset_s = _observe(house, states, watch, seconds, tell)
+                offset_s = _observe(house, states, watch, onlooker, seconds, tell)
             both.daemon.terminate()
             _look_back(house, both.daemon.wait(PATIENCE_S))
-            touches = _touches(both.events.read_text()) + house.disturbed
+            touches = onlooker.touches + house.disturbed
             contacts_s = [t + offset_s for t in watch.contacts_s]
             part.counts["false alarms"] = false_alarms(contacts_s, touches)
             part.counts["contacts"] = len(contacts_s)
@@ -133,6 +137,7 @@ def _live(house: House, person: Person) -> None:
                 client, number = Client(house.both.door), leases.connection()
             for request in step.requests:
                 assert client is not None
+                leases.asked(request, number, time.monotonic())
                 reply = client.ask(request)
                 now = time.monotonic()
                 leases.answered(request, reply, number, now)
@@ -145,7 +150,6 @@ def _live(house: House, person: Person) -> None:
         except ContactdError:
             # Held up on purpose, or flooded: a person tries again.
             part.counts["requests without an answer"] += 1
-            leases.until_s += 5.0  # an `arm` may have been granted all the same
             step = type(step)(wait_s=0.5)
         if step.hang_up and client is not None:
             client.close()
@@ -189,7 +193,12 @@ def _record(house: House, rng: Random) -> None:
 
 
 def _observe(
-    house: House, states: Iterator[State], watch: Watch, seconds: float, tell: Tell
+    house: House,
+    states: Iterator[State],
+    watch: Watch,
+    onlooker: Onlooker,
+    seconds: float,
+    tell: Tell,
 ) -> float:
     """Check every State, and sample what the daemon holds and how punctual it is. Returns what must
     be added to State.time_s for the clock that all processes share [s]."""
@@ -200,7 +209,8 @@ def _observe(
     next_s, down_since_s = first.time_s + every, first.time_s
     for state in states:
         now, house.state = state.time_s, state
-        watch.see(state, lease_until_s=house.leases.until_s - offset_s, disturbed=house.trouble)
+        disturbed = onlooker.look() or house.trouble
+        watch.see(state, lease_until_s=house.leases.until_s - offset_s, disturbed=disturbed)
         if house.trouble or state.mode not in (Mode.OFF, Mode.ENABLING, Mode.FAULTED):
             down_since_s = now
         back = now <= down_since_s + COMES_BACK_S
@@ -241,18 +251,3 @@ def _look_back(house: House, code: int) -> None:
     check("no traceback in the log", "Traceback" not in log, end, words)
     check("the bench's own people are well", not house.told, end, "; ".join(house.told))
     house.part.counts["lines in the log"] = len(log.splitlines())
-
-
-def _touches(events: str) -> list[tuple[float, float]]:
-    """When a hand was on the arm (from, to) [s, monotonic], from what the simulator tells."""
-    touches, since = [], None
-    for line in events.splitlines():
-        event = json.loads(line)
-        if event["kind"] != "hand":
-            continue
-        if event["text"].startswith(("begin push", "begin guide", "begin hold")):
-            since = event["monotonic_s"]
-        elif event["text"].startswith(("end push", "begin release")) and since is not None:
-            touches.append((since, event["monotonic_s"]))
-            since = None
-    return touches if since is None else [*touches, (since, float("inf"))]

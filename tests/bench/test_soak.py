@@ -1,5 +1,7 @@
 """What the soak calls a trend, a broken rule, a false alarm; and some seconds of it."""
 
+from contextlib import closing
+from pathlib import Path
 from random import Random
 from typing import Any
 
@@ -10,7 +12,8 @@ import pytest
 from bench.lockstep import ROMEO
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.lockstep import run_lockstep
-from bench.soak.people import Leases, Person, Step, View, operator, program
+from bench.soak.onlooker import Onlooker
+from bench.soak.people import ANSWER_S, Leases, Person, Step, View, operator, program
 from bench.soak.record import Ledger, Part
 from bench.soak.report import failures
 from bench.soak.robot import hand_script
@@ -173,6 +176,31 @@ def test_a_contact_that_nobody_made_is_a_false_alarm() -> None:
     assert false_alarms([9.9, 12.1, 15.0], touches) == 3
 
 
+def test_the_onlooker_knows_when_a_hand_is_on_the_arm(tmp_path: Path) -> None:
+    events = tmp_path / "events"
+
+    def happen(*rows: tuple[float, str, str]) -> None:
+        with events.open("ab") as stream:
+            for time_s, kind, text in rows:
+                event = {"monotonic_s": time_s, "kind": kind, "text": text}
+                stream.write(msgspec.json.encode(event) + b"\n")
+
+    happen((1.0, "server", "listening on x"))
+    with closing(Onlooker(events)) as onlooker:
+        assert not onlooker.look()
+        happen((2.0, "hand", "begin push joint 2 Nm"))
+        assert onlooker.look()
+        happen((2.5, "hand", "end push joint 2 Nm"), (3.0, "hand", "begin guide joint to 1 rad"))
+        with events.open("ab") as stream:
+            stream.write(b'{"monotonic_s": 4.0, "kind": "ha')  # not whole yet
+        assert onlooker.look()
+        assert onlooker.touches == [(2.0, 2.5), (3.0, float("inf"))]
+        with events.open("ab") as stream:
+            stream.write(b'nd", "text": "begin release"}\n')
+        assert not onlooker.look()
+        assert onlooker.touches == [(2.0, 2.5), (3.0, 4.0)]
+
+
 # --- the hand, and people -------------------------------------------------------------------------
 
 
@@ -201,6 +229,8 @@ def test_people_want_much_and_not_all_of_it_is_right() -> None:
 def test_leases_are_known_from_the_answers() -> None:
     leases, granted = Leases(), Reply(ok=True)
     one, two = leases.connection(), leases.connection()
+    leases.asked(Request("arm", lease_s=2.0), one, 9.9)
+    assert leases.until_s == 9.9 + 2.0 + ANSWER_S  # it may be granted before it is known
     leases.answered(Request("arm", lease_s=2.0), granted, one, 10.0)
     assert leases.until_s == 12.0
     leases.closed(two, 10.5, 0.1)

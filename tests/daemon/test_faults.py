@@ -83,7 +83,9 @@ def test_a_nuisance_is_noted_and_the_arm_goes_on(on: Stage, case: Case) -> None:
     start(on, armed=True)
     fault = happen(on, case)
     assert not told(on)
-    assert any(case.condition.value in reason for reason in on.rig.cycle.controller.not_armable())
+    reasons = on.rig.cycle.controller.not_armable()
+    once = case.condition is Condition.LATE  # arming stands one of these
+    assert once or any(case.condition.value in reason for reason in reasons)
     for _ in fault:
         on.tick()
     on.run(0.1)
@@ -114,7 +116,7 @@ def test_it_holds_disarmed_and_nothing_is_latched(on: Stage, case: Case) -> None
     assert creeps(on) < HOLDS
     assert {drive.state for drive in on.rig.arm.drives} == {State.OPERATION_ENABLED}
     assert not machine.armed
-    # A person may arm it and lead it off, or back; after a late tick, a little later.
+    # A person may arm it and lead it off, or back; after late ticks, a little later.
     assert all("late" in reason for reason in on.rig.cycle.controller.arm("a person"))
     if case.condition is not Condition.JOINT_LIMIT:
         on.rig.request(Event.START)
