@@ -16,7 +16,8 @@ from daemon.modes import ARMABLE, GUIDED, REFUSALS, SENSING, Change, Event, Mode
 from daemon.motion import Motion
 from daemon.prearm import Objection
 from daemon.reactions import ATTENTIVE, AfterQuiet, Reactions
-from daemon.supervisor import EVENT_OF, Condition, Finding, Reaction, strongest
+from daemon.refusals import misfits, not_energisable, not_startable
+from daemon.supervisor import EVENT_OF, Condition, Finding, strongest
 from daemon.trajectory import JointPath, Place
 from drivers.cia402 import PowerTarget
 
@@ -26,8 +27,6 @@ Vector = NDArray[np.float64]
 RESET_PATIENCE_S = 0.5
 # A joint stands when it moves less than this [rad/s]: a few counts of a coarse velocity.
 STANDSTILL_SPEED = 0.02
-# How far from its first sample a recorded trajectory may begin [rad].
-START_TOLERANCE = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,39 +166,12 @@ class Controller:
             return ["no samples of the drives yet"]
         if event is Event.START and self.motion.blind and not place.path.motors_only:
             return ["the wiring was never checked (`contactd identify wiring`)"]
+        joints, limits = self._tuning.joints, self.motion.limits
         if event is Event.START and observed is not None:
-            return self._astray(place, observed.q) or self._misfits(place, observed.q)
+            return not_startable(joints, observed.q, limits, place)
         if event is Event.ENABLE and observed is not None:
-            limits = self.motion.limits
-            outside = limits.outside(observed.q)
-            wrong = [str(f) for f in observed.findings if f.reaction >= Reaction.QUICK_STOP]
-            return wrong + [
-                f"{name} stands at {observed.q[i]:.3f} rad, outside its limits "
-                f"[{limits.lower[i]:g}, {limits.upper[i]:g}]: move it back by hand"
-                for i, name in enumerate(self._tuning.joints)
-                if outside[i]
-            ]
+            return not_energisable(joints, observed.q, limits, observed.findings)
         return []
-
-    def _astray(self, place: Place, q: Vector) -> list[str]:
-        astray, begin = place.astray(q, START_TOLERANCE), place.path.begin
-        return [
-            f"{name} stands at {q[i]:.3f} rad, {abs(q[i] - begin[i]):.3f} rad from where "
-            f"{place.path.name} begins ({begin[i]:.3f}; allowed {START_TOLERANCE:g}): "
-            "bring it there, or start it with --from-here"
-            for i, name in enumerate(self._tuning.joints)
-            if begin is not None and astray[i]
-        ]
-
-    def _misfits(self, place: Place, q: Vector) -> list[str]:
-        limits = self.motion.limits
-        misfits = place.misfits(q, limits.lower, limits.upper)
-        return [
-            f"from {q[i]:.3f} rad the path of {name} would leave its limits "
-            f"[{limits.lower[i]:g}, {limits.upper[i]:g}]"
-            for i, name in enumerate(self._tuning.joints)
-            if misfits[i]
-        ]
 
     # --- one tick ---------------------------------------------------------------------------
 
@@ -290,8 +262,9 @@ class Controller:
             return Event.SETTLE, []
         if self._tuning.after_quiet is AfterQuiet.RETURN:
             return Event.RETURN, []
-        misfits = self._misfits(self.motion.follower.place, q)
-        return (Event.SETTLE if misfits else Event.RESUME), misfits
+        place = self.motion.follower.place
+        reasons = misfits(self._tuning.joints, q, self.motion.limits, place)
+        return (Event.SETTLE if reasons else Event.RESUME), reasons
 
     def _apply(self, event: Event, cause: str, time_s: float) -> None:
         """Follow the table, and set up what the new mode starts from."""

@@ -10,6 +10,7 @@ from daemon.control import ControlSocket
 from daemon.drives import Drives
 from daemon.lease import Owner, in_words
 from daemon.loading import LoadingDock
+from daemon.log_limit import LogLimit
 from daemon.loop import Loop
 from daemon.messages import (
     Check,
@@ -79,6 +80,7 @@ class Service:
     on_fault: Callable[[str], None] = lambda text: None
     dock: LoadingDock = field(init=False)
     permission: Permission = field(init=False)
+    _limit: LogLimit = field(default_factory=LogLimit)
 
     def __post_init__(self) -> None:
         c = self.robot.configuration
@@ -95,16 +97,22 @@ class Service:
         if self.control.readers and cycle.decision is not None:
             self.control.publish(cycle.state(self.loop.wakeup))
         for event in cycle.events:
-            place = {"kind": event.kind, "tick": cycle.tick}
-            _log.log(_LEVELS[event.kind], "%s", event.text, extra=place)
+            if event.kind == "fault" or self._limit.admit(event.text, self.loop.time_s):
+                self._tell(event.kind, event.text)
             if event.kind == "fault":
                 self.on_fault(event.text)
             if event.kind == "mode":
                 self.notifier.status(self.summary())
+        if left_out := self._limit.summary(self.loop.time_s):
+            self._tell("mode", left_out)
         # After the State, which tells of what was decided in its tick: the next one tells of this.
         self.permission.expire(self.loop.time_s)
         self.control.poll(self.handle, DOORS_SHARE * self.robot.configuration.period_s)
         self.notifier.ticked(self.loop.wakeup.monotonic_s)
+
+    def _tell(self, kind: str, text: str) -> None:
+        place = {"kind": kind, "tick": self.loop.cycle.tick}
+        _log.log(_LEVELS[kind], "%s", text, extra=place)
 
     def summary(self) -> str:
         """The mode and its cause, in one line."""

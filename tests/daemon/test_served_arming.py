@@ -166,3 +166,21 @@ def test_disarm_works_in_every_mode(house: House) -> None:
     assert house.rig.mode is Mode.FAULTED
     enabled.append(house.contactctl("disarm").exit_code)
     assert enabled == [0] * 5
+
+
+def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(
+    house: House, client: Client, caplog: pytest.LogCaptureFixture
+) -> None:
+    house.ask(client, "enable")
+    house.run(0.5)
+    caplog.set_level("INFO", "contactd")
+    caplog.clear()
+    for _ in range(100):
+        assert house.ask(client, "arm").ok
+        assert house.ask(client, "disarm").ok
+    house.run(1.1)
+    lines = [record.getMessage() for record in caplog.records]
+    assert len(lines) < 60
+    assert f"armed: armed by uid {os.getuid()} (pid {os.getpid()})" in lines[0]
+    assert any(f"x armed: armed by uid {os.getuid()}" in line for line in lines[30:])
+    assert sum("too much to tell" in line for line in lines) > 0

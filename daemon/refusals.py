@@ -1,0 +1,52 @@
+"""Why the arm may not be energised, or not run a trajectory, from where it stands. Pure."""
+
+from collections.abc import Sequence
+
+from daemon.limits import Limits, Vector
+from daemon.supervisor import Finding, Reaction
+from daemon.trajectory import Place
+
+# How far from its first sample a recorded trajectory may begin [rad].
+START_TOLERANCE = 0.05
+
+
+def not_energisable(
+    joints: Sequence[str], q: Vector, limits: Limits, findings: Sequence[Finding]
+) -> list[str]:
+    """Before `enable`: what asks for a quick stop, and joints outside their limits at q (n,)
+    [rad]."""
+    outside = limits.outside(q)
+    return [str(f) for f in findings if f.reaction >= Reaction.QUICK_STOP] + [
+        f"{name} stands at {q[i]:.3f} rad, outside its limits "
+        f"[{limits.lower[i]:g}, {limits.upper[i]:g}]: move it back by hand"
+        for i, name in enumerate(joints)
+        if outside[i]
+    ]
+
+
+def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
+    """Before `start`: joints that stand elsewhere than the path begins, else those that it would
+    lead out of their limits."""
+    return _astray(joints, q, place) or misfits(joints, q, limits, place)
+
+
+def _astray(joints: Sequence[str], q: Vector, place: Place) -> list[str]:
+    astray, begin = place.astray(q, START_TOLERANCE), place.path.begin
+    return [
+        f"{name} stands at {q[i]:.3f} rad, {abs(q[i] - begin[i]):.3f} rad from where "
+        f"{place.path.name} begins ({begin[i]:.3f}; allowed {START_TOLERANCE:g}): "
+        "bring it there, or start it with --from-here"
+        for i, name in enumerate(joints)
+        if begin is not None and astray[i]
+    ]
+
+
+def misfits(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
+    """Joints that what is left of the path would lead out of their limits from q (n,) [rad]."""
+    beyond = place.misfits(q, limits.lower, limits.upper)
+    return [
+        f"from {q[i]:.3f} rad the path of {name} would leave its limits "
+        f"[{limits.lower[i]:g}, {limits.upper[i]:g}]"
+        for i, name in enumerate(joints)
+        if beyond[i]
+    ]
