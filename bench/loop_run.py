@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -38,7 +38,8 @@ HEARTBEAT: Final = 0x700
 MOST_HZ_OF_SEVEN: Final = 250
 # What the recorded session does, and when [s].
 ENABLE_S, START_S, STEADY_S, END_S = 0.1, 0.7, 1.2, 3.2
-SWAY: Final = Sinusoid(amplitude=0.1, frequency_Hz=1 / (END_S - STEADY_S))
+# Sampled on a grid, and played to wake-ups that are not: so slow that this is not felt as a blow.
+SWAY: Final = Sinusoid(amplitude=0.002, frequency_Hz=1 / (END_S - STEADY_S))
 WARM_UP_TICKS: Final = 50
 LONGEST_US: Final = 100_000  # of cyclictest's histogram
 
@@ -103,24 +104,36 @@ class Run:
 
 class RecordedDrives:
     """A far end of the virtual bus that answers each SYNC, inside its sending, with what the
-    simulated drives said in that tick; the steady part of the recording is played over and over."""
+    simulated drives said in that tick; the steady part of the recording is played over and over.
+    Time goes on while a SYNC is left out."""
 
-    def __init__(self, near: can.BusABC, answers: Answers, steady_from: int) -> None:
+    def __init__(
+        self,
+        near: can.BusABC,
+        answers: Answers,
+        steady_from: int,
+        period_s: float,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._inbox = near.queue  # type: ignore[attr-defined]  # python-can's VirtualBus
         self._answers, self._steady_from = answers, steady_from
-        self._tick = 0
+        self._period_s, self._clock = period_s, clock
+        self._tick = -1
+        self._synced_s = clock()
         self.cpu_s = 0.0  # taken by the answers so far
 
     def put_nowait(self, message: can.Message) -> None:
         """As a queue of the virtual bus: a frame arrives here."""
         if message.arbitration_id != SYNC:
             return
-        begun = time.thread_time()
+        begun, now = time.thread_time(), self._clock()
+        ticks = 1 if self._tick < 0 else max(round((now - self._synced_s) / self._period_s), 1)
+        self._tick, self._synced_s = self._tick + ticks, now
+        if self._tick >= len(self._answers):
+            beyond = self._tick - self._steady_from
+            self._tick -= beyond - beyond % (len(self._answers) - self._steady_from)
         for answer in self._answers[self._tick]:
             self._inbox.put_nowait(answer)
-        self._tick += 1
-        if self._tick == len(self._answers):
-            self._tick = self._steady_from
         self.cpu_s += time.thread_time() - begun
 
 
@@ -133,7 +146,7 @@ def measure(hz: int, seconds: int, *, load: bool) -> Run:
         logging.getLogger("contactd").setLevel(logging.ERROR)  # no group `contact` is no news here
         control = stack.enter_context(ControlSocket(folder / "control"))
         near = stack.enter_context(can.Bus(interface="virtual", channel="bench.loop"))
-        drives = RecordedDrives(near, answers, round(STEADY_S * hz))
+        drives = RecordedDrives(near, answers, round(STEADY_S * hz), 1.0 / hz)
         near.channel.append(drives)  # type: ignore[attr-defined]
         cycle = build_cycle(robot, near, time.monotonic)
         if load:
