@@ -15,11 +15,11 @@ SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
-.PHONY: help demo test check units soak mutants system install install-env install-files uninstall verify reference lock clean
+.PHONY: help demo test check commissioning units soak mutants system install install-env install-files uninstall verify reference lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 define check-python
 @$(PYTHON) -c 'import sys; sys.exit("contactd needs Python 3.11 or newer, not " + sys.version.split()[0] + \
@@ -45,6 +45,9 @@ demo: $(STAMP)  ## the paper's third experiment on a simulated arm, about 30 s
 
 test: $(STAMP)  ## all tests, under 3 minutes
 	$(BIN)/python -m pytest -q -n auto --dist loadfile
+
+commissioning: $(STAMP)  ## docs/commissioning.md on a simulated arm, from zero to armed, some minutes
+	$(BIN)/python -m bench.commissioning
 
 check: $(STAMP) units  ## ruff, mypy (strict), import layers, systemd units
 	$(BIN)/ruff check .

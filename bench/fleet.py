@@ -184,7 +184,8 @@ class SoftHand:
         self._half_gap = np.concatenate([arm.half_gap for arm in arms])
         # Masses differ by some percent, and so does what there is to carry.
         self._strongest = np.maximum(0.05, 2.5 * link) + 0.1 * np.abs(self._gravity)
-        self._damping = np.minimum(1.0, 0.3 * lightest / step_s)
+        # Its own strength moves it at half a radian per second; and no more than the step resolves.
+        self._damping = np.minimum(2.0 * self._strongest, 0.3 * lightest / step_s)
 
     def __call__(self, t: float, q: Vector, q_dot: Vector) -> Vector:
         visit, phase = divmod(t, 0.9)

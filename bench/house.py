@@ -1,5 +1,6 @@
 """The whole daemon behind its socket, in lockstep with the simulated arm: what a client gets."""
 
+import select
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -10,21 +11,37 @@ from typing import Any
 from click.testing import CliRunner, Result
 
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from daemon.assembly import heed_identification
 from daemon.client import Client
-from daemon.commands import contactctl
+from daemon.commands import contactctl, contactd
 from daemon.control import ControlSocket
 from daemon.loop import Clock, Loop
-from daemon.messages import Reply
+from daemon.messages import Reply, State
 from daemon.notify import Notifier
 from daemon.service import Service
+
+_PATIENCE_S = 5.0
+
+
+class PatientSocket(ControlSocket):
+    """Waits for its readers: in lockstep a tick may take as long as it likes, and must not be lost
+    because this clock is faster than they are."""
+
+    def publish(self, state: State) -> None:
+        """As usual, once every reader has room."""
+        for connection in self.readers:
+            select.select([], [connection.socket], [], _PATIENCE_S)
+        super().publish(state)
 
 
 @dataclass(slots=True)
 class House:
-    """Service, loop and simulated arm; time passes by `tick` alone."""
+    """Service, loop and simulated arm; time passes by `tick` alone, and every `idle_s` while no
+    client reads."""
 
     rig: Rig
     service: Service
+    idle_s: float = 0.0005
 
     @property
     def path(self) -> Path:
@@ -56,7 +73,7 @@ class House:
         thread.start()
         while thread.is_alive():
             self.tick()
-            thread.join(0.0005)
+            thread.join(0.0 if self.service.control.readers else self.idle_s)
         if errors:
             raise errors[0]
         return results[0]
@@ -77,16 +94,28 @@ class House:
         assert isinstance(result, Result)
         return result
 
+    def contactd(self, *arguments: str) -> Result:
+        """Likewise, for a command that talks to the daemon."""
+        words = [*arguments, "--socket", str(self.path)]
+        result = self.until(
+            lambda: CliRunner().invoke(contactd.main, words, catch_exceptions=False)
+        )
+        assert isinstance(result, Result)
+        return result
+
 
 @contextmanager
-def open_house(folder: Path) -> Iterator[House]:
-    """A single joint, off, with its control socket in `folder`."""
+def open_house(folder: Path, robot: Path = SINGLE_JOINT, **both_ends: Any) -> Iterator[House]:
+    """The daemon of `robot`, off, with its control socket in `folder`; `both_ends` as of
+    `lockstep_rig`."""
     with (
-        lockstep_rig(SINGLE_JOINT) as rig,
-        ControlSocket(folder / "control") as control,
+        lockstep_rig(robot, **both_ends) as rig,
+        PatientSocket(folder / "control") as control,
         closing(Notifier()) as notifier,
     ):
         c = rig.robot.configuration
         loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+        serials = [identity.serial for identity in rig.identities]
+        heed_identification(rig.cycle, rig.robot, serials)
         rig.run(0.1)
-        yield House(rig, Service(rig.robot, loop, control, [], 1, notifier))
+        yield House(rig, Service(rig.robot, loop, control, [], 1, notifier, serials))

@@ -108,13 +108,16 @@ def lockstep_rig(
     hand: tuple[AnyAct, ...] = (),
     on_event: Listener = lambda _: None,
     bus: Callable[[can.BusABC], can.BusABC] = lambda near: near,
+    truth: Path | None = None,
 ) -> Iterator[Rig]:
     """Boot the simulated arm of `folder` up; `configure` and `simulate` may change both ends, and
-    `bus` what is between them once the drives are set up."""
+    `bus` what is between them once the drives are set up. `truth` is the folder whose arm is
+    simulated, where the daemon's own believes something else."""
     robot = load_robot(folder)
-    simulation = read_simulation(robot)
+    true = load_robot(truth) if truth else robot
+    simulation = read_simulation(true)
     settings = simulate(simulation.settings)
-    description = describe(robot, simulation)
+    description = describe(true, simulation)
     robot = replace(robot, configuration=configure(robot.configuration))
     # One SYNC is one period at both ends, whatever else the true arm is.
     description = replace(description, period_s=robot.configuration.period_s)

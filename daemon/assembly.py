@@ -6,6 +6,7 @@ import can
 import numpy as np
 
 from daemon.admittance import AdmittanceLaw, Gains, GuidedBounds
+from daemon.config.identified import objections, unwired
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row
 from daemon.config.schema import Configuration
@@ -15,7 +16,7 @@ from daemon.following import Following, FollowingBounds
 from daemon.motion import Manner, Motion
 from daemon.observation import Observer, Patience
 from daemon.plausibility import Bounds, Plausibility
-from daemon.prearm import PreArm
+from daemon.prearm import PreArm, Verdict
 from daemon.reactions import Reactions
 from daemon.trajectory import Follower, Place, Sinusoids
 from drivers.arm import Arm
@@ -50,6 +51,21 @@ def build_cycle(
     )
     prearm = PreArm(arm.names, arm.nodes, controller.motion.limits)
     return Cycle(arm, estimator, controller, observer, prearm, c.period_s)
+
+
+def heed_identification(cycle: Cycle, robot: Robot, serials: list[int | None]) -> None:
+    """Let `cycle` arm, and close loops over the links, only as far as `contactd identify` has shown
+    that it may. serials: of the drives that answered, in the order of the joints."""
+    c, found = robot.configuration, robot.identified
+    against = objections(found, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True)))
+    if against:
+        verdict = Verdict(False, "; ".join(against))
+    elif found is None:
+        verdict = Verdict(True, "none; a simulated arm is trusted to be that of config.yaml")
+    else:
+        verdict = Verdict(True, f"{c.identified} is of these drives")
+    cycle.prearm.identification = verdict
+    cycle.controller.motion.blind = bool(unwired(found, c))
 
 
 def build_setups(robot: Robot) -> list[DriveSetup]:

@@ -10,9 +10,8 @@ from pathlib import Path
 import can
 import numpy as np
 
-from daemon.assembly import build_cycle, build_estimator, build_setups
+from daemon.assembly import build_cycle, build_estimator, build_setups, heed_identification
 from daemon.black_box import BlackBox, default_directory, ring_path
-from daemon.config.identified import objections, unwired
 from daemon.config.load import Robot
 from daemon.control import ControlSocket
 from daemon.control_path import default_socket_path
@@ -21,7 +20,6 @@ from daemon.journal import log_to_stderr
 from daemon.last_resort import stop_on_error
 from daemon.loop import Clock, Loop
 from daemon.notify import Notifier, notifier_of
-from daemon.prearm import Verdict
 from daemon.realtime import go_realtime
 from daemon.service import Service
 from daemon.winding_down import wind_down
@@ -75,8 +73,7 @@ def _serve(
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
     loop = Loop(cycle, Clock(time.monotonic, sleep_until), c.period_s)
     serials = [identity.serial for identity in drives.identities]
-    cycle.prearm.identification = _identification(robot, serials)
-    cycle.controller.motion.blind = bool(unwired(robot.identified, c))
+    heed_identification(cycle, robot, serials)
     service = Service(
         robot, loop, control, realtime, os.getpid(), notifier, serials, drives, black_box.tell
     )
@@ -100,17 +97,6 @@ def _serve(
     if stragglers:
         raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")
     _log.info("ended: %s", _ending(robot))
-
-
-def _identification(robot: Robot, serials: list[int | None]) -> Verdict:
-    """On what was identified, for the drives that answered."""
-    c, found = robot.configuration, robot.identified
-    against = objections(found, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True)))
-    if against:
-        return Verdict(False, "; ".join(against))
-    if found is None:
-        return Verdict(True, "none; a simulated arm is trusted to be that of config.yaml")
-    return Verdict(True, f"{c.identified} is of these drives")
 
 
 def _black_box(robot: Robot, control: ControlSocket) -> BlackBox:

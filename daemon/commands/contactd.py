@@ -2,6 +2,7 @@
 # ruff: noqa: PLC0415 - each command imports what it needs, so that `--help` starts at once
 
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -202,7 +203,7 @@ def _identification(step: Any) -> Any:
 def _begin(config: Path | None, logs: tuple[Path, ...], dry_run: bool, socket: Path | None) -> Any:
     from daemon.commands.identify import identification
 
-    return identification(config, logs, socket, dry=dry_run)
+    return closing(identification(config, logs, socket, dry=dry_run))
 
 
 @identify.command()
@@ -210,7 +211,8 @@ def _begin(config: Path | None, logs: tuple[Path, ...], dry_run: bool, socket: P
 @_identification
 def wiring(joints: tuple[str, ...], **asked: Any) -> None:
     """Move joint by joint a little: do signs and scales agree?"""
-    sys.exit(0 if _begin(**asked).wiring(joints) else 1)
+    with _begin(**asked) as identification:
+        sys.exit(0 if identification.wiring(joints) else 1)
 
 
 @identify.command()
@@ -218,7 +220,8 @@ def wiring(joints: tuple[str, ...], **asked: Any) -> None:
 @_identification
 def gap(joints: tuple[str, ...], **asked: Any) -> None:
     """Hold the motor still while you move the link: how large is the gap?"""
-    sys.exit(0 if _begin(**asked).gap(joints) else 1)
+    with _begin(**asked) as identification:
+        sys.exit(0 if identification.gap(joints) else 1)
 
 
 @identify.command()
@@ -226,7 +229,8 @@ def gap(joints: tuple[str, ...], **asked: Any) -> None:
 @_identification
 def friction(seconds: float, **asked: Any) -> None:
     """Move all joints, without contact: friction and rotor inertia."""
-    sys.exit(0 if _begin(**asked).friction(seconds) else 1)
+    with _begin(**asked) as identification:
+        sys.exit(0 if identification.friction(seconds) else 1)
 
 
 @identify.command()
@@ -236,7 +240,8 @@ def friction(seconds: float, **asked: Any) -> None:
 @_identification
 def thresholds(seconds: float, per_hour: float, **asked: Any) -> None:
     """Move all joints, without contact: levels from the residuals."""
-    sys.exit(0 if _begin(**asked).thresholds(seconds, per_hour) else 1)
+    with _begin(**asked) as identification:
+        sys.exit(0 if identification.thresholds(seconds, per_hour) else 1)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """`contactd identify`: what each step does for a person at a terminal."""
 
 import sys
+import threading
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,6 +11,7 @@ from rich.console import Console
 
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot
+from daemon.identify.live import stop_once
 from daemon.identify.live_source import LiveArm, open_session
 from daemon.identify.logs import Measured, read_measured
 from daemon.identify.plots import plot_friction, plot_gap
@@ -47,6 +49,9 @@ class Source(Protocol):
     def serials(self) -> dict[str, int | None]:
         """Of the drives, by joint; empty where they are not known."""
 
+    def close(self) -> None:
+        """Hang up."""
+
 
 class Recorded:
     """Logs, all of them for whichever step."""
@@ -70,6 +75,9 @@ class Recorded:
     def serials(self) -> dict[str, int | None]:
         return {}
 
+    def close(self) -> None:
+        """Nothing is open."""
+
     def _read(self) -> Measured:
         return read_measured(self._paths, self._joints)
 
@@ -80,6 +88,10 @@ class Identification:
     def __init__(self, robot: Robot, source: Source, console: Console, *, dry: bool) -> None:
         self._robot, self._source, self._console, self._dry = robot, source, console, dry
         self._folder = robot.folder / "identify"
+
+    def close(self) -> None:
+        """Hang up."""
+        self._source.close()
 
     def joints(self, named: tuple[str, ...]) -> list[str]:
         """The named joints, or all. Raises ConfigurationError for one that is not there."""
@@ -167,6 +179,8 @@ def identification(
         return Identification(
             robot, Recorded(logs, robot.configuration.joint_names), console, dry=dry
         )
+    if threading.current_thread() is threading.main_thread():
+        stop_once()
     session = open_session(socket, console)
     robot = load_robot(Path(session.status().configuration))
     if config is not None and load_robot(config).path.resolve() != robot.path.resolve():

@@ -37,8 +37,9 @@ def read_simulation(robot: Robot) -> SimulationFile:
 
 
 def describe(robot: Robot, simulation: SimulationFile) -> ArmDescription:
-    """The nominal arm, as its maker would describe it. Raises ConfigurationError."""
-    configuration = robot.configuration
+    """The nominal arm, as its maker would describe it: what was identified is left out, or the arm
+    would change with what is thought of it. Raises ConfigurationError."""
+    configuration = robot.by_hand or robot.configuration
     model = Model(robot.urdf, configuration.joint_names)
     profiles = {joint.wiring.profile for joint in configuration.joints}
     if len(profiles) > 1:

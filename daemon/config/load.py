@@ -31,6 +31,7 @@ class Robot:
     recorded: SampledPath | None = None  # of trajectory.file
     identified: Identified | None = None  # values of it are in `configuration` already
     identified_text: str = ""  # of identified.yaml
+    by_hand: Configuration | None = None  # as written in config.yaml, where the two differ
 
     @property
     def folder(self) -> Path:
@@ -87,7 +88,13 @@ def _with_identified(robot: Robot) -> Robot:
         raise ConfigurationError(
             "\n".join(f"{path}: {finding.where}: {finding.what}" for finding in findings)
         )
-    return replace(robot, configuration=configuration, identified=found, identified_text=text)
+    return replace(
+        robot,
+        configuration=configuration,
+        identified=found,
+        identified_text=text,
+        by_hand=robot.configuration,
+    )
 
 
 def _identified(source: Source, configuration: Configuration) -> tuple[str, Identified]:

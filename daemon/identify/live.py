@@ -4,12 +4,14 @@ What is measured goes into recordings like those of `contactctl record`: a step 
 goes on with what it has, and live steps share all code behind with `--log`.
 """
 
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import FrameType
 
 import numpy as np
 
@@ -17,12 +19,27 @@ from daemon import recorder
 from daemon.client import Client
 from daemon.messages import Command, State, Status
 from daemon.modes import Mode
-from errors import ContactdError, ControlError
+from errors import ContactdError, ControlError, UnreachableError
 from estimator.types import Matrix
 
 _SETTLE_S = 6.0
 # What may follow a trajectory of ours; anything else ended it.
 _OURS = frozenset({Mode.HOLDING.value, Mode.TRACKING.value})
+
+
+def stop_once() -> None:
+    """Let the first Ctrl-C, SIGTERM or closed terminal be a KeyboardInterrupt, and ignore what
+    follows: bringing the arm to rest must not itself be stopped. For the main thread."""
+    stopped = False
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        nonlocal stopped
+        if not stopped:
+            stopped = True
+            raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, stop)
 
 
 class InterruptedStepError(ContactdError):
@@ -103,18 +120,19 @@ class Session:
         )
         number = len(self.parts(step)) + 1
         with self._recording(self.folder / f"{step}.part{number:02}.mcap"):
-            reply = self.client.start_loaded()
-            if not reply.ok:
-                raise ControlError("; ".join([reply.message, *reply.reasons]))
             try:
+                reply = self.client.start_loaded()
+                if not reply.ok:
+                    raise ControlError("; ".join([reply.message, *reply.reasons]))
                 ended = self._follow(each)
             except KeyboardInterrupt:
-                ended = "stopped by Ctrl-C"
-            except ControlError as error:
+                ended = "stopped by you"
+            except UnreachableError as error:
                 ended = str(error)
             with suppress(ContactdError):
                 self.client.request("pause")
-                self.hold()
+                mode = self.hold().mode
+                ended = ended and f"{ended}; the arm is {mode}"
         if ended:
             raise InterruptedStepError(
                 f"{ended}. What was measured is kept: the same command goes on from there"

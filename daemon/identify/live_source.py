@@ -9,17 +9,28 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from daemon.config.load import Robot
 from daemon.identify.live import Session
-from daemon.identify.logs import Measured, from_states, read_measured
-from daemon.identify.motions import HAND_S, bounds_of, excitation, stand, wiring_motion
+from daemon.identify.logs import Measured, read_measured
+from daemon.identify.motions import (
+    HAND_S,
+    WIDEST_GUESS,
+    WIRING_TRAVEL,
+    bounds_of,
+    excitation,
+    stand,
+    wiring_motion,
+)
 from daemon.identify.show import histogram
 from daemon.messages import State
 from errors import LogError
 from estimator.identification.gap import CROSSINGS, Gap, identify_gap
+from estimator.identification.log import MotionLog
+from estimator.identification.wiring import follows_both_ways
 from estimator.model import Model
 from estimator.types import Matrix
 
 REFRESH_S = 0.2
 JUDGE_S = 2.0
+LEAST_ROWS = 200
 ENOUGH = CROSSINGS + 5
 """Crossings after which a clear gap ends the step."""
 _HEAVY = 1.0  # [Nm]: a hand lifts less than this softly
@@ -38,6 +49,10 @@ class LiveArm:
         status = self._session.status()
         return dict(zip(status.joints, status.serials, strict=False))
 
+    def close(self) -> None:
+        """Hang up."""
+        self._session.client.close()
+
     def conclude(self, step: str, stamp: str) -> None:
         """Keep the recordings of `step` as evidence."""
         self._session.conclude(step, stamp)
@@ -47,11 +62,23 @@ class LiveArm:
         step = f"wiring-{joint}"
         for part in self._session.parts(step):
             part.unlink()  # so short a motion is begun anew
-        i = self._names.index(joint)
-        here = np.array(self._session.hold().position)
-        path = wiring_motion(here, i, self._c.joints[i].half_gap, self._c.period_s)
-        self._move(step, f"{joint} moves a little", path, motors_only=True)
-        return self._read(step)
+        i, period = self._names.index(joint), self._c.period_s
+        half_gap = self._c.joints[i].half_gap
+        while True:
+            here = np.array(self._session.hold().position)
+            path = wiring_motion(here, i, half_gap, period)
+            self._move(step, f"{joint} moves a little", path, motors_only=True)
+            measured = self._read(step)
+            if follows_both_ways(measured.log, i) or half_gap >= WIDEST_GUESS:
+                return measured
+            # Its gap is larger than it was thought to be.
+            half_gap = min(half_gap + 0.5 * WIRING_TRAVEL, WIDEST_GUESS)
+            self._tell(
+                f"{joint} did not move its link both ways: once more, "
+                f"{1e3 * WIRING_TRAVEL:.0f} mrad further"
+            )
+            for part in self._session.parts(step):
+                part.unlink()
 
     def friction(self, seconds: float) -> Measured:
         """Move all joints along an excitation."""
@@ -75,7 +102,7 @@ class LiveArm:
                 f"In this pose {abs(load):.1f} Nm of gravity hold it at one border: carry it, or "
                 "begin from a pose in which the joint hangs."
             )
-        hand = Hand(i, self._c.joints[i].torque_constant, self._names)
+        hand = Hand(i, self._c.joints[i].torque_constant, joint)
         with Live(console=self._console, auto_refresh=False) as live:
 
             def each(state: State) -> bool:
@@ -83,8 +110,7 @@ class LiveArm:
                     live.update(histogram(hand.phi, hand.gap), refresh=True)
                 return hand.done
 
-            path = stand(here, HAND_S, self._c.period_s)
-            self._session.run(step, path, self._c.period_s, each, motors_only=True)
+            self._session.run(step, stand(here), HAND_S, each, motors_only=True)
         return self._read(step)
 
     def _excite(self, step: str, seconds: float, seed: int) -> Measured:
@@ -125,9 +151,9 @@ class LiveArm:
 class Hand:
     """phi of one joint as a hand moves it, and whether that is enough."""
 
-    def __init__(self, joint: int, torque_constant: float, names: list[str]) -> None:
-        self._joint, self._constant, self._names = joint, torque_constant, names
-        self._states: list[State] = []
+    def __init__(self, joint: int, torque_constant: float, name: str) -> None:
+        self._joint, self._constant, self._name = joint, torque_constant, name
+        self._rows: list[tuple[float, ...]] = []
         self._shown_s = self._judged_s = -1.0
         self.phi: list[float] = []
         self.gap: Gap | None = None
@@ -137,14 +163,17 @@ class Hand:
         """Take one State; whether it is time to draw."""
         if not state.updated:
             return False
-        self._states.append(state)
-        motor = state.motor if state.motor_position is None else state.motor_position
-        self.phi.append(state.link_position[self._joint] - motor[self._joint])
+        i, measured = self._joint, state.motor_position
+        row = (state.time_s, state.current[i], state.link_position[i], state.motor_velocity[i])
+        self._rows.append(row if measured is None else (*row, measured[i]))
+        motor = state.motor if measured is None else measured
+        self.phi.append(state.link_position[i] - motor[i])
         now = state.time_s
-        if now - self._judged_s > JUDGE_S and len(self._states) > 200:
+        if now - self._judged_s > JUDGE_S and len(self._rows) > LEAST_ROWS:
             self._judged_s = now
-            log = from_states(self._states, self._names).log
-            self.gap = identify_gap(log, self._joint, self._constant)
+            time_s, *columns = np.array(self._rows).T
+            log = MotionLog((self._name,), time_s, *(column[:, None] for column in columns))
+            self.gap = identify_gap(log, 0, self._constant)
             self.done = self.gap.usable and self.gap.crossings >= ENOUGH
         if now - self._shown_s < REFRESH_S and not self.done:
             return False

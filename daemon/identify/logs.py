@@ -20,8 +20,6 @@ from estimator.types import Matrix
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position")
 _SENSING = frozenset(mode.value for mode in SENSING)
 _APART_S = 10.0  # between recordings, so that they are stretches
-_TOUCH_S = 0.5  # what lies so close to a touch is discarded with it
-_GROSS = 4.0  # times the usual largest residual of a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,43 +143,6 @@ def _spread(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     if len(steps) and (steps >= 0.0).all() and (steps == 0.0).any() and time_s[-1] > time_s[0]:
         return np.linspace(time_s[0], time_s[-1], len(time_s))
     return time_s
-
-
-def contact_free(measured: Measured) -> Measured:
-    """Without what lies around a touch; says how much that was.
-
-    A touch is a residual above its threshold that also stands out from the joint's usual residual,
-    so that friction nobody has identified yet is not taken for a hand.
-    """
-    r, threshold = measured.residual, measured.threshold
-    if r is None or threshold is None:
-        return measured
-    log = measured.log
-    size, block = np.abs(r), max(1, round(1.0 / log.period_s))
-    count = max(1, len(size) // block)
-    maxima = size[: count * block].reshape(count, -1, log.n).max(axis=1)
-    touch = (size > threshold) & (size > _GROSS * np.median(maxima, axis=0))
-    if not touch.any():
-        return measured
-    around = round(_TOUCH_S / log.period_s)
-    near = np.convolve(touch.any(axis=1), np.ones(2 * around + 1), mode="same") > 0.5
-    names = [log.joints[i] for i in np.flatnonzero(touch.any(axis=0))]
-    note = f"{near.sum() * log.period_s:.1f} s discarded: {', '.join(names)} was touched"
-    return _kept(measured, ~near, note)
-
-
-def _kept(measured: Measured, keep: NDArray[np.bool_], note: str) -> Measured:
-    log = measured.log
-    position = None if log.motor_position is None else log.motor_position[keep]
-    shorter = MotionLog(log.joints, log.time_s[keep], log.current[keep], log.link_position[keep],
-                        log.motor_velocity[keep], position)  # fmt: skip
-
-    def rows(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-        return None if values is None else values[keep]
-
-    touched = None if measured.touched is None else measured.touched[keep]
-    return Measured(shorter, measured.sha256, rows(measured.residual), rows(measured.threshold),
-                    touched, (*measured.notes, note))  # fmt: skip
 
 
 def _hash(log: MotionLog) -> str:

@@ -14,6 +14,8 @@ HAND_S = 300.0
 WIRING_TRAVEL = 0.02
 """[rad] of the link, each way."""
 WIRING_SPEED = 0.03
+WIDEST_GUESS = 0.05
+"""[rad] half-gap up to which a motor goes on when its link does not follow it."""
 
 
 def bounds_of(c: Configuration) -> Bounds:
@@ -52,6 +54,6 @@ def _trapezium(length_s: float, period_s: float) -> Vector:
     return np.asarray(np.clip(np.minimum(t, length_s + 0.4 - t) / 0.2, 0.0, 1.0))
 
 
-def stand(here: Vector, seconds: float, period_s: float) -> Matrix:
-    """Stay here."""
-    return np.tile(here, (round(seconds / period_s), 1))
+def stand(here: Vector) -> Matrix:
+    """Stay here: two rows, however far apart."""
+    return np.tile(here, (2, 1))

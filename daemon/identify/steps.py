@@ -9,7 +9,7 @@ from daemon.assembly import build_transmission
 from daemon.config import identified as file
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Friction, GapSpring, Levels
-from daemon.identify.logs import Measured, contact_free
+from daemon.identify.logs import Measured
 from errors import LogError
 from estimator.identification.friction import (
     FrictionFit,
@@ -79,7 +79,6 @@ def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> 
 def friction_step(robot: Robot, measured: Measured, date: str) -> Outcome:
     """Friction and rotor inertia of all joints, from contact-free motion."""
     c = robot.configuration
-    measured = contact_free(measured)
     limit = np.array([joint.wiring.max_current_A for joint in c.joints])
     refuse_implausible(measured.log, limit)
     old = build_transmission(c)
@@ -107,6 +106,9 @@ def friction_step(robot: Robot, measured: Measured, date: str) -> Outcome:
                 rotor_inertia=rotor,
             )
     notes = measured.notes
+    if shown.touched:
+        notes += (f"{shown.discarded_s:.1f} s discarded: {', '.join(shown.touched)} was touched, "
+                  "or met something",)  # fmt: skip
     if not fits[0].rotor_trusted:
         notes += ("B is not trusted: the drives do not filter their current "
                   "(estimator.current_delay_ms is 0); the old values stay",)  # fmt: skip
@@ -174,7 +176,7 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
     for name, one in measured.items():
         i = c.joint_names.index(name)
         joint = c.joints[i]
-        found = check_wiring(one.log, i, model, joint.torque_constant, joint.half_gap)
+        found = check_wiring(one.log, i, model, joint.torque_constant)
         figures = f"link/motor {found.follows:.3f}" if np.isfinite(found.follows) else ""
         if np.isfinite(found.held):
             figures += f", holds {found.held:.2g} Nm of {found.gravity:.2g} Nm gravity"

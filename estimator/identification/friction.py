@@ -15,15 +15,15 @@ from enum import StrEnum
 import numpy as np
 
 from errors import LogError
-from estimator.identification.intervals import Intervals, intervals, locate, low_pass
+from estimator.identification.intervals import Intervals, Mask, intervals, locate, low_pass
 from estimator.identification.log import MotionLog
 from estimator.identification.regression import (
     COLUMNS,
-    Mask,
     Solution,
     regression,
     solve_joint,
 )
+from estimator.identification.touches import near
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, smooth_sign
@@ -88,6 +88,10 @@ class Reconstruction:
     r_nl: Matrix
     reconstructed: Matrix
     phi: Matrix
+    touched: tuple[str, ...]
+    """Joints that somebody touched"""
+    discarded_s: float
+    """for that"""
 
 
 def identify_friction(
@@ -108,21 +112,24 @@ def identify_friction(
         )
     rows = intervals(log, model, settings)
     cut: Mask = np.abs(rows.current) > 0.98 * max_current
-    # Each round sees the gap with the friction of the one before.
+    touched = np.zeros_like(cut)
+    # Each round sees the gap with the friction of the one before, and what the one before could not
+    # explain.
     for _ in range(_ROUNDS):
-        gap, phi = locate(rows, transmission, settings)
-        found = regression(rows, transmission, gap, phi)
-        solved = [
-            solve_joint(i, found, rows, float(transmission.half_gap[i]), gap, phi, cut)
-            for i in range(log.n)
-        ]
+        where = locate(rows, transmission, settings)
+        found = regression(rows, transmission, where)
+        alpha, spoilt = transmission.half_gap.tolist(), near(rows, touched)
+        solved = [solve_joint(i, found, rows, alpha[i], where, cut, spoilt) for i in range(log.n)]
+        touched = np.stack([one.touched for one in solved], axis=1)
         fits = [
             _judged(log.joints[i], i, one, rows, transmission, cut, settings)
             for i, one in enumerate(solved)
         ]
         transmission = adopt(transmission, fits)
     shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
-    return fits, Reconstruction(rows.time_s, found.r_nl, shown, phi)
+    by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
+    discarded_s = float(rows.dt @ near(rows, touched))
+    return fits, Reconstruction(rows.time_s, found.r_nl, shown, where.phi, by_hand, discarded_s)
 
 
 _ADOPTED = (

@@ -20,6 +20,8 @@ from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, coulomb_viscous, resting
 from estimator.types import Matrix, Vector
 
+Mask = NDArray[np.bool_]
+
 _BOTH = (1.5, 3.0)  # half-gaps that phi spans where it met both borders, and kept its zero
 
 
@@ -31,7 +33,7 @@ class Intervals:
     """(N,), of its end"""
     dt: Vector
     """(N,) [s]"""
-    first: NDArray[np.bool_]
+    first: Mask
     """(N,) the first of a stretch without missing samples"""
     inertial: Matrix
     """(Delta(M q_dot) - dt beta) / dt [Nm]: what moves the links beside gravity"""
@@ -116,16 +118,24 @@ def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inter
     )
 
 
-def locate(
-    rows: Intervals, t: Transmission, settings: EstimatorSettings
-) -> tuple[NDArray[np.bool_], Matrix]:
-    """Which intervals lie in the gap at both ends, and phi at the end [rad], both (N, n).
+@dataclass(frozen=True, slots=True)
+class Located:
+    """Where each joint was in its gap, (N, n)."""
 
-    Where theta is measured and phi met both borders, phi itself tells. Elsewhere the estimator's
-    own judgement (`MotorPosition`) with the friction and rotor of `t` does; it may take long to
-    find the middle of the gap of a joint that carries little.
-    """
+    gap: Mask
+    """At both ends of the interval: the gear carried nothing"""
+    unclear: Mask
+    """It may have carried, or not"""
+    phi: Matrix
+    """At the end [rad]"""
+
+
+def locate(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> Located:
+    """By phi itself where theta is measured and phi met both borders. Elsewhere by the estimator's
+    own judgement (`MotorPosition`) with the friction and rotor of `t`; it may take long to find the
+    middle of the gap of a joint that carries little."""
     gap, phi = _judged(rows, t, settings)
+    unclear = ~gap & (np.abs(phi) < 0.85 * t.half_gap)
     if rows.measured:
         # Whatever the encoders' zeros are, the middle of the gap lies between the borders.
         apart = rows.ends[:, 0] - rows.ends[:, 4]
@@ -133,19 +143,14 @@ def locate(
         both = (high - low > _BOTH[0] * t.half_gap) & (high - low < _BOTH[1] * t.half_gap)
         for i in np.flatnonzero(both):
             phi[:, i] = apart[:, i] - 0.5 * (low[i] + high[i])
-            inside = np.abs(phi[:, i]) < inner_border(float(t.half_gap[i]))
-            gap[:, i] = inside & np.concatenate([[False], inside[:-1]]) & ~rows.first
-    return gap, phi
+            alpha = min(float(t.half_gap[i]), 0.5 * float(high[i] - low[i]))
+            free = np.abs(phi[:, i]) < alpha - max(0.05 * alpha, 0.0005)
+            before = np.concatenate([[False], free[:-1]]) & ~rows.first
+            gap[:, i], unclear[:, i] = free & before, free ^ before
+    return Located(gap, unclear, phi)
 
 
-def inner_border(half_gap: float) -> float:
-    """|phi| [rad] below which the gear surely carries nothing, whatever the encoders' errors."""
-    return half_gap - max(0.05 * half_gap, 0.0005)
-
-
-def _judged(
-    rows: Intervals, t: Transmission, settings: EstimatorSettings
-) -> tuple[NDArray[np.bool_], Matrix]:
+def _judged(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> tuple[Mask, Matrix]:
     """By the motor position that the estimator would have followed."""
     position = MotorPosition(t, settings.gap, measured=rows.measured)
     engaged, phi = np.empty_like(rows.q), np.empty_like(rows.q)

@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from estimator.identification.intervals import Intervals, inner_border, low_pass, memory
+from estimator.identification.intervals import Intervals, Located, Mask, low_pass, memory
+from estimator.identification.touches import touches
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
 from estimator.types import Matrix, Vector
-
-Mask = NDArray[np.bool_]
 
 GAIN = 25.0
 """K_r [1/s]. The paper's 100 passes so much noise of theta_ddot that a light rotor's inertia comes
@@ -28,6 +26,7 @@ COLUMNS = (
 _ENGAGED, _LINK, _RELATIVE, _SPRING = slice(0, 3), slice(3, 5), slice(5, 7), slice(7, 9)
 _WORTH = 0.005  # of R2 on held-out motion, for which a doubtful pair of columns is taken in
 _APART = 10.0  # condition number up to which the gap tells Coulomb from viscous link friction
+_REWEIGHTED = 20
 _GAP_SHARE = 0.02  # of the time, below which the gap shows nothing
 
 
@@ -50,16 +49,19 @@ class Solution:
     r2: float
     condition: float
     """Of the three columns that count while engaged"""
+    touched: Mask
+    """(N,) where something else than friction acted"""
 
 
-def regression(rows: Intervals, t: Transmission, gap: Mask, phi: Matrix) -> Regression:
+def regression(rows: Intervals, t: Transmission, where: Located) -> Regression:
     """(8)-(10) with DESIGN's corrections: friction columns carry a minus, springs start at the
     border, and every column passes the filter of r_nl.
 
     The nuisance is what errors of the masses and an offset of the current add: a share of gravity
     and a constant. Friction is not to answer for them.
     """
-    apart, together = gap.astype(np.float64), 1.0 - gap
+    phi, apart = where.phi, where.gap.astype(np.float64)
+    together = 1.0 - apart
 
     def sign(v: Matrix) -> Matrix:
         return smooth_sign(v, t.sign_width)
@@ -82,20 +84,29 @@ def regression(rows: Intervals, t: Transmission, gap: Mask, phi: Matrix) -> Regr
 
 
 def solve_joint(
-    i: int, found: Regression, rows: Intervals, half_gap: float, gap: Mask, phi: Matrix, cut: Mask
+    i: int,
+    found: Regression,
+    rows: Intervals,
+    half_gap: float,
+    where: Located,
+    cut: Mask,
+    spoilt: Mask,
 ) -> Solution:
-    """Coefficients of joint i. cut (N, n): samples whose current was at its limit.
+    """Coefficients of joint i. cut (N, n): samples whose current was at its limit; spoilt (N,):
+    those near a touch, which are not fitted.
 
     Columns of the gap are used where the joint was in its gap at all; those of the relative
     friction K_phi and of the spring only if motion that was not fitted is explained better.
     """
     y, A, N = found.r_nl[:, i], found.columns[:, i], found.nuisance[:, i]
-    weight = _weights(rows, i, half_gap, gap[:, i], phi[:, i], cut[:, i])
+    gap = where.gap[:, i]
+    clean = _weights(rows, i, where, cut[:, i])
+    weight = clean * ~spoilt
     train = np.arange(len(y)) < (1.0 - HELD_OUT) * len(y)
     used = np.zeros(len(COLUMNS), dtype=np.bool_)
     used[_ENGAGED] = True
     candidates = []
-    if float((weight * gap[:, i]).sum()) > _GAP_SHARE * weight.sum() > 0.0:
+    if float(weight @ gap) > _GAP_SHARE * weight.sum() > 0.0:
         used[_LINK] = _condition(A[:, _LINK], weight) < _APART
         candidates.append(_RELATIVE)
     if half_gap > 0.0:
@@ -107,19 +118,18 @@ def solve_joint(
         if (better := _held_out(A, N, y, weight, more, train)) > r2 + _WORTH:
             used, r2 = more, better
     coefficients, errors, condition = _solve(A, N, y, weight, used, rows.time_s)
-    return Solution(coefficients, errors, r2, condition)
+    left = _unexplained(A, N, y, weight, used)
+    touched = touches(rows, left, clean, float(coefficients[0]))
+    return Solution(coefficients, errors, r2, condition, touched)
 
 
-def _weights(rows: Intervals, i: int, half_gap: float, gap: Mask, phi: Vector, cut: Mask) -> Vector:
+def _weights(rows: Intervals, i: int, where: Located, cut: Mask) -> Vector:
     """How much each row counts, 0 to 1: not at rest, where Coulomb friction may have any value;
     not while it is unclear which side of the gear carries; not while the current is cut off; and
     not while the filter remembers any of these."""
-    doubtful = cut | rows.first
-    if half_gap > 0.0:
-        nearest = np.minimum(np.abs(phi), np.abs(np.concatenate([phi[:1], phi[:-1]])))
-        doubtful |= ~gap & (nearest < inner_border(half_gap))
-        doubtful |= np.diff(gap, prepend=gap[0])
-    doubt = np.maximum(resting(rows.theta_dot[:, i]), doubtful)
+    gap = where.gap[:, i]
+    unclear = where.unclear[:, i] | cut | rows.first | np.diff(gap, prepend=gap[0])
+    doubt = np.maximum(resting(rows.theta_dot[:, i]), unclear)
     # doubt[k] = max(doubt[k], memory * doubt[k - 1]), in logarithms.
     forgotten = np.log(max(memory(rows, GAIN), 1e-3)) * np.arange(len(doubt))
     with np.errstate(divide="ignore"):
@@ -127,8 +137,8 @@ def _weights(rows: Intervals, i: int, half_gap: float, gap: Mask, phi: Vector, c
     return np.asarray(1.0 - doubt)
 
 
-def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> Vector:
-    """Bounded least squares: coefficients of A (9 of them, unused ones 0, used ones >= 0)."""
+def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> tuple[Vector, Vector]:
+    """Bounded least squares: coefficients of A (9, unused ones 0, used ones >= 0), and of N."""
     X = np.hstack([A[:, used], N]) * weight[:, None]
     scale = np.sqrt(np.square(X).mean(axis=0))
     scale[scale < 1e-12] = np.inf
@@ -141,7 +151,19 @@ def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> Vector:
     solution = lsq_linear(R, b, (lower, np.inf)).x / scale
     full = np.zeros(A.shape[1])
     full[used] = solution[: used.sum()]
-    return full
+    return full, solution[used.sum() :]
+
+
+def _unexplained(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> Vector:
+    """What the fit of least absolute deviations (by reweighting) leaves of y: unlike that of least
+    squares it does not bend towards a touch, which would hide there."""
+    smallest = 1e-3 * float(np.abs(y).max()) + 1e-12
+    left, steep = y, np.ones_like(y)
+    for _ in range(_REWEIGHTED):
+        coefficients, nuisance = _lsq(A, N, y, weight * steep, used)
+        left = y - A @ coefficients - N @ nuisance
+        steep = 1.0 / np.sqrt(np.maximum(np.abs(left), smallest))
+    return left
 
 
 def _held_out(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train: Mask) -> float:
@@ -149,7 +171,7 @@ def _held_out(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train
     w2, rest = np.square(weight[~train]), y[~train]
     if w2.sum() < 10.0 or weight[train].sum() < 10.0:
         return float("-inf")
-    solution = _lsq(A[train], N[train], y[train], weight[train], used)
+    solution, _ = _lsq(A[train], N[train], y[train], weight[train], used)
     spread = float((w2 * np.square(rest - np.average(rest, weights=w2))).sum())
     missed = float((w2 * np.square(rest - A[~train] @ solution)).sum())
     return 1.0 - missed / spread if spread > 0.0 else float("-inf")
@@ -166,7 +188,7 @@ def _solve(
     count = int(used.sum())
     if weight.sum() < 50.0 or not seen[:count].all():
         return np.zeros(A.shape[1]), errors, float("inf")
-    coefficients = _lsq(A, N, y, weight, used)
+    coefficients, _ = _lsq(A, N, y, weight, used)
     X = X[:, seen] / scale[seen]
     # What is left is alike for long, so rows are not independent: take blocks (sandwich).
     inverse = np.linalg.pinv(X.T @ X)

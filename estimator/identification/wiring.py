@@ -40,9 +40,7 @@ class Wiring:
         return not self.problems
 
 
-def check_wiring(
-    log: MotionLog, joint: int, model: Model, torque_constant: float, half_gap: float
-) -> Wiring:
+def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: float) -> Wiring:
     """Of a log in which only this joint was driven, slowly, both ways, through its gap."""
     name = log.joints[joint]
     q, velocity = log.link_position[:, joint], log.motor_velocity[:, joint]
@@ -54,17 +52,23 @@ def check_wiring(
                  "its setpoints, is the unit of motor_velocity right?")  # fmt: skip
         return Wiring(joint=name, problems=(about,))
     problems = [*_position_disagrees(log, joint, theta)]
-    moved = np.ptp(log.link_position, axis=0)
-    expected = turned - 2.0 * half_gap
-    if moved[joint] < 0.3 * expected:
+    strokes = _strokes(q, velocity, steps)
+    if not follows_both_ways(log, joint):
+        moved = np.ptp(log.link_position, axis=0)
         other = int(np.argmax(moved))
-        about = f"the motor turned {1e3 * turned:.3g} mrad, its link moved {1e3 * moved[joint]:.3g}"
-        if moved[other] > 0.3 * expected:
+        about = (f"the motor turned {1e3 * turned:.3g} mrad, and its link did not follow it both "
+                 f"ways (it moved {1e3 * moved[joint]:.2g} mrad)")  # fmt: skip
+        if other != joint and moved[other] > _STROKE_END:
             about += f"; {log.joints[other]} moved {1e3 * moved[other]:.3g}: are they swapped?"
         else:
-            about += ": wrong link_position object or scale, or a larger gap than configured"
+            about += (f": wrong link_position object or scale, or a half-gap of more than "
+                      f"{1e3 * (0.5 * turned - _STROKE_END):.0f} mrad")  # fmt: skip
         return Wiring(joint=name, problems=(*problems, about))
-    engaged, follows = _follows(q, velocity, steps)
+    carried = [s for s in strokes if s.carried]
+    engaged = np.zeros(len(q), dtype=np.bool_)
+    for stroke in carried:
+        engaged[stroke.end] = True
+    follows = sum(s.way for s in carried) / sum(s.turned for s in carried)
     if follows < 0.0:
         problems.append("the link goes the other way than the motor: link_sign or motor_sign")
     elif abs(follows - 1.0) > SCALE_TOLERANCE:
@@ -105,16 +109,36 @@ def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
     return [f"motor_position changes {scale:.3g} times as much as motor_velocity says: a scale"]
 
 
-def _follows(q: Vector, velocity: Vector, steps: Vector) -> tuple[NDArray[np.bool_], float]:
-    """Samples at which the gear surely carries, and the link's way there over the motor's.
+@dataclass(frozen=True, slots=True)
+class _Stroke:
+    """The end of one way of the motor: the gap is crossed at its beginning, and a link without load
+    may bounce ahead of the motor and wait for it."""
 
-    That is the end of each stroke: the gap is crossed at its beginning, and a link without load may
-    bounce ahead of the motor and wait for it."""
+    end: slice
+    turned: float
+    """by the motor [rad], > 0"""
+    way: float
+    """of the link in the direction of the motor [rad]"""
+    upward: bool
+
+    @property
+    def carried(self) -> bool:
+        """Whether the gear took the link along, whatever sign or scale anybody gave it."""
+        return abs(self.way) > 0.5 * self.turned
+
+
+def follows_both_ways(log: MotionLog, joint: int) -> bool:
+    """Whether the motor went so far in both directions that its link came along."""
+    steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
+    strokes = _strokes(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
+    return {s.upward for s in strokes if s.carried} == {True, False}
+
+
+def _strokes(q: Vector, velocity: Vector, steps: Vector) -> list[_Stroke]:
     fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
     direction = np.where(fast, np.sign(velocity), 0.0)
     edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(q)]
-    way, turned = 0.0, 0.0
-    engaged = np.zeros(len(q), dtype=np.bool_)
+    strokes = []
     for a, b in itertools.pairwise(edges):
         travel = np.cumsum((np.abs(velocity[a:b]) * steps[a:b])[::-1])[::-1]
         if not direction[a] or travel[0] < LEAST_MOTION:
@@ -122,10 +146,10 @@ def _follows(q: Vector, velocity: Vector, steps: Vector) -> tuple[NDArray[np.boo
         first = a + int(np.argmax(travel <= min(0.5 * travel[0], _STROKE_END)))
         if b - first < 10:
             continue
-        engaged[first:b] = True
-        way += direction[a] * float(q[b - 1] - q[first])
-        turned += direction[a] * float((velocity[first + 1 : b] * steps[first + 1 : b]).sum())
-    return engaged, way / turned if turned > 0.0 else float("nan")
+        turned = direction[a] * float((velocity[first + 1 : b] * steps[first + 1 : b]).sum())
+        way = direction[a] * float(q[b - 1] - q[first])
+        strokes.append(_Stroke(slice(first, b), turned, way, bool(direction[a] > 0.0)))
+    return strokes
 
 
 def _torques(

@@ -46,9 +46,7 @@ def check(arm):
     t = arm.transmission
 
     def run(log: MotionLog, joint: int):
-        return check_wiring(
-            log, joint, arm.model, float(t.torque_constant[joint]), float(t.half_gap[joint])
-        )
+        return check_wiring(log, joint, arm.model, float(t.torque_constant[joint]))
 
     return run
 

@@ -1,0 +1,33 @@
+"""A person's touch in motion that was to be without contact: what friction cannot explain."""
+
+import numpy as np
+
+from estimator.identification.intervals import Intervals, Mask
+from estimator.types import Vector
+
+SUSTAINED_S = 0.1
+"""Impacts at the borders of a gap are shorter."""
+AROUND_S = 0.5
+"""What lies so close to a touch is discarded with it."""
+_FAR = 30.0  # times the usual scatter; contact-free motion of 80 joints reached 25
+_SHARE = 0.3  # of Coulomb friction, below which nothing is called a touch
+
+
+def touches(rows: Intervals, left: Vector, weight: Vector, coulomb: float) -> Mask:
+    """(N,) where one joint was touched. left (N,) [Nm]: what its fit does not explain; weight (N,):
+    how much each row counts; coulomb: its friction [Nm]."""
+    counts = weight > 0.5
+    if not counts.any():
+        return counts
+    scatter = 1.4826 * float(np.median(np.abs(left[counts])))
+    width = max(1, round(SUSTAINED_S / float(np.median(rows.dt))))
+    window = np.ones(width)
+    enough = np.convolve(weight, window, mode="same")
+    mean = np.convolve(left * weight, window, mode="same") / np.maximum(enough, 0.5 * width)
+    return np.asarray(np.abs(mean) > max(_FAR * scatter, _SHARE * coulomb))
+
+
+def near(rows: Intervals, touched: Mask) -> Mask:
+    """(N,) samples so close to a touch of any joint, touched (N, n), that they are spoilt."""
+    around = round(AROUND_S / float(np.median(rows.dt)))
+    return np.convolve(touched.any(axis=1), np.ones(2 * around + 1), mode="same") > 0.5

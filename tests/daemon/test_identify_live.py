@@ -1,0 +1,135 @@
+"""`contactd identify` on a live arm, in lockstep: stopped, touched, and left by a drive."""
+
+import ctypes
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bench.commissioning import Arm
+from bench.house import House
+from bench.lockstep import SINGLE_JOINT
+from daemon.commands import contactd
+from daemon.config import identified as file
+from daemon.config.load import load_robot
+from daemon.identify.logs import read_measured
+from daemon.identify.steps import merged
+from daemon.modes import Mode
+
+MOTION_S = 3.0
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Arm:
+    """The single joint, on a bus as of a robot, its wiring checked; its true gap is of 20 mrad."""
+
+    def gap(written) -> None:
+        written["joints"][0]["half_gap"] = 0.02
+
+    arm = Arm(tmp_path, SINGLE_JOINT, change=gap, really=gap)
+    robot = load_robot(arm.folder)
+    wired = file.Wiring(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0)
+    file.write_identified(
+        arm.folder / "identified.yaml", merged(robot, "wiring", {"joint": wired}, {"joint": 1})
+    )
+    return arm
+
+
+@pytest.fixture
+def house(arm: Arm) -> Iterator[House]:
+    with arm.house() as house:
+        house.rig.enable()
+        yield house
+
+
+class Typed:
+    """A command at the terminal, while time passes."""
+
+    def __init__(self, house: House, *words: str) -> None:
+        self.house = house
+        self._results: list[Result] = []
+        command = ["identify", *words, "--socket", str(house.path)]
+
+        def work() -> None:
+            self._results.append(CliRunner().invoke(contactd.main, command))
+
+        self._thread = threading.Thread(target=work)
+        self._thread.start()
+        self.ticks_in_motion = 0
+
+    def tick(self) -> None:
+        self.house.tick()
+        self.ticks_in_motion += self.house.rig.mode is Mode.TRACKING
+        self._thread.join(0.0 if self.house.service.control.readers else 0.005)
+
+    def moves(self, seconds: float = MOTION_S) -> None:
+        """Until the step's motion has lasted so long."""
+        while self._thread.is_alive() and self.ticks_in_motion < 100 * seconds:
+            self.tick()
+
+    def ctrl_c(self) -> None:
+        number = ctypes.c_ulong(self._thread.ident or 0)
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(KeyboardInterrupt))
+
+    def ends(self) -> tuple[int, str]:
+        """Exit status and what was said, in one line."""
+        while self._thread.is_alive():
+            self.tick()
+        return self._results[0].exit_code, " ".join(self._results[0].output.split())
+
+
+def stopped(house: House, *words: str) -> tuple[int, str]:
+    typed = Typed(house, *words)
+    typed.moves()
+    typed.ctrl_c()
+    return typed.ends()
+
+
+@pytest.mark.parametrize(
+    "words", [("wiring",), ("gap",), ("friction", "--seconds", "20"), ("thresholds",)]
+)
+def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
+    arm: Arm, house: House, words: tuple[str, ...]
+) -> None:
+    before = (arm.folder / "identified.yaml").read_bytes()
+    status, said = stopped(house, *words)
+    assert status == 1
+    assert "stopped by you; the arm is holding" in said
+    assert house.rig.mode is Mode.HOLDING
+    assert (arm.folder / "identified.yaml").read_bytes() == before
+    assert [path.name for path in arm.folder.glob(".identified*")] == []
+    (part,) = (arm.folder / "identify").glob("*.part01.mcap")
+    assert read_measured([part], ["joint"]).log.duration_s > MOTION_S - 0.5
+
+
+def test_friction_goes_on_from_where_it_was_stopped(arm: Arm, house: House) -> None:
+    stopped(house, "friction", "--seconds", "20")
+    _, said = stopped(house, "friction", "--seconds", "20")
+    assert "going on: 3 s of 20 s are measured already" in said
+    assert len(list((arm.folder / "identify").glob("friction.part*.mcap"))) == 2
+
+
+def test_a_lost_drive_ends_the_step_and_is_named(arm: Arm, house: House) -> None:
+    before = (arm.folder / "identified.yaml").read_bytes()
+    typed = Typed(house, "friction", "--seconds", "20")
+    typed.moves()
+    house.rig.arm.drives[0].transmit = lambda: None  # type: ignore[method-assign]
+    status, said = typed.ends()
+    assert status == 1
+    assert "the arm is faulted: " in said
+    assert "joint" in said.split("the arm is faulted: ")[1]
+    assert (arm.folder / "identified.yaml").read_bytes() == before
+
+
+def test_a_touch_is_told_at_once(house: House) -> None:
+    typed = Typed(house, "friction", "--seconds", "20")
+    typed.moves()
+    house.rig.arm.external_torque[0] = 1.5
+    typed.moves(MOTION_S + 0.3)
+    house.rig.arm.external_torque[0] = 0.0
+    typed.moves(MOTION_S + 0.6)
+    typed.ctrl_c()
+    _, said = typed.ends()
+    assert "if that was you, hands off; it is discarded" in said
