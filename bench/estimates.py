@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bench.contact_free import BESIDE
 from bench.harness import Recording
-from bench.rivals import KALMAN, KalmanObserver, fair_index
+from bench.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.assembly import build_estimator
 from daemon.config.load import Robot
 from estimator.estimator import Estimator
@@ -36,10 +36,6 @@ class Estimates:
     touched_link: NDArray[np.int64]
     """(ticks,): index of the joint whose link is said to be touched, -1 where none is"""
     delay_s: float
-
-
-KALMAN_BELIEF: Final = "classical+friction+rotor"
-"""What the Kalman observer believes of the joint too: only the filter differs."""
 
 
 def build(robot: Robot, **changes: object) -> Estimator:
@@ -79,15 +75,3 @@ def estimates(estimator: Estimator, recording: Recording) -> Estimates:
         touched_link=touched_link,
         delay_s=estimator.delay_s,
     )
-
-
-def kalman(residual: Rows, K: float, period_s: float) -> Rows:
-    """The Kalman rival's torque [Nm], from the residual of KALMAN_BELIEF (ticks, n) from r = 0 on.
-
-    What each interval won beyond belief is (13) read backwards: 2 K e = (2 + T K) r - (2 - T K) r'.
-    """
-    TK = K * period_s
-    before = np.vstack((np.zeros_like(residual[:1]), residual[:-1]))
-    unexplained = ((2.0 + TK) * residual - (2.0 - TK) * before) / (2.0 * K)
-    observer = KalmanObserver(residual.shape[1], fair_index(TK), period_s)
-    return np.array([observer.step(e, period_s) for e in unexplained])

@@ -11,15 +11,15 @@ to tune, which `fair_index` sets so that white torque comes through as loud as t
 residual of gain K.
 """
 
+from typing import Final
+
 import numpy as np
 
-from bench.recording import Recording, Rows
-from daemon.assembly import build_transmission
-from estimator.model import Model
-from estimator.transmission import coulomb_viscous
-from estimator.types import Vector
+from estimator.types import Matrix, Vector
 
-KALMAN = "kalman"
+KALMAN: Final = "kalman"
+KALMAN_BELIEF: Final = "classical+friction+rotor"
+"""What the observer believes of the joint too: only the filter differs."""
 
 
 def fair_index(TK: float) -> float:
@@ -68,32 +68,13 @@ class KalmanObserver:
         return self._torque
 
 
-def unexplained_impulses(recording: Recording) -> Rows:
-    """Momentum that each interval won beyond belief [Nm s]; shape (ticks - 1, n).
+def kalman(residual: Matrix, K: float, period_s: float) -> Matrix:
+    """The observer's torque [Nm], from the residual of KALMAN_BELIEF (ticks, n) from r = 0 on.
 
-    e(k) = Delta(M q_dot) + B Delta theta_dot - T mean(beta + tau_M - tau_mu), as if never in a gap.
+    What each interval won beyond belief is (13) read backwards: 2 K e = (2 + T K) r - (2 - T K) r'.
     """
-    c, t = recording.configuration, build_transmission(recording.configuration)
-    model = Model(recording.urdf, recording.joints)
-    rows = [model.dynamics(q, qd) for q, qd in zip(recording.q, recording.qd, strict=True)]
-    momentum, beta = (np.array(column) for column in zip(*rows, strict=True))
-    # The motor's velocity at the instant to which q, qd and tau_M belong.
-    age = recording.delay_s - c.estimator.motor_velocity_delay_ms / 1000.0
-    newest = recording.motor_velocity
-    before = np.vstack((newest[:1], newest[:-1]))
-    theta_dot = newest + (before - newest) * (age / c.period_s)
-    rubbing = coulomb_viscous(t.engaged_coulomb, t.engaged_viscous, theta_dot, t.sign_width)
-    believed = beta + recording.tau_M - rubbing
-    change = np.diff(momentum + t.rotor_inertia * theta_dot, axis=0)
-    impulses: Rows = change - 0.5 * c.period_s * (believed[1:] + believed[:-1])
-    return impulses
-
-
-def kalman(recording: Recording) -> Recording:
-    """The recording with the observer's torque beside its residuals, from the same samples."""
-    c = recording.configuration
-    index = fair_index(c.estimator.gain * c.period_s)
-    observer = KalmanObserver(len(c.joints), index, c.period_s)
-    rows = [np.zeros(len(c.joints))]
-    rows += [observer.step(e, c.period_s) for e in unexplained_impulses(recording)]
-    return recording.with_residual(KALMAN, np.array(rows))
+    TK = K * period_s
+    before = np.vstack((np.zeros_like(residual[:1]), residual[:-1]))
+    unexplained = ((2.0 + TK) * residual - (2.0 - TK) * before) / (2.0 * K)
+    observer = KalmanObserver(residual.shape[1], fair_index(TK), period_s)
+    return np.array([observer.step(e, period_s) for e in unexplained])

@@ -75,7 +75,7 @@ class ContactDetector:
     A contact begins when |r| has been past a level on one side for `debounce` ticks in a row; it
     ends when r comes back or changes its sign, and only then may the level fire again.
 
-    hidden: torque that stiction may hide at rest [Nm], shape (n,); gain: of the residual [1/s].
+    gain: of the residual [1/s].
     """
 
     _MEMORY = ("raised", "streak")
@@ -85,7 +85,6 @@ class ContactDetector:
         joints: Sequence[str],
         thresholds: Thresholds,
         *,
-        hidden: Vector,
         gain: float,
         debounce: int = 1,
     ) -> None:
@@ -97,7 +96,6 @@ class ContactDetector:
         self._joints = tuple(joints)
         self._levels = np.stack([thresholds.contact, thresholds.collision])
         self._per_speed = thresholds.per_speed if np.any(thresholds.per_speed) else None
-        self._hidden = hidden
         self._gain = gain
         self._debounce = debounce
         self.raised = np.zeros(n)
@@ -105,17 +103,16 @@ class ContactDetector:
         # Ticks in a row past each level, signed as the residual.
         self.streak = np.zeros((2, n), dtype=np.int64)
 
-    def thresholds(self, resting: Vector, theta_dot: Vector, dt: float) -> Vector:
-        """Contact thresholds in force [Nm], raised by hidden * exp(-(theta_dot / 0.05)^2) near
-        rest, and by `Thresholds.per_speed` in motion.
+    def thresholds(self, hidden: Vector, theta_dot: Vector, dt: float) -> Vector:
+        """Contact thresholds in force [Nm], raised by what stiction may hide in this tick, `hidden`
+        (n,) [Nm], and by `Thresholds.per_speed` in motion.
 
-        resting: that exponential, `transmission.resting`. After break-away friction still builds up
-        while the residual forgets what stiction left in it, so the raise fades with half the
-        residual's gain.
+        After break-away friction still builds up while the residual forgets what stiction left in
+        it, so the raise fades with half the residual's gain.
         """
         raised = self.raised
         np.multiply(raised, math.exp(-0.5 * self._gain * dt), out=raised)
-        np.maximum(raised, self._hidden * resting, out=raised)
+        np.maximum(raised, hidden, out=raised)
         self._above = raised
         if self._per_speed is not None:
             self._above = raised + self._per_speed * np.abs(theta_dot)

@@ -21,8 +21,15 @@ from estimator.model import Model
 from estimator.motor_position import MOTION, MotorPosition
 from estimator.residual import Residual
 from estimator.settings import EstimatorSettings
+from estimator.stiction import Stiction
 from estimator.touched_link import touched_link
-from estimator.transmission import Transmission, coulomb_viscous, penetration, resting
+from estimator.transmission import (
+    Transmission,
+    coulomb_viscous,
+    penetration,
+    resting,
+    smooth_sign,
+)
 from estimator.types import Matrix, Vector
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
@@ -34,6 +41,9 @@ _OWN_FORMS = 3
 # Rows of the rubbing terms, and at which of theta_dot, q_dot and phi_dot each of them rubs.
 _RUBBING = slice(ROW["motor_rub"], ROW["gap_rub"] + 1)
 
+# [rad/s]; a slower motor velocity may be noise and bias, and its integral nothing.
+_CREEP = 0.01
+
 
 class Estimator:
     """The whole chain from samples to contact for one arm.
@@ -42,7 +52,7 @@ class Estimator:
     """
 
     _MEMORY = ("elapsed", "pending", "_started", "_shown")
-    _PARTS = ("alignment", "interval", "motor_position", "residual", "detector")
+    _PARTS = ("alignment", "interval", "motor_position", "stiction", "residual", "detector")
 
     def __init__(
         self,
@@ -73,6 +83,7 @@ class Estimator:
         )
         self._measured = settings.motor_position == "measured"
         self.motor_position = MotorPosition(transmission, settings.gap, measured=self._measured)
+        self.stiction = Stiction(n, settings.presliding)
         variants = (settings.residual, *settings.beside)
         self.residual = Residual(variants, settings.gain, period_s, n)
         own = (_TURNED[settings.motor_position], _ROTOR, _TRANSMITTED)
@@ -80,13 +91,14 @@ class Estimator:
         self.detector = ContactDetector(
             model.names,
             thresholds,
-            hidden=settings.stiction_share * transmission.engaged_coulomb,
             gain=settings.gain,
             debounce=settings.debounce,
         )
         self._contact = thresholds.contact
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         t = transmission
+        self._held = settings.stiction_belief * t.engaged_coulomb
+        self._hidden = settings.stiction_share * t.engaged_coulomb
         # What a fit adds to tau_M while engaged, for the variants that know of engagement.
         self._corrected = np.array([[v.kind == "backlash"] for v in variants], dtype=np.float64)
         self._correcting = bool(np.any(t.contact_stiffness) or np.any(t.contact_damping))
@@ -157,6 +169,7 @@ class Estimator:
         """Forget all samples, and with them where the rotors are in their gaps."""
         self.reset()
         self.alignment.restart()
+        self.stiction.restart()
         self._started = False
 
     def memory(self) -> dict[str, Any]:
@@ -186,16 +199,30 @@ class Estimator:
         self._rub(qd, theta_dot, out=now[_RUBBING])
         rest = resting(theta_dot)
         if self._started:
+            self.stiction.step(self._displacement(q, theta_dot, theta, dt))
+        sign = smooth_sign(theta_dot, t.sign_width)
+        np.multiply(self._held, self.stiction.z - sign, out=now[ROW["stiction"]])
+        if self._started:
             self._balance(q, qd, theta_dot, tau_M, rest, dt)
         else:
             self.motor_position.start(q)
             self._started = True
             flags |= Flag.STARTING
-        threshold = self.detector.thresholds(rest, theta_dot, dt)
+        hidden = (self._hidden + self._held * self.stiction.unknown) * rest
+        threshold = self.detector.thresholds(hidden, theta_dot, dt)
         side = self.motor_position.side
         contacts = self.detector.step(self.residual.values[0], side, time_s)
         self._show(q, qd, tau_M, threshold)
         return self._estimate(contacts, flags)
+
+    def _displacement(self, q: Vector, theta_dot: Vector, theta: Vector, dt: float) -> Vector:
+        """Of the rotors since the tick before [rad]. A rotor that creeps moves with its link."""
+        moved: Vector
+        if self._measured:
+            moved = theta - self.interval.before[ROW["position"]]
+        else:
+            moved = np.where(np.abs(theta_dot) > _CREEP, theta_dot * dt, q - self._shown[0])
+        return moved
 
     def _rub(self, qd: Vector, theta_dot: Vector, out: Matrix) -> None:
         """Friction [Nm]: motor at theta_dot, link at theta_dot, link at q_dot, gap at phi_dot."""
@@ -227,7 +254,7 @@ class Estimator:
         """No velocity yet: no residual."""
         zero = np.zeros(self.model.n)
         self.motor_position.start(q)
-        threshold = self.detector.thresholds(resting(zero), zero, self.period_s)
+        threshold = self.detector.thresholds(self._hidden + self._held, zero, self.period_s)
         self._show(q, zero, zero, threshold)
         return self._estimate((), flags)
 

@@ -25,6 +25,7 @@ TERMS = (
     "link_rub_together",  # friction of the link's side at theta_dot: rotor and link move as one
     "link_rub",  # friction of the link's side at q_dot
     "gap_rub",  # friction between rotor and link at phi_dot
+    "stiction",  # what is held near rest beyond motor_rub and link_rub_together
 )
 ROW = {name: row for row, name in enumerate(TERMS)}
 _INCREMENTS = frozenset({"momentum", "rotor", "position"})
@@ -36,7 +37,8 @@ Form = Mapping[str, float]
 class Interval:
     """Values at both ends and the impulses of `forms`, shape (len(forms), n), of the last step.
 
-    Write the values of an instant to the rows of `now`, (len(TERMS), n), after `begin`.
+    Write the values of an instant to the rows of `now`, (len(TERMS), n), after `begin`; those of
+    the instant before are then in `before`.
     """
 
     _MEMORY = ("_ends",)
@@ -44,7 +46,7 @@ class Interval:
     def __init__(self, forms: Sequence[Form], n: int) -> None:
         terms = len(TERMS)
         self._ends: Matrix = np.zeros((2 * terms, n))
-        self.now, self._before = self._ends[:terms], self._ends[terms:]
+        self.now, self.before = self._ends[:terms], self._ends[terms:]
         self.impulses: Matrix = np.zeros((len(forms), n))
         self._fixed, self._per_second, self._weights = np.zeros((3, len(forms), 2 * terms))
         for form, fixed, per_second in zip(forms, self._fixed, self._per_second, strict=True):
@@ -56,7 +58,7 @@ class Interval:
 
     def begin(self) -> None:
         """What was now becomes the other end."""
-        self._before[:] = self.now
+        self.before[:] = self.now
 
     def step(self, dt: float) -> Matrix:
         """Impulses over the last dt seconds; overwritten by the next step."""

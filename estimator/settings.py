@@ -22,9 +22,12 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     motor_position: Literal["integrated", "measured"] = "integrated"
     sign_width: Annotated[float, Meta(gt=0, le=1)] = 0.02  # [rad/s], goes to the Transmission
     debounce: Annotated[int, Meta(ge=1, le=100)] = 1  # ticks
-    # of Coulomb friction: raises the contact thresholds at rest. With friction known to 20 %, 0.5
-    # leaves a few alarms on a joint with strong stiction that stops under load, 1.0 leaves none.
-    stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.5
+    # Coulomb friction at rest: the share believed to be what the last motion left (1: stiction)
+    stiction_belief: Annotated[float, Meta(ge=0, le=1)] = 0.4
+    stiction_share: Annotated[float, Meta(ge=0, le=2)] = (
+        0.35  # Coulomb friction: raises thresholds at rest
+    )
+    presliding: Annotated[float, Meta(gt=0, le=0.1)] = 0.0015  # [rad] until friction is built up
     current_delay_ms: Delay = 3.0  # of the drive's current filter
     link_position_delay_ms: Delay = 0.0
     motor_velocity_delay_ms: Delay = 0.0

@@ -9,7 +9,7 @@ import msgspec
 
 from bench.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
 from bench.recording import Recorder, Recording
-from bench.rivals import kalman
+from bench.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.commands.story import Story, touch_of
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
@@ -78,6 +78,13 @@ def with_rivals(waves: Mapping[str, Sinusoid] | None = None) -> Callable[..., Co
         return msgspec.structs.replace(c, estimator=estimator, trajectory=trajectory)
 
     return change
+
+
+def with_kalman(recording: Recording) -> Recording:
+    """The Kalman observer beside the residuals, from the same samples."""
+    c = recording.configuration
+    values = kalman(recording.residuals[KALMAN_BELIEF], c.estimator.gain, c.period_s)
+    return recording.with_residual(KALMAN, values)
 
 
 def single_joint(conditions: Conditions, seconds: float = 20.0) -> Recording:
@@ -165,7 +172,7 @@ def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Record
         rig.run(seconds, each)
         ahead_s = rig.time_s - rig.arm.now - begin_s
     lines = [{"monotonic_s": h.at_s + ahead_s, "kind": h.kind, "text": h.text} for h in happenings]
-    recording = kalman(recorder.recording())
+    recording = with_kalman(recorder.recording())
     return recording, Story(recording.configuration, _snapshot(recording), states, touch_of(lines))
 
 
@@ -205,4 +212,4 @@ def _record(rig: Rig, seconds: float) -> Recording:
 def _finished(rig: Rig, recorder: Recorder) -> Recording:
     """With the rival. A fault on the way would have stopped the arm and spoilt the figure."""
     assert rig.mode is Mode.TRACKING, (rig.mode, rig.cycle.controller.machine.cause)
-    return kalman(recorder.recording())
+    return with_kalman(recorder.recording())

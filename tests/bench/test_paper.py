@@ -10,7 +10,6 @@ from bench.lockstep import ROMEO
 from bench.paper import figure_02
 from bench.paper.experiments import Conditions, least_at_rest, pushes, single_joint
 from bench.paper.figure import crossings, runs, save
-from bench.rivals import unexplained_impulses
 from daemon.config.load import load_robot
 
 
@@ -38,18 +37,6 @@ def test_crossings_are_where_the_plant_was_free(recording):
     at = np.searchsorted(recording.time_s, [begin, end])
     assert phi[at[0]] < -0.09
     assert phi[at[1]] > 0.09
-
-
-def test_the_rival_believes_what_the_product_believes(recording):
-    """Put through (13), its impulses give the product's own residual without a gap."""
-    own = recording.residuals["classical+friction+rotor"]
-    c = recording.configuration
-    TK = c.estimator.gain * c.period_s
-    r = own[0]
-    for k, impulse in enumerate(unexplained_impulses(recording), start=1):
-        r = ((2 - TK) * r + 2 * c.estimator.gain * impulse) / (2 + TK)
-        if recording.time_s[k] > 1.0:  # the very first motor velocity is not interpolated
-            assert r == pytest.approx(own[k], abs=1e-6)
 
 
 def test_the_rival_sees_what_the_product_sees(recording):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.rivals import KalmanObserver, fair_index, steady_gains
+from bench.rivals import KalmanObserver, fair_index, kalman, steady_gains
 
 PERIOD = 0.01
 
@@ -55,3 +55,15 @@ def test_it_is_a_butterworth_filter_when_samples_are_dense():
 def test_joints_do_not_know_each_other():
     observer = settled(fair_index(0.25), n=2)
     assert observer.step(np.array([0.0, 0.01]), PERIOD)[0] == 0.0
+
+
+def test_kalman_from_a_residual_is_kalman_from_its_impulses():
+    impulses = 0.01 * np.random.default_rng(2).normal(size=(200, 3))
+    K, T = 25.0, PERIOD
+    residual, r = np.empty_like(impulses), np.zeros(3)
+    for k, e in enumerate(impulses):
+        r = ((2.0 - T * K) * r + 2.0 * K * e) / (2.0 + T * K)  # (13)
+        residual[k] = r
+    observer = KalmanObserver(3, fair_index(T * K), T)
+    expected = [observer.step(e, T) for e in impulses]
+    np.testing.assert_allclose(kalman(residual, K, T), expected, atol=1e-12)

@@ -13,11 +13,9 @@ SIDE = np.array([0, 1], dtype=np.int8)
 SPEED = np.array([0.5, -2.0])
 
 
-def detector(debounce: int = 1, hidden: float = 0.0) -> ContactDetector:
+def detector(debounce: int = 1) -> ContactDetector:
     levels = Thresholds(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
-    return ContactDetector(
-        ("a", "b"), levels, hidden=np.full(2, hidden), gain=25.0, debounce=debounce
-    )
+    return ContactDetector(("a", "b"), levels, gain=25.0, debounce=debounce)
 
 
 @given(r=FINITE, threshold=st.floats(0.01, 10))
@@ -44,8 +42,8 @@ def test_thresholds_out_of_order(contact: list, collision: list, message: str) -
 
 
 def test_the_raise_comes_at_once_and_fades_with_half_the_gain() -> None:
-    d = detector(hidden=0.4)
-    at_rest, fast = np.ones(2), np.zeros(2)
+    d = detector()
+    at_rest, fast = np.full(2, 0.4), np.zeros(2)
     np.testing.assert_allclose(d.thresholds(fast, SPEED, 0.01), [1.0, 2.0])
     np.testing.assert_allclose(d.thresholds(at_rest, SPEED, 0.01), [1.4, 2.4])
     for k in range(1, 10):
@@ -55,12 +53,12 @@ def test_the_raise_comes_at_once_and_fades_with_half_the_gain() -> None:
 
 def test_levels_may_grow_with_speed() -> None:
     levels = Thresholds(np.array([1.0, 2.0]), np.array([3.0, 4.0]), per_speed=np.array([0.2, 0.1]))
-    d = ContactDetector(("a", "b"), levels, hidden=np.full(2, 0.4), gain=25.0)
-    np.testing.assert_allclose(d.thresholds(np.ones(2), SPEED, 0.01), [1.5, 2.6])
+    d = ContactDetector(("a", "b"), levels, gain=25.0)
+    np.testing.assert_allclose(d.thresholds(np.full(2, 0.4), SPEED, 0.01), [1.5, 2.6])
     assert d.step(np.array([1.49, -2.59]), SIDE, 0.0) == ()
     (contact,) = d.step(np.array([1.51, -2.59]), SIDE, 0.1)
     assert (contact.joint, contact.threshold) == ("a", 1.5)
-    d.thresholds(np.ones(2), 0.0 * SPEED, 0.01)
+    d.thresholds(np.full(2, 0.4), 0.0 * SPEED, 0.01)
     assert len(d.step(np.array([0.0, -2.59]), SIDE, 0.2)) == 1
 
 
@@ -117,6 +115,6 @@ def test_reset_forgets_the_streak() -> None:
 def test_refusals() -> None:
     levels = Thresholds(np.array([1.0]), np.array([3.0]))
     with pytest.raises(ModelError, match="thresholds for 1 joints, the arm has 2"):
-        ContactDetector(("a", "b"), levels, hidden=np.zeros(2), gain=25.0)
+        ContactDetector(("a", "b"), levels, gain=25.0)
     with pytest.raises(ModelError, match="debounce"):
-        ContactDetector(("a",), levels, hidden=np.zeros(1), gain=25.0, debounce=0)
+        ContactDetector(("a",), levels, gain=25.0, debounce=0)

@@ -1,0 +1,61 @@
+"""Friction of a joint that hardly moves, of which its velocity tells too little.
+
+Smooth friction vanishes with the velocity. Stiction keeps what the last motion left, and changes
+only as the joint is displaced by some thousandths of a radian: its pre-sliding. Real friction lies
+between both, and so does what is believed here:
+
+    z += displacement / presliding, held within -1 ... 1                    (the stop operator)
+    tau = belief * K_theta_s * (z - s(theta_dot)), beside K_theta_s s(theta_dot) of (6)
+
+In motion z = s(theta_dot) = +-1, and tau vanishes. What z was in the beginning is unknown: it is
+followed from both ends, which meet once the joint was displaced far enough.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from estimator import memory
+from estimator.types import Matrix, Vector
+
+
+class Stiction:
+    """z of each joint as an interval, `ends` (2, n); from -1 ... 1 on, where nothing is known.
+
+    presliding [rad], > 0: from no friction to all of it.
+    """
+
+    _MEMORY = ("ends",)
+
+    def __init__(self, n: int, presliding: float) -> None:
+        self._per_presliding = 1.0 / presliding
+        self.ends: Matrix = np.empty((2, n))
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what the last motion left."""
+        self.ends[0], self.ends[1] = -1.0, 1.0
+
+    def step(self, displacement: Vector) -> None:
+        """The rotor was displaced by this much (n,) [rad]."""
+        ends = self.ends
+        ends += displacement * self._per_presliding
+        np.minimum(np.maximum(ends, -1.0, out=ends), 1.0, out=ends)
+
+    @property
+    def z(self) -> Vector:
+        """Share of the Coulomb friction that is held, signed as the motion that built it up."""
+        middle: Vector = 0.5 * (self.ends[0] + self.ends[1])
+        return middle
+
+    @property
+    def unknown(self) -> Vector:
+        """How far z may be off: 1 where nothing is known, 0 after a motion."""
+        half: Vector = 0.5 * (self.ends[1] - self.ends[0])
+        return half
+
+    def memory(self) -> dict[str, Any]:
+        return memory.dump(self, self._MEMORY)
+
+    def restore(self, state: dict[str, Any]) -> None:
+        memory.load(self, self._MEMORY, state)
