@@ -281,10 +281,13 @@ class Estimator:
             threshold=threshold,
             thresholded=thresholded,
             contacts=contacts,
-            touched_link=self._touched_link(residuals[0]) if np.count_nonzero(thresholded) else "",
+            touched_link=self._touched_link(residuals[0], threshold)
+            if np.count_nonzero(thresholded)
+            else "",
             flags=flags,
         )
 
-    def _touched_link(self, residual: Vector) -> str:
-        link = touched_link(residual, self._contact)
+    def _touched_link(self, residual: Vector, threshold: Vector) -> str:
+        # What stiction may hide or pretend near rest is nothing that a joint feels.
+        link = touched_link(dead_band(residual, threshold - self._contact), self._contact)
         return "" if link is None else self.model.names[link]

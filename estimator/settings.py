@@ -24,9 +24,7 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     debounce: Annotated[int, Meta(ge=1, le=100)] = 1  # ticks
     # Coulomb friction at rest: the share believed to be what the last motion left (1: stiction)
     stiction_belief: Annotated[float, Meta(ge=0, le=1)] = 0.4
-    stiction_share: Annotated[float, Meta(ge=0, le=2)] = (
-        0.35  # Coulomb friction: raises thresholds at rest
-    )
+    stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.35  # raises thresholds at rest
     presliding: Annotated[float, Meta(gt=0, le=0.1)] = 0.0015  # [rad] until friction is built up
     current_delay_ms: Delay = 3.0  # of the drive's current filter
     link_position_delay_ms: Delay = 0.0

@@ -165,7 +165,7 @@ def test_thresholds_leave_the_touch_out(states, folder):
     assert line.good, line
     levels = outcome.entries["joint"].thresholds
     assert levels.contact < 1.5  # the touch was of 3 Nm
-    assert levels.collision >= 3.0 * levels.contact
+    assert levels.collision >= 2.99 * levels.contact  # both are rounded
 
 
 def later(states):
