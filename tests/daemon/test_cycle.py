@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from bench.lockstep import Rig, lockstep_rig
+from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from daemon.config.schema import Configuration
 from daemon.cycle import LONGEST_STEP
 from daemon.messages import Snapshot, State
 from daemon.modes import Event, Mode
@@ -245,6 +246,22 @@ def test_a_contact_while_not_armed_is_only_reported(rig: Rig) -> None:
     assert [c.joint for c in contacts][:1] == ["LElbowRoll"]
     reasons = rig.cycle.controller.arm("the test")
     assert any("is somebody touching it" in reason for reason in reasons)
+
+
+def test_debounced_a_contact_is_none_yet() -> None:
+    def patient(c: Configuration) -> Configuration:
+        return msgspec.structs.replace(
+            c, estimator=msgspec.structs.replace(c.estimator, debounce=5)
+        )
+
+    with lockstep_rig(SINGLE_JOINT, configure=patient) as rig:
+        rig.enable()
+        assert rig.cycle.controller.arm("the test") == []
+        rig.arm.external_torque[0] = 4.0
+        states = rig.states(0.3)
+    felt = [any(state.thresholded) for state in states]
+    yields = [state.mode == "admittance" for state in states]
+    assert yields.index(True) - felt.index(True) == 4
 
 
 def test_drives_that_fall_silent_are_stale_after_three_ticks(rig: Rig) -> None:

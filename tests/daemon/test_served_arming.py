@@ -181,6 +181,13 @@ def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(
     house.run(1.1)
     lines = [record.getMessage() for record in caplog.records]
     assert len(lines) < 60
+    for _ in range(20):
+        house.ask(client, "arm")
+        house.ask(client, "disarm")
+    house.rig.arm.drives[0].fault(0x2310, "injected by the test")
+    house.run(0.05)
+    faults = [record for record in caplog.records if record.levelname == "ERROR"]
+    assert faults, "a fault is never left out"
     assert f"armed: armed by uid {os.getuid()} (pid {os.getpid()})" in lines[0]
     assert any(f"x armed: armed by uid {os.getuid()}" in line for line in lines[30:])
     assert sum("too much to tell" in line for line in lines) > 0
