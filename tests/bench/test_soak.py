@@ -248,8 +248,8 @@ def test_leases_are_known_from_the_answers() -> None:
 
 
 def test_the_lockstep_part_goes_the_same_way_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bench.soak.lockstep.MEAN_PAUSE_S", 1.0)
-    runs = [run_lockstep(2, 4.0 / 3600.0) for _ in range(2)]
+    monkeypatch.setattr("bench.soak.lockstep.MEAN_PAUSE_S", 0.5)
+    runs = [run_lockstep(2, 2.5 / 3600.0) for _ in range(2)]
     for part in runs:
         assert not part.ledger.broken, part.ledger.cases
         assert part.counts["enable done"] > 0
