@@ -1,6 +1,7 @@
 """Made-up messages, and a daemon that is nothing but a polled ControlSocket."""
 
 import math
+import socket
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -200,3 +201,24 @@ def make_state() -> Callable[..., State]:
 def make_snapshot() -> Callable[[int], Snapshot]:
     """`snapshot_at`, for tests that cannot import from here."""
     return snapshot_at
+
+
+@pytest.fixture
+def control(tmp_path: Path) -> Iterator[ControlSocket]:
+    with ControlSocket(tmp_path / "control") as opened:
+        yield opened
+
+
+@pytest.fixture
+def dial(control: ControlSocket) -> Iterator[Callable[[], socket.socket]]:
+    """Connects without blocking; everything is closed at the end."""
+    opened: list[socket.socket] = []
+
+    def connect() -> socket.socket:
+        opened.append(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK))
+        opened[-1].connect(str(control.path))
+        return opened[-1]
+
+    yield connect
+    for one in opened:
+        one.close()

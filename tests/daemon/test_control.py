@@ -2,43 +2,19 @@
 
 import json
 import os
-import select
 import socket
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
-import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from daemon.control import ControlSocket
-from daemon.messages import Reply, Request, Snapshot, State
+from daemon.messages import Reply, Request, Snapshot
 from daemon.peers import Peer
 from errors import ModelError
 
 Dial = Callable[[], socket.socket]
-
-
-@pytest.fixture
-def control(tmp_path: Path) -> Iterator[ControlSocket]:
-    with ControlSocket(tmp_path / "control") as opened:
-        yield opened
-
-
-@pytest.fixture
-def dial(control: ControlSocket) -> Iterator[Dial]:
-    """Connects without blocking; everything is closed at the end."""
-    opened: list[socket.socket] = []
-
-    def connect() -> socket.socket:
-        opened.append(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK))
-        opened[-1].connect(str(control.path))
-        return opened[-1]
-
-    yield connect
-    for one in opened:
-        one.close()
 
 
 class Handler:
@@ -57,15 +33,6 @@ def told(client: socket.socket) -> dict[str, object]:
     reply = json.loads(client.recv(1 << 20))
     assert isinstance(reply, dict)
     return reply
-
-
-def subscribed(control: ControlSocket, dial: Dial, snapshot: Snapshot) -> socket.socket:
-    client = dial()
-    client.send(b'{"command": "subscribe"}')
-    control.poll(Handler(snapshot))
-    control.poll(Handler(snapshot))
-    assert told(client)["snapshot"]
-    return client
 
 
 def test_request_is_answered_and_the_peer_known(control: ControlSocket, dial: Dial) -> None:
@@ -192,7 +159,11 @@ def test_a_thousand_connections_lock_nobody_out(control: ControlSocket, dial: Di
 def test_who_speaks_reads_or_owns_keeps_its_place(
     control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
 ) -> None:
-    reader = subscribed(control, dial, make_snapshot(0))
+    reader = dial()
+    reader.send(b'{"command": "subscribe"}')
+    control.poll(Handler(make_snapshot(0)))
+    control.poll(Handler(make_snapshot(0)))
+    assert told(reader)["snapshot"]
     handler = Handler()
     owner, silent, busy = dial(), dial(), dial()
     control.poll(handler)
@@ -286,117 +257,3 @@ def test_client_gone_before_its_answer(control: ControlSocket, dial: Dial) -> No
     control.poll(handler)
     assert handler.seen  # a stop counts although nobody waits for the answer
     assert control.connections == 0
-
-
-def test_every_reader_gets_every_state(
-    control: ControlSocket,
-    dial: Dial,
-    make_state: Callable[..., State],
-    make_snapshot: Callable[[int], Snapshot],
-) -> None:
-    first = subscribed(control, dial, make_snapshot(0))
-    second = subscribed(control, dial, make_snapshot(0))
-    silent = dial()
-    control.poll(Handler())
-    for tick in (1, 2, 3):
-        control.publish(make_state(tick))
-    for client in (first, second):
-        assert [told(client)["tick"] for _ in range(3)] == [1, 2, 3]
-    with pytest.raises(BlockingIOError):
-        silent.recv(10)
-
-
-def test_nothing_is_encoded_without_a_reader(
-    control: ControlSocket, dial: Dial, make_state: Callable[..., State]
-) -> None:
-    dial()
-    control.poll(Handler())
-    control.publish(make_state(1))
-    assert control._packet == b""
-
-
-def test_ninth_reader_is_refused(
-    control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
-) -> None:
-    readers = [subscribed(control, dial, make_snapshot(0)) for _ in range(8)]
-    ninth = dial()
-    ninth.send(b'{"command": "subscribe"}')
-    handler = Handler(make_snapshot(0))
-    control.poll(handler)
-    control.poll(handler)
-    assert told(ninth) == {"ok": False, "message": "too many readers, at most 8"}
-    assert not handler.seen
-    readers[3].close()
-    control.poll(handler)
-    ninth.send(b'{"command": "subscribe"}')
-    control.poll(handler)
-    assert told(ninth)["ok"] is True
-    assert len(control.readers) == 8
-
-
-def test_reader_may_subscribe_again_although_all_places_are_taken(
-    control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
-) -> None:
-    readers = [subscribed(control, dial, make_snapshot(0)) for _ in range(8)]
-    readers[0].send(b'{"command": "subscribe"}')
-    control.poll(Handler(make_snapshot(7)))
-    assert '"tick": 7' in json.dumps(told(readers[0]))
-    assert len(control.readers) == 8
-
-
-def test_refused_subscription_reads_nothing(control: ControlSocket, dial: Dial) -> None:
-    client = dial()
-    client.send(b'{"command": "subscribe"}')
-    for _ in range(2):
-        control.poll(lambda request, peer: Reply(ok=False))
-    assert told(client)["ok"] is False
-    assert not control.readers
-
-
-def test_slow_reader_loses_packets_and_only_it(
-    control: ControlSocket,
-    dial: Dial,
-    make_state: Callable[..., State],
-    make_snapshot: Callable[[int], Snapshot],
-) -> None:
-    slow = subscribed(control, dial, make_snapshot(0))
-    quick = subscribed(control, dial, make_snapshot(0))
-    ticks = 2000
-    for tick in range(ticks):
-        control.publish(make_state(tick))
-        assert told(quick)["tick"] == tick
-    held = 0
-    while select.select([slow], [], [], 0)[0]:
-        assert told(slow)["tick"] == held
-        held += 1
-    lost = {c.lost for c in control.readers}
-    assert lost == {0, ticks - held}
-    assert 10 < held < ticks
-    control.publish(make_state(ticks))
-    assert told(slow)["tick"] == ticks
-
-
-def test_dead_reader_is_dropped(
-    control: ControlSocket,
-    dial: Dial,
-    make_state: Callable[..., State],
-    make_snapshot: Callable[[int], Snapshot],
-) -> None:
-    dead = subscribed(control, dial, make_snapshot(0))
-    alive = subscribed(control, dial, make_snapshot(0))
-    dead.close()
-    control.publish(make_state(1))
-    assert control.connections == 1
-    assert told(alive)["tick"] == 1
-
-
-def test_snapshot_that_does_not_fit_is_told(
-    control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
-) -> None:
-    huge = msgspec.structs.replace(make_snapshot(0), urdf="x" * 10_000_000)
-    client = dial()
-    client.send(b'{"command": "subscribe"}')
-    for _ in range(2):
-        control.poll(Handler(huge))
-    assert "wmem_max" in str(told(client)["message"])
-    assert not control.readers

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,13 +17,6 @@ from daemon.control import ControlSocket
 from daemon.control_path import default_socket_path
 from daemon.messages import Reply
 from errors import ControlError
-
-
-@pytest.fixture
-def control(tmp_path: Path) -> Iterator[ControlSocket]:
-    with ControlSocket(tmp_path / "control") as opened:
-        yield opened
-
 
 SOMEBODY_ELSE = """
 import contextlib, os, socket, sys
