@@ -1,6 +1,6 @@
 """The arm of configs/romeo_left_arm, on both ends of a virtual bus."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import count
@@ -14,6 +14,7 @@ import yaml
 
 from bench.scripted_bus import ScriptedBus
 from drivers.arm import Arm
+from drivers.boot_up import boot_up
 from drivers.codec import Joint
 from drivers.drive_setup import DriveSetup, load_data_sheet
 from drivers.settings import DriveProfile, JointWiring
@@ -66,6 +67,15 @@ class Bench:
     @property
     def now(self) -> float:
         return self.ticks * PERIOD_S
+
+    def boot_up(self, setups: Sequence[DriveSetup], **options: Any) -> Any:
+        """With the simulated drives answering from a thread."""
+        with self.lockstep.serving():
+            return boot_up(self.bus, setups, **{"period_ms": 10, "listen_s": 0.005} | options)
+
+    def number(self, drive: int, index: int, subindex: int = 0) -> int:
+        """What an object of a drive holds."""
+        return self.simulated.drives[drive].objects.number(index, subindex)
 
     def tick(self, arm: Arm) -> Any:
         """SYNC and samples; the command is the caller's."""

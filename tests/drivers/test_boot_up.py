@@ -2,7 +2,6 @@
 
 import copy
 import re
-import struct
 import threading
 import time
 from dataclasses import replace
@@ -11,30 +10,11 @@ import can
 import msgspec
 import pytest
 
-from drivers.boot_up import boot_up, boot_up_again, forget_master, refuse_other_master
+from drivers.boot_up import boot_up, refuse_other_master
 from drivers.bus import connection_lost
 from drivers.frame_ring import FrameRing, read_frames
 from errors import BusError, ConfigurationError, DriveError
 from simulator.objects import key
-
-QUICK = {"period_ms": 10, "listen_s": 0.005}
-
-
-def with_profile(setup, **changes):
-    return replace(setup, profile=msgspec.structs.replace(setup.profile, **changes))
-
-
-def hasty(setup):
-    return with_profile(setup, sdo_timeout_ms=10)
-
-
-def start(bench, setups, **options):
-    with bench.lockstep.serving():
-        return boot_up(bench.bus, setups, **QUICK | options)
-
-
-def number(bench, drive, index, subindex=0):
-    return bench.simulated.drives[drive].objects.number(index, subindex)
 
 
 def threads():
@@ -44,7 +24,7 @@ def threads():
 def test_every_drive_says_who_it_is(bench, setups):
     lines = []
     before = threads()
-    identities = start(bench, setups, progress=lines.append)
+    identities = bench.boot_up(setups, progress=lines.append)
     assert threads() == before, "the reader is gone"
     assert [(i.name, i.node, i.serial) for i in identities] == [
         (setup.name, setup.wiring.node, setup.wiring.node) for setup in setups
@@ -64,7 +44,7 @@ def test_every_drive_says_who_it_is(bench, setups):
 
 
 def test_every_drive_holds_what_it_was_told(bench, setups):
-    start(bench, setups)
+    bench.boot_up(setups)
     wanted = {
         (0x1016, 1): 127 << 16 | 100,
         (0x1017, 0): 50,
@@ -94,21 +74,21 @@ def test_every_drive_holds_what_it_was_told(bench, setups):
         (0x1A01, 1): 0x60E40120,
         (0x1A01, 2): 0x60640020,
     }
-    assert {where: number(bench, 2, *where) for where in wanted} == wanted
-    assert number(bench, 2, 0x60C2, 2) == -3
+    assert {where: bench.number(2, *where) for where in wanted} == wanted
+    assert bench.number(2, 0x60C2, 2) == -3
     # 12 rad/s2 at the link, behind a gear of 100, in 0.1 rpm/s.
-    assert number(bench, 2, 0x6085) == round(12 * 100 / 0.010471975511965977)
+    assert bench.number(2, 0x6085) == round(12 * 100 / 0.010471975511965977)
 
 
 def test_pdos_that_are_left_over_are_off(bench, setups):
-    start(bench, setups)
+    bench.boot_up(setups)
     for drive in range(len(setups)):
         for communication in (0x1401, 0x1402, 0x1403, 0x1802, 0x1803):
-            assert number(bench, drive, communication, 1) >> 31 == 1
+            assert bench.number(drive, communication, 1) >> 31 == 1
 
 
 def test_set_up_twice_is_set_up(bench, setups):
-    assert start(bench, setups) == start(bench, setups)
+    assert bench.boot_up(setups) == bench.boot_up(setups)
 
 
 def test_the_configurations_own_objects_come_last(bench, setups):
@@ -117,16 +97,16 @@ def test_the_configurations_own_objects_come_last(bench, setups):
         write=[{"object": 0x6080, "value": 3000}, {"object": 0x6073, "value": 1500}],
     )
     extra = msgspec.convert(msgspec.to_builtins(extra), type(extra))
-    start(bench, [replace(setup, profile=extra) for setup in setups])
-    assert number(bench, 0, 0x6080) == 3000
-    assert number(bench, 0, 0x6073) == 1500
+    bench.boot_up([replace(setup, profile=extra) for setup in setups])
+    assert bench.number(0, 0x6080) == 3000
+    assert bench.number(0, 0x6073) == 1500
 
 
 def test_a_drive_that_is_not_there(bench, setups):
     missing = msgspec.structs.replace(setups[2].wiring, node=99)
     with pytest.raises(DriveError, match=r"node 99 \(LElbowRoll\) does not answer \(SDO timeout"):
-        start(bench, [*setups[:2], replace(setups[2], wiring=missing), *setups[3:]])
-    assert number(bench, 0, 0x6007) == 0, "nothing is written before everybody has answered"
+        bench.boot_up([*setups[:2], replace(setups[2], wiring=missing), *setups[3:]])
+    assert bench.number(0, 0x6007) == 0, "nothing is written before everybody has answered"
 
 
 @pytest.mark.parametrize(
@@ -144,13 +124,13 @@ def test_a_drive_that_is_not_there(bench, setups):
 def test_another_drive_than_configured(bench, setups, where, value, says):
     bench.simulated.drives[2].objects.values[key(*where)] = value
     with pytest.raises(DriveError, match=r"node 3 \(LElbowRoll\).*" + says):
-        start(bench, setups)
+        bench.boot_up(setups)
 
 
 def test_another_serial_number(bench, setups):
     wiring = msgspec.structs.replace(setups[2].wiring, serial=1234)
     with pytest.raises(DriveError, match="serial number 3, configured 1234"):
-        start(bench, [*setups[:2], replace(setups[2], wiring=wiring)])
+        bench.boot_up([*setups[:2], replace(setups[2], wiring=wiring)])
 
 
 def forgetful(drive, where, value):
@@ -179,7 +159,7 @@ def forgetful(drive, where, value):
 def test_a_drive_that_does_not_hold_what_it_was_told(bench, setups, where, kept, says):
     forgetful(bench.simulated.drives[2], where, kept)
     with pytest.raises(DriveError, match=r"node 3 \(LElbowRoll\): " + says):
-        start(bench, setups)
+        bench.boot_up(setups)
 
 
 def test_a_drive_in_another_mode(bench, setups):
@@ -192,7 +172,7 @@ def test_a_drive_in_another_mode(bench, setups):
 
     drive.objects.written = hook
     with pytest.raises(DriveError, match="the drive shows mode 8"):
-        start(bench, setups)
+        bench.boot_up(setups)
 
 
 def test_a_refusal_in_words(bench, setups):
@@ -200,13 +180,13 @@ def test_a_refusal_in_words(bench, setups):
     with pytest.raises(
         DriveError, match=r"0x605E:00: writing 1 was refused: Value range .* \(0x06090030\)"
     ):
-        start(bench, [*setups[:2], replace(setups[2], profile=profile)])
+        bench.boot_up([*setups[:2], replace(setups[2], profile=profile)])
 
 
 def test_a_value_outside_the_eds_never_gets_to_the_bus(bench, setups):
     profile = msgspec.structs.replace(setups[2].profile, fault_reaction=-5)
     with pytest.raises(ConfigurationError, match=r"object 0x605E:00 .*: -5 is outside 0 \.\.\. 2"):
-        boot_up(bench.bus, [replace(setups[2], profile=profile)], **QUICK)
+        boot_up(bench.bus, [replace(setups[2], profile=profile)], period_ms=10, listen_s=0.005)
     assert bench.other_end.recv(0) is None
 
 
@@ -217,7 +197,7 @@ def test_a_value_outside_the_eds_never_gets_to_the_bus(bench, setups):
 def test_another_master(bench, setups, cob_id, says):
     bench.other_end.send(can.Message(arbitration_id=cob_id, is_extended_id=False, data=b""))
     with pytest.raises(BusError, match=says):
-        boot_up(bench.bus, setups, **QUICK)
+        boot_up(bench.bus, setups, period_ms=10, listen_s=0.005)
 
 
 def test_a_drives_heartbeat_is_no_other_master(wire):
@@ -231,142 +211,14 @@ def test_a_drives_heartbeat_is_no_other_master(wire):
 # -- what the sequence meets on its way ------------------------------------------------------------
 
 
-def intercept(drive, hook):
-    """Let `hook(index, subindex, writes)` see every SDO request first; True swallows it."""
-    answer = drive.on_sdo
-
-    def on_sdo(data):
-        index, subindex = struct.unpack_from("<HB", data, 1)
-        if not hook(index, subindex, data[0] & 0xE0 == 0x20):
-            answer(data)
-
-    drive.on_sdo = on_sdo
-
-
-def test_a_lost_answer_costs_a_step_and_not_the_arm(bench, setups):
-    lost = iter([True])
-    intercept(
-        bench.simulated.drives[2], lambda index, _, writes: index == 0x605A and next(lost, False)
-    )
-    lines = []
-    start(bench, setups[:3], progress=lines.append)
-    assert number(bench, 2, 0x605A) == 6
-    (again,) = [line for line in lines if "again" in line]
-    assert again.startswith(
-        "node 3 (LElbowRoll): step `stopping` was done again: node 3 (LElbowRoll) does not answer "
-        "(SDO timeout 100 ms; object 0x605A:00: writing 6"
-    )
-
-
-def test_a_drive_that_stops_answering_is_named_with_its_step(bench, setups):
-    asked = []
-    intercept(
-        bench.simulated.drives[2],
-        lambda index, sub, _: index == 0x1A01 and not asked.append(sub),
-    )
-    says = r"node 3 \(LElbowRoll\) does not answer .* step `PDO mapping`, tried 3 times"
-    with pytest.raises(DriveError, match=says):
-        start(bench, setups)
-    assert asked == [0] * 3
-
-
-def test_a_stopped_drive_is_woken(bench, setups):
-    bench.simulated.drives[2].on_nmt(2)
-    assert start(bench, setups)[2].serial == 3
-
-
-def test_an_operational_drive_is_set_up_all_the_same(bench, setups):
-    start(bench, setups)
-    for drive in bench.simulated.drives:
-        drive.on_nmt(1)
-    start(bench, setups)
-    assert {drive.nmt.name for drive in bench.simulated.drives} == {"PRE_OPERATIONAL"}
-
-
-def test_a_drive_in_fault_gets_its_communication_reset(bench, setups):
-    drive = bench.simulated.drives[2]
-    drive.fault(0x2310, "too much current")
-    drive.tick(0.0)
-    assert drive.state.name == "FAULT"
-    lines, commands = [], []
-    on_nmt = drive.on_nmt
-    drive.on_nmt = lambda command: (commands.append(command), on_nmt(command))
-    start(bench, setups, progress=lines.append)
-    assert commands == [130, 128], "reset communication, then pre-operational"
-    assert "node 3 (LElbowRoll): was in fault (0x2310): communication was reset" in lines
-    assert number(bench, 2, 0x6007) == 3
-    assert drive.state.name == "FAULT", "who resets the fault is a person"
-
-
-def test_a_drive_in_fault_that_does_not_boot(bench, setups):
-    drive = bench.simulated.drives[2]
-    drive.fault(0x2310, "too much current")
-    drive.tick(0.0)
-    drive.on_nmt = lambda command: None
-    with pytest.raises(DriveError, match=r"no boot-up message after NMT reset communication"):
-        start(bench, [hasty(setup) for setup in setups])
-
-
 def test_what_cannot_be_written_must_be_so(bench, setups):
     setup = setups[2]
     sheet = copy.deepcopy(setup.data_sheet)
     sheet[0x6007].access_type = "const"
     with pytest.raises(DriveError, match=r"0x6007:00 .* must be 3, reads 0; step `stopping`"):
-        start(bench, [replace(setup, data_sheet=sheet)])
+        bench.boot_up([replace(setup, data_sheet=sheet)])
     bench.simulated.drives[2].objects.values[key(0x6007)] = 3
-    start(bench, [replace(setup, data_sheet=sheet)])
-
-
-@pytest.mark.parametrize(("bears_ms", "beats"), [(100, 10), (30, 30)])
-def test_again_while_the_others_go_on_hearing_their_master(bench, setups, bears_ms, beats):
-    start(bench, setups)
-    drive = bench.simulated.drives[2]
-    drive.on_nmt(129)
-    assert number(bench, 2, 0x6007) == 0
-    heard, called = [], []
-    other = bench.simulated.drives[0]
-    other.on_heartbeat = lambda node, now: heard.append(node)
-    # The first request is lost: its time-out alone is longer than the others bear.
-    lost = iter([True])
-    intercept(drive, lambda *_: next(lost, False))
-    patient = with_profile(setups[2], sdo_timeout_ms=500)
-    others = [with_profile(setup, master_timeout_ms=bears_ms) for setup in setups]
-    begun = time.monotonic()
-    with bench.lockstep.serving():
-        boot_up_again(
-            bench.bus,
-            [*others[:2], patient, *others[3:]],
-            [2],
-            period_ms=10,
-            meanwhile=lambda: called.append(None),
-        )
-    took = time.monotonic() - begun
-    assert number(bench, 2, 0x6007) == 3
-    assert took > 2 * 0.3 * 0.5, "the time-out, and the wait for a late answer"
-    assert len(heard) >= beats, "as often as the least patient of all drives wants it"
-    assert set(heard) == {127}
-    assert len(called) == len(heard)
-
-
-def test_drives_in_fault_boot_side_by_side(bench, setups):
-    """Each takes a while to boot; together they take no longer."""
-    commands = []
-    for drive in bench.simulated.drives:
-        drive.fault(0x2310, "too much current")
-        drive.tick(0.0)
-
-        def hear(command, node=drive.node, on_nmt=drive.on_nmt):
-            commands.append((command, node))
-            if command != 130:
-                on_nmt(command)
-            elif node == len(setups):  # by now all of them are to boot
-                for other in bench.simulated.drives:
-                    other.boot()
-
-        drive.on_nmt = hear
-    start(bench, setups)
-    nodes = range(1, len(setups) + 1)
-    assert commands == [(130, node) for node in nodes] + [(128, node) for node in nodes]
+    bench.boot_up([replace(setup, data_sheet=sheet)])
 
 
 def test_the_black_box_has_what_was_said(bench, setups, tmp_path):
@@ -374,7 +226,7 @@ def test_the_black_box_has_what_was_said(bench, setups, tmp_path):
     heard = []
     send = bench.simulated._send
     bench.simulated._send = lambda message: (heard.append(message), send(message))
-    start(bench, setups, ring=ring)
+    bench.boot_up(setups, ring=ring)
     kept = read_frames(ring.path)
     assert (0x603, bytes.fromhex("4000100000000000")) in said(kept, True), "0x1000 is asked for"
     assert said(kept, True).count((0x000, b"\x80\x03")) == 1
@@ -392,13 +244,4 @@ def said(kept, sent):
 def test_a_closed_bus(wire, setups):
     wire[0].shutdown()
     with pytest.raises(BusError, match="closed bus"):
-        boot_up(wire[0], setups, **QUICK)
-
-
-def test_forget_master_tells_every_drive_even_if_one_is_gone(bench, setups):
-    start(bench, setups)
-    gone = replace(setups[2], wiring=msgspec.structs.replace(setups[2].wiring, node=99))
-    with bench.lockstep.serving(), pytest.raises(DriveError, match="node 99"):
-        forget_master(bench.bus, [*setups[:2], hasty(gone), *setups[3:]])
-    watched = [number(bench, drive, 0x1016, 1) for drive in range(7)]
-    assert watched == [0, 0, 127 << 16 | 100, 0, 0, 0, 0]
+        boot_up(wire[0], setups, period_ms=10, listen_s=0.005)
