@@ -68,13 +68,15 @@ def survivors(file: str, mutmut: str) -> Iterator[Mutant]:
             shutil.copy(source, copy)
     # Bytecode of one mutant must not pass for that of the next (-B). For mutmut only an exit status
     # of 1 is a failure; a mutant that cannot even be imported has another.
-    pytest = f"{sys.executable} -B -m pytest -x -q --tb=no -p no:cacheprovider"
+    # Nor may the runner have children, which mutmut would wait for after a time-out.
+    pytest = "import sys, pytest; sys.exit(bool(pytest.main(sys.argv[1:])))"
+    options = "-x -q --tb=no -p no:cacheprovider"
     said = _run(
         copy,
         mutmut,
         "run",
         f"--paths-to-mutate={file}",
-        f"--runner=sh -c '{pytest} {TESTS[file]} || exit 1'",
+        f"--runner={sys.executable} -B -c '{pytest}' {options} {TESTS[file]}",
         f"--disable-mutation-types={LEFT_ALONE}",
         "--tests-dir=tests",
         "--simple-output",

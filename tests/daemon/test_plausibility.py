@@ -1,5 +1,7 @@
 """What each detector finds just beyond its bound, and does not find at it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -274,6 +276,45 @@ def test_a_joint_that_goes_on_beyond_its_limit(joint: Joint, limit: float, out: 
     assert at(edge + out * 0.0005) == set(), "on its way back"
     found = joint.tick(edge + out * 0.002, theta=edge)
     assert found == {Condition.JOINT_LIMIT: "1.552 rad from the middle, at most 1.550"}
+
+
+def test_the_first_samples_are_believed_whatever_they_are() -> None:
+    joint = Joint()
+    assert joint.tick(1.5, theta=-1.0, velocity=3.0, current=3.0) == {}
+    assert joint.tick() == {}
+
+
+def test_the_first_interval_is_the_true_one_however_long() -> None:
+    joint = Joint()
+    joint.tick(dt=1.0)
+    assert Condition.JUMP not in joint.tick(PLAY + SPEED * 1.0 - E, dt=1.0)
+
+
+def test_what_was_found_of_an_energised_arm_is_no_news_of_a_limp_one(joint: Joint) -> None:
+    for k in range(10):
+        found = joint.tick(
+            2.1 + 0.01 * k, theta=2.1 + 0.01 * k, velocity=5.0, current=3.0, residual=9.0
+        )
+    assert set(found) == {
+        Condition.OVERSPEED,
+        Condition.TORQUE_SATURATED,
+        Condition.RESIDUAL_LIMIT,
+        Condition.JOINT_LIMIT,
+    }
+    for k in range(10, 30):
+        where = 2.1 + 0.01 * k
+        assert joint.tick(where, theta=where, velocity=5.0, current=3.0, energised=False) == {}
+
+
+def test_each_joint_has_its_own_middle() -> None:
+    wide = replace(bounds(), lower=np.array([-1.0, -1.0]), upper=np.array([3.0, 2.0]))
+    plausibility = Plausibility(wide)
+    nothing = np.zeros(2)
+    for q, found in ((2.9, False), (3.04, False), (3.06, True)):
+        at = np.array([q, 0.0])
+        doubts = plausibility.step(at, nothing, at, np.full(2, 0.01 * q), nothing, T, True)
+        assert [d.condition for d in doubts] == [Condition.JOINT_LIMIT] * found
+        assert [d.joint for d in doubts] == [0] * found
 
 
 def test_after_a_restart_the_next_samples_are_believed(joint: Joint) -> None:

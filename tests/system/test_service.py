@@ -110,6 +110,7 @@ def test_the_watchdog_is_fed_by_ticks(service: Service, simulator: Simulator) ->
 def test_killed_the_drives_stop_by_themselves_and_the_next_energises_nothing(
     service: Service, simulator: Simulator
 ) -> None:
+    service.configure("RestartSec=20")  # later than the drives stop, on a fast machine, too
     service.start()
     service.enable()
     pid = service.pid
