@@ -60,6 +60,15 @@ def test_at_the_bounds_it_follows(following: Following, sign: int) -> None:
     assert not any(ticks(following, 2 * TICKS, 0.0, sign * DEVIATION[1]))
     found = ticks(following, 2 * TICKS, 0.0, -sign * 0.5, sign * PRESSING_SHARE)
     assert not any(found)
+    # Nor is it drawn into what another joint does.
+    for _ in range(TICKS):
+        following.tell(np.zeros(2))
+        astray = following.astray(np.array([0.5, sign * DEVIATION[1]]), np.zeros(2))
+    assert astray.tolist() == [True, False]
+
+
+def test_the_bounds_are_those_of_the_documentation() -> None:
+    assert (TICKS, PRESSING_SHARE) == (20, 0.5)
 
 
 def test_it_counts_anew(following: Following) -> None:
