@@ -84,7 +84,7 @@ system: $(STAMP)  ## the installed service under systemd on a virtual CAN bus (r
 	$(BIN)/python -m pytest -q -rs tests/system --system
 
 mutants: $(STAMP) $(MUTMUT)  ## break what judges and bounds, a bit at a time, and see tests fail, 30 min
-	$(BIN)/python -m bench.mutants --mutmut $(MUTMUT)
+	$(BIN)/python -m bench.mutants --python $(dir $(MUTMUT))python
 
 $(MUTMUT):
 	$(PYTHON) -m venv --clear build/mutants/venv

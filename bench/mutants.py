@@ -1,19 +1,22 @@
 """Break the code on purpose, a little at a time, and see that a test fails.
 
-    python -m bench.mutants [NAME]... [--mutmut PROGRAM]     (make mutants)
+    python -m bench.mutants [NAME]... [--jobs N] [--python PROGRAM]     (make mutants)
 
-Each file that judges or bounds is mutated by mutmut in a copy of the tree, and its own tests run on
-every mutant. Numbers, operators, names, arguments and keywords are changed; words for people are
-not. What survives must be in tests/equivalent_mutants.yaml, with the reason why it changes no
+Each file that judges or bounds is mutated by mutmut, and its own tests run on every mutant, in a
+copy of the tree. Numbers, operators, names, arguments and keywords are changed; words for people
+are not. What survives must be in tests/equivalent_mutants.yaml, with the reason why it changes no
 reaction and no bound, and what is listed there must survive: else the exit status is 1.
 """
 
-import re
+import json
+import os
+import queue
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -27,8 +30,8 @@ COPIED: Final = (
 )  # fmt: skip
 BUILD: Final = ROOT / "build" / "mutants"
 LISTED: Final = ROOT / "tests" / "equivalent_mutants.yaml"
-# Words; and whether a dataclass is frozen.
-LEFT_ALONE: Final = "string,fstring,decorator"
+# A mutant that takes longer is one that never ends [s].
+PATIENCE_S: Final = 120.0
 
 TESTS: Final = {
     "daemon/supervisor.py": "tests/daemon/test_supervisor.py",
@@ -43,67 +46,88 @@ TESTS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """One changed line of a file."""
+    """One changed line of a file; `source` is all of the file."""
 
     file: str
     was: str
     became: str
+    source: str = field(default="", compare=False)
 
     def __str__(self) -> str:
         return f"{self.file}\n  - {self.was}\n  + {self.became}"
 
 
-def survivors(file: str, mutmut: str) -> Iterator[Mutant]:
-    """Mutate one file; the mutants that no test notices. Raises ClickException."""
-    copy = BUILD / Path(file).stem
-    shutil.rmtree(copy, ignore_errors=True)
-    copy.mkdir(parents=True)
+def mutants(file: str, python: str) -> list[Mutant]:
+    """All of a file's, by the Python that has mutmut. Raises ClickException."""
+    command = [python, str(ROOT / "bench" / "mutate.py"), str(ROOT / file)]
+    try:
+        said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    except (OSError, subprocess.CalledProcessError) as error:
+        words = getattr(error, "stderr", "")
+        raise click.ClickException(
+            f"mutmut does not run (make mutants): {error}\n{words}"
+        ) from error
+    return [Mutant(file, **made) for made in json.loads(said)]
+
+
+def survivors(found: list[Mutant], jobs: int) -> Iterator[Mutant]:
+    """Those that no test notices. Raises ClickException if the tests fail without any."""
+    places: queue.SimpleQueue[Path] = queue.SimpleQueue()
+    for job in range(jobs):
+        places.put(_copy(BUILD / f"tree-{job}"))
+
+    def alive(mutant: Mutant) -> bool:
+        place = places.get()
+        target = place / mutant.file
+        original = target.read_text()
+        try:
+            target.write_text(mutant.source)
+            return _passes(place, TESTS[mutant.file])
+        finally:
+            target.write_text(original)
+            places.put(place)
+
+    for file in {mutant.file for mutant in found}:
+        if not _passes(BUILD / "tree-0", TESTS[file]):
+            raise click.ClickException(f"{TESTS[file]} fails without any mutant")
+    with ThreadPoolExecutor(jobs) as pool:
+        for mutant, lives in zip(found, pool.map(alive, found), strict=True):
+            if lives:
+                yield mutant
+
+
+def _copy(place: Path) -> Path:
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
     for name in COPIED:
         source = ROOT / name
         if source.is_dir():
-            shutil.copytree(
-                source, copy / name, ignore=shutil.ignore_patterns("__pycache__", "out")
-            )
+            shutil.copytree(source, place / name, ignore=shutil.ignore_patterns("out"))
         else:
-            shutil.copy(source, copy)
-    # Bytecode of one mutant must not pass for that of the next (-B). For mutmut only an exit status
-    # of 1 is a failure; a mutant that cannot even be imported has another.
-    # Nor may the runner have children, which mutmut would wait for after a time-out.
-    pytest = "import sys, pytest; sys.exit(bool(pytest.main(sys.argv[1:])))"
-    options = "-x -q --tb=no -p no:cacheprovider"
-    said = _run(
-        copy,
-        mutmut,
-        "run",
-        f"--paths-to-mutate={file}",
-        f"--runner={sys.executable} -B -c '{pytest}' {options} {TESTS[file]}",
-        f"--disable-mutation-types={LEFT_ALONE}",
-        "--tests-dir=tests",
-        "--simple-output",
-        "--no-progress",
-    )
-    for number in _run(copy, mutmut, "result-ids", "survived").split():
-        shown = _run(copy, mutmut, "show", number)
-        changed = re.findall(r"^[-+](?![-+])\s*(.*)$", shown, re.MULTILINE)
-        if len(changed) != 2:
-            raise click.ClickException(f"mutmut is not understood:\n{said}\n{shown}")
-        yield Mutant(file, *changed)
+            shutil.copy(source, place)
+    # Bytecode of the original must not pass for that of a mutant.
+    for file in TESTS:
+        for code in (place / file).parent.glob(f"__pycache__/{Path(file).stem}.*"):
+            code.unlink()
+    return place
 
 
-def _run(folder: Path, *command: str) -> str:
-    environment = {
-        "PATH": "/usr/bin:/bin",
-        "LANG": "C.UTF-8",
-        "PYTHONPATH": str(folder),
-        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",  # a second of each run
-    }
-    done = subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, check=False
-    )
-    # The exit status of `run` is a sum of bits that say what has survived; 1 is a failure.
-    if done.returncode & 1:
-        raise click.ClickException(f"{' '.join(command)}:\n{done.stdout}{done.stderr}")
-    return done.stdout
+def _passes(place: Path, tests: str) -> bool:
+    # -B: no bytecode of a mutant. Without plugins it starts in half the time.
+    command = [sys.executable, "-B", "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", tests]
+    environment = {"PYTHONPATH": str(place), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    try:
+        done = subprocess.run(
+            command,
+            cwd=place,
+            env=os.environ | environment,
+            capture_output=True,
+            check=False,
+            timeout=PATIENCE_S,
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode == 0
 
 
 def equivalent(files: tuple[str, ...]) -> set[Mutant]:
@@ -118,14 +142,16 @@ def equivalent(files: tuple[str, ...]) -> set[Mutant]:
 
 @click.command(help=__doc__)
 @click.argument("names", nargs=-1)
-@click.option("--mutmut", default=str(BUILD / "venv" / "bin" / "mutmut"), help="2.5, not 3.")
-def main(names: tuple[str, ...], mutmut: str) -> None:
+@click.option("--jobs", default=os.cpu_count() or 1, help="At once.")
+@click.option("--python", default=str(BUILD / "venv" / "bin" / "python"), help="With mutmut 2.5.")
+def main(names: tuple[str, ...], jobs: int, python: str) -> None:
     files = tuple(file for file in TESTS if not names or Path(file).stem in names)
     known, found = equivalent(files), set[Mutant]()
     for file in files:
-        alive = list(survivors(file, mutmut))
-        found.update(alive)
-        click.echo(f"{file}: {len(alive)} alive, {len(known.intersection(alive))} of them known")
+        made = mutants(file, python)
+        alive = set(survivors(made, jobs))
+        found |= alive
+        click.echo(f"{file}: {len(made)} mutants, {len(alive)} alive, {len(alive - known)} unknown")
     for mutant in sorted(found - known, key=str):
         click.echo(f"no test notices: {mutant}")
     for mutant in sorted(known - found, key=str):
