@@ -58,13 +58,8 @@ def heed_identification(cycle: Cycle, robot: Robot, serials: list[int | None]) -
     that it may. serials: of the drives that answered, in the order of the joints."""
     c, found = robot.configuration, robot.identified
     against = objections(found, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True)))
-    if against:
-        verdict = Verdict(False, "; ".join(against))
-    elif found is None:
-        verdict = Verdict(True, "none; a simulated arm is trusted to be that of config.yaml")
-    else:
-        verdict = Verdict(True, f"{c.identified} is of these drives")
-    cycle.prearm.identification = verdict
+    text = "; ".join(against) or f"{c.identified} is of these drives"
+    cycle.prearm.identification = Verdict(not against, text)
     cycle.controller.motion.blind = bool(unwired(found, c))
 
 

@@ -22,8 +22,6 @@ from errors import ConfigurationError
 FILE = "identified.yaml"
 STEPS = ("wiring", "gap", "friction", "thresholds")
 NotNegative = Annotated[float, Meta(ge=0)]
-# Buses without a real arm: what is simulated was never wired by anybody.
-_SIMULATED = frozenset({"socketcand", "virtual"})
 
 
 class Entry(Settings, frozen=True):
@@ -120,10 +118,9 @@ def objections(
 ) -> list[str]:
     """Why this arm may not be armed with this file; empty if it may.
 
-    serials: of the drives that answered, by joint. A simulated arm may do without a file.
+    serials: of the drives that answered, by joint. Simulated arms are no exception: those of
+    `configs/` come with a file of their own, which fits no other drives.
     """
-    if found is None and c.bus.interface in _SIMULATED:
-        return []
     reasons = []
     if found is not None and found.configuration != fingerprint(c, urdf):
         reasons.append(
@@ -148,10 +145,8 @@ def objections(
 
 
 def unwired(found: Identified | None, c: Configuration) -> list[str]:
-    """Joints of a real arm whose signs and scales were never checked. A wrong sign makes every loop
-    over the links drive them away."""
-    if found is None and c.bus.interface in _SIMULATED:
-        return []
+    """Joints whose signs and scales were never checked. A wrong sign makes every loop over the
+    links drive them away."""
     known = found.joints if found is not None else {}
     return [j.name for j in c.joints if j.name not in known or known[j.name].wiring is None]
 

@@ -15,7 +15,8 @@ SCALE_TOLERANCE = 0.05
 GRAVITY_TOLERANCE = 0.25
 LEAST_MOTION = 0.005
 """[rad] the motor must have turned."""
-_STROKE_END = 0.012  # [rad]: less than the link is to move
+_PIECE = 0.012  # [rad]: less than the link is to move
+_STEADY = 0.08  # change of the ratio of link and motor while the gear carries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,16 +59,16 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
         other = int(np.argmax(moved))
         about = (f"the motor turned {1e3 * turned:.3g} mrad, and its link did not follow it both "
                  f"ways (it moved {1e3 * moved[joint]:.2g} mrad)")  # fmt: skip
-        if other != joint and moved[other] > _STROKE_END:
+        if other != joint and moved[other] > _PIECE:
             about += f"; {log.joints[other]} moved {1e3 * moved[other]:.3g}: are they swapped?"
         else:
             about += (f": wrong link_position object or scale, or a half-gap of more than "
-                      f"{1e3 * (0.5 * turned - _STROKE_END):.0f} mrad")  # fmt: skip
+                      f"{1e3 * (0.5 * turned - _PIECE):.0f} mrad")  # fmt: skip
         return Wiring(joint=name, problems=(*problems, about))
     carried = [s for s in strokes if s.carried]
     engaged = np.zeros(len(q), dtype=np.bool_)
     for stroke in carried:
-        engaged[stroke.end] = True
+        engaged[stroke.rows] = True
     follows = sum(s.way for s in carried) / sum(s.turned for s in carried)
     if follows < 0.0:
         problems.append("the link goes the other way than the motor: link_sign or motor_sign")
@@ -111,20 +112,22 @@ def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Stroke:
-    """The end of one way of the motor: the gap is crossed at its beginning, and a link without load
-    may bounce ahead of the motor and wait for it."""
+    """Where in one way of the motor the gear carries: a link without load may bounce ahead of the
+    motor and wait for it, and friction may hold one that fell to the other border."""
 
-    end: slice
+    rows: slice
     turned: float
     """by the motor [rad], > 0"""
     way: float
     """of the link in the direction of the motor [rad]"""
+    steady: bool
+    """The link moved alike in both halves"""
     upward: bool
 
     @property
     def carried(self) -> bool:
         """Whether the gear took the link along, whatever sign or scale anybody gave it."""
-        return abs(self.way) > 0.5 * self.turned
+        return self.steady and abs(self.way) > 0.5 * self.turned
 
 
 def follows_both_ways(log: MotionLog, joint: int) -> bool:
@@ -135,21 +138,41 @@ def follows_both_ways(log: MotionLog, joint: int) -> bool:
 
 
 def _strokes(q: Vector, velocity: Vector, steps: Vector) -> list[_Stroke]:
+    """Of every way the last piece of `_PIECE` that was carried, or its end if none was."""
     fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
     direction = np.where(fast, np.sign(velocity), 0.0)
     edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(q)]
     strokes = []
     for a, b in itertools.pairwise(edges):
-        travel = np.cumsum((np.abs(velocity[a:b]) * steps[a:b])[::-1])[::-1]
-        if not direction[a] or travel[0] < LEAST_MOTION:
+        if not direction[a] or b - a < 10:
             continue
-        first = a + int(np.argmax(travel <= min(0.5 * travel[0], _STROKE_END)))
-        if b - first < 10:
+        turned = np.concatenate([[0.0], np.cumsum(np.abs(velocity[a + 1 : b]) * steps[a + 1 : b])])
+        way = direction[a] * (q[a:b] - q[a])
+        if turned[-1] < LEAST_MOTION:
             continue
-        turned = direction[a] * float((velocity[first + 1 : b] * steps[first + 1 : b]).sum())
-        way = direction[a] * float(q[b - 1] - q[first])
-        strokes.append(_Stroke(slice(first, b), turned, way, bool(direction[a] > 0.0)))
+        piece = min(0.5 * float(turned[-1]), _PIECE)
+        ends = np.arange(float(turned[-1]), piece, -0.5 * piece)
+        found = [_stroke(a, turned, way, end - piece, end, bool(direction[a] > 0.0))
+                 for end in ends]  # fmt: skip
+        strokes.append(next((s for s in found if s.carried), found[0]))
     return strokes
+
+
+def _stroke(
+    first: int, turned: Vector, way: Vector, begin: float, end: float, upward: bool
+) -> _Stroke:
+    """What happened while the motor turned from `begin` to `end`."""
+    a, middle, b = np.searchsorted(turned, [begin, 0.5 * (begin + end), end]).tolist()
+    b = min(b, len(turned) - 1)
+    early = (way[middle] - way[a]) / max(turned[middle] - turned[a], 1e-9)
+    late = (way[b] - way[middle]) / max(turned[b] - turned[middle], 1e-9)
+    return _Stroke(
+        rows=slice(first + a, first + b + 1),
+        turned=float(turned[b] - turned[a]),
+        way=float(way[b] - way[a]),
+        steady=bool(abs(late - early) < _STEADY),
+        upward=upward,
+    )
 
 
 def _torques(

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from bench.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
+from bench.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.commands.contactd import main
 from daemon.config import identified as file
 from daemon.config.load import load_robot, parse_configuration
@@ -27,9 +27,10 @@ DAY = "2026-01-02T03:04:05+00:00"
 
 @pytest.fixture
 def folder(tmp_path) -> Path:
-    """A copy of the single joint."""
+    """A copy of the single joint, of which nothing is known yet."""
     shutil.copytree(ROMEO, tmp_path / "romeo_left_arm")
-    return Path(shutil.copytree(SINGLE_JOINT, tmp_path / "single_joint"))
+    ignored = shutil.ignore_patterns("identified.yaml")
+    return Path(shutil.copytree(SINGLE_JOINT, tmp_path / "single_joint", ignore=ignored))
 
 
 @pytest.fixture(scope="session")
@@ -194,28 +195,34 @@ WIRED = file.Wiring(date=DAY, log="0", follows=1.0)
 def test_arming_needs_wiring_these_drives_and_this_configuration(folder):
     robot = load_robot(folder)
     c, urdf = robot.configuration, robot.urdf
-    on_can = msgspec.structs.replace(
-        c, bus=msgspec.structs.replace(c.bus, interface="socketcan", channel="can0")
-    )
-    (never,) = file.objections(None, on_can, urdf, {"joint": 7})
+    (never,) = file.objections(None, c, urdf, {"joint": 7})
     assert "never checked" in never
-    assert file.objections(None, c, urdf, {"joint": 7}) == []  # a simulated arm
     passed = merged(robot, "wiring", {"joint": WIRED}, {"joint": 7})
-    assert file.objections(passed, on_can, urdf, {"joint": 7}) == []
-    (other_drive,) = file.objections(passed, on_can, urdf, {"joint": 8})
+    assert file.objections(passed, c, urdf, {"joint": 7}) == []
+    (other_drive,) = file.objections(passed, c, urdf, {"joint": 8})
     assert "drive 7, this is drive 8" in other_drive
     joint = c.joints[0]
     geared = msgspec.structs.replace(
         joint, wiring=msgspec.structs.replace(joint.wiring, gear=joint.wiring.gear * 1.1)
     )
-    changed = msgspec.structs.replace(on_can, joints=[geared])
+    changed = msgspec.structs.replace(c, joints=[geared])
     (other,) = file.objections(passed, changed, urdf, {"joint": 7})
     assert "another configuration" in other
     # Limits and gains change nothing of what was measured.
     gentler = msgspec.structs.replace(
-        on_can, joints=[msgspec.structs.replace(joint, admittance_gain=0.1)]
+        c, joints=[msgspec.structs.replace(joint, admittance_gain=0.1)]
     )
     assert file.objections(passed, gentler, urdf, {"joint": 7}) == []
+
+
+@pytest.mark.parametrize("folder", [ROMEO, SINGLE_JOINT, DESK_ARM])
+def test_the_simulated_arms_come_wired(folder):
+    """After a change of drives, wiring, torque constants or URDF in `configs/`: simulate it, run
+    `contactd identify wiring`, and commit the identified.yaml that this writes."""
+    robot = load_robot(folder)
+    serials = {name: i for i, name in enumerate(robot.configuration.joint_names, start=1)}
+    assert file.objections(robot.identified, robot.configuration, robot.urdf, serials) == []
+    assert robot.by_hand == robot.configuration  # and nothing else was identified
 
 
 def test_a_new_drive_forgets_what_was_known_of_the_old(folder):

@@ -13,6 +13,8 @@ from typing import Any, Self
 import yaml
 
 from daemon.client import Client
+from daemon.config import identified
+from daemon.config.load import load_robot
 from daemon.messages import Command, Reply, Status
 from errors import ContactdError
 
@@ -68,6 +70,13 @@ def write_robot(folder: Path, bus: dict[str, Any]) -> None:
         "stop_timeout_s": 60.0,
     }
     (folder / "config.yaml").write_text(yaml.safe_dump(c, sort_keys=False))
+    robot = load_robot(folder)
+    wired = identified.IdentifiedJoint(
+        serial=1, wiring=identified.Wiring(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0)
+    )
+    mark = identified.fingerprint(robot.configuration, robot.urdf)
+    found = identified.Identified(configuration=mark, joints={"joint": wired})
+    identified.write_identified(folder / "identified.yaml", found)
 
 
 class Service:
