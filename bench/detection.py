@@ -1,13 +1,14 @@
 """False alarms, smallest step, delay and error of every residual, over arms that are not the model.
 
-    python -m bench.detection [--minutes N] [--jobs N] [--seed N] [--friction smooth|dahl|both]
-                              [--motor-position measured|integrated] [--stiction-share X]
-                              [--json]
+    python -m bench.detection [--minutes N] [--step-minutes N] [--jobs N] [--seed N]
+                              [--friction smooth|dahl|both] [--stiction-share X]
+                              [--motor-position measured|integrated] [--json]
 
-N simulated minutes per kind of friction without contact, as many with steps of torque on single
-joints in motion, half as many with steps at rest, half as many with forces on links. A new arm
-comes every minute: masses 5 %, centres of mass 5 mm, friction 20 % and drifting by 5 %, K_c 3 %,
-alpha and B 10 %, link encoder up to 1 ms late, drives that interpolate, filter and quantise.
+Simulated minutes per kind of friction: --minutes without contact, --step-minutes with steps of
+torque on single joints in motion, half as many with steps at rest, half as many with forces on
+links. A new arm comes every minute: masses 5 %, centres of mass 5 mm, friction 20 % and drifting
+by 5 %, K_c 3 %, alpha and B 10 %, link encoder up to 1 ms late, drives that interpolate, filter and
+quantise.
 Simulated without a bus, with the samples that a bus would bring. Thresholds are those of the
 configuration, raised near rest by stiction; the lowest thresholds without an alarm are those of
 each residual for which the contact-free minutes raise none.
@@ -45,18 +46,20 @@ MotorPosition = Literal["measured", "integrated"]
 
 def jobs(
     minutes: float,
+    step_minutes: float,
     seed: int,
     frictions: Sequence[Friction],
     motor_position: MotorPosition,
     stiction_share: float | None,
 ) -> list[Job]:
     """A new arm every minute; the same seeds for either friction."""
-    arms = max(1, round(minutes))
+    free, stepped = max(1, round(minutes)), max(1, round(step_minutes))
     return [
         Job(ROMEO, kind, friction, 1000 * seed + arm, seconds, motor_position, stiction_share)
-        for arm in range(arms)
+        for arm in range(max(free, stepped))
         for friction in frictions
         for kind, seconds in LENGTHS_S.items()
+        if arm < (free if kind == "free" else stepped)
     ]
 
 
@@ -107,6 +110,7 @@ def plain(value: Any) -> Any:
 
 @click.command(help=__doc__)
 @click.option("--minutes", default=10.0, show_default=True, help="Contact-free, per friction.")
+@click.option("--step-minutes", type=float, show_default="as --minutes", help="With steps.")
 @click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
 @click.option("--seed", default=1, show_default=True)
 @click.option("--friction", default="both", type=click.Choice([*FRICTIONS, "both"]))
@@ -115,6 +119,7 @@ def plain(value: Any) -> Any:
 @click.option("--json", "as_json", is_flag=True)
 def main(
     minutes: float,
+    step_minutes: float | None,
     processes: int,
     seed: int,
     friction: Friction | Literal["both"],
@@ -124,8 +129,10 @@ def main(
 ) -> None:
     frictions = FRICTIONS if friction == "both" else (friction,)
     c = load_robot(ROMEO).configuration
-    todo = jobs(minutes, seed, frictions, motor_position, stiction_share)
-    seeds = sorted({job.seed for job in todo})
+    step_minutes = minutes if step_minutes is None else step_minutes
+    todo = jobs(minutes, step_minutes, seed, frictions, motor_position, stiction_share)
+    seeds = sorted({job.seed for job in todo if job.kind == "free"})
+    stepped = len({job.seed for job in todo if job.kind == "moving"})
     results = list(spread(run, todo, processes, "arms"))
     results.sort(key=lambda result: (result.job.seed, result.job.kind))
     found = {
@@ -144,7 +151,7 @@ def main(
         filter_ms = 1000 * math.log(2) / c.estimator.gain
         title = (
             f"{len(seeds)} arms (seeds {seeds[0]} to {seeds[-1]}) of a minute without contact, "
-            f"theta {motor_position}, ln 2 / K = {filter_ms:.1f} ms"
+            f"{stepped} with steps, theta {motor_position}, ln 2 / K = {filter_ms:.1f} ms"
         )
         console = Console()
         for f, by_name in found.items():
@@ -155,9 +162,10 @@ def main(
         click.echo(f"picture: {drawn}")
     data = {
         "minutes": len(seeds),
+        "step_minutes": stepped,
         "seeds": [seeds[0], seeds[-1]],
         "motor_position": motor_position,
-        "stiction_share": stiction_share or c.estimator.stiction_share,
+        "stiction_share": c.estimator.stiction_share if stiction_share is None else stiction_share,
         "ln2_over_K_ms": 1000 * math.log(2) / c.estimator.gain,
         "joints": c.joint_names,
         "links": {f: dict(counts) for f, counts in links.items()},

@@ -199,7 +199,7 @@ class Estimator:
         self._rub(qd, theta_dot, out=now[_RUBBING])
         rest = resting(theta_dot)
         if self._started:
-            self.stiction.step(self._displacement(q, theta_dot, theta, dt))
+            self.stiction.step(self._displacement(q, qd, theta_dot, theta, dt))
         sign = smooth_sign(theta_dot, t.sign_width)
         np.multiply(self._held, self.stiction.z - sign, out=now[ROW["stiction"]])
         if self._started:
@@ -215,13 +215,16 @@ class Estimator:
         self._show(q, qd, tau_M, threshold)
         return self._estimate(contacts, flags)
 
-    def _displacement(self, q: Vector, theta_dot: Vector, theta: Vector, dt: float) -> Vector:
-        """Of the rotors since the tick before [rad]. A rotor that creeps moves with its link."""
+    def _displacement(
+        self, q: Vector, qd: Vector, theta_dot: Vector, theta: Vector, dt: float
+    ) -> Vector:
+        """Of the rotors since the tick before [rad]. Where both creep, rotor and link are one."""
         moved: Vector
         if self._measured:
             moved = theta - self.interval.before[ROW["position"]]
         else:
-            moved = np.where(np.abs(theta_dot) > _CREEP, theta_dot * dt, q - self._shown[0])
+            clearly = np.maximum(np.abs(theta_dot), np.abs(qd)) > _CREEP
+            moved = np.where(clearly, theta_dot * dt, q - self._shown[0])
         return moved
 
     def _rub(self, qd: Vector, theta_dot: Vector, out: Matrix) -> None:

@@ -41,15 +41,17 @@ class GapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     velocity_bias: Annotated[float, Meta(ge=0, le=0.1)] = 0.001  # [rad/s]
     standstill: Annotated[float, Meta(ge=0, le=0.1)] = 0.002  # motor velocity [rad/s]
     hold_ticks: Annotated[int, Meta(ge=1, le=100)] = 3
-    margin: Annotated[float, Meta(ge=0.12, lt=1)] = 0.2  # of alpha
+    margin: Annotated[float, Meta(ge=0.12, lt=1)] = 0.12  # of alpha
     friction_error: Annotated[float, Meta(ge=0, le=1)] = 0.2
     rotor_error: Annotated[float, Meta(ge=0, le=1)] = 0.15
     current_error: Annotated[float, Meta(ge=0, le=1)] = 0.05
+    half_gap_error: Annotated[float, Meta(ge=0, le=1)] = 0.07
+    compliance: Annotated[float, Meta(ge=0, le=0.1)] = 0.0007  # of a gear under load [rad/Nm]
 
 
 _LINK_REST = 0.01  # [rad/s]; a link encoder's noise stays below it
+_CLEAR = 1.5  # standard uncertainties between phi and a border that it is clear of
 _PULL = 0.2  # share of a border's error that is corrected in one tick
-_FLOOR = 0.05  # of alpha: standard uncertainty at an engaged border
 # Looking a member up in its enumeration costs as much as five sums.
 _LEFT, _GAP, _RIGHT, _UNKNOWN = map(int, Side)
 
@@ -76,19 +78,19 @@ class JointGap:
         settings: GapSettings,
         *,
         alpha: float,
-        compliance: float = 0.0,
         coulomb: float,
         viscous: float,
         measured: bool,
     ) -> None:
-        """alpha [rad], compliance of the gear [rad/Nm], friction of the motor's side [Nm] and
-        [Nm s/rad]; measured: theta follows the drive's motor position."""
+        """alpha [rad], friction of the motor's side [Nm] and [Nm s/rad]; measured: theta follows
+        the drive's motor position."""
         s = settings
-        self._alpha, self._compliance, self._coulomb = alpha, compliance, coulomb
+        self._alpha, self._coulomb = alpha, coulomb
+        self._compliance = s.compliance if alpha else 0.0
         self._doubt_coulomb = s.friction_error * coulomb
         self._doubt_viscous = s.friction_error * viscous
         self._doubt_rotor, self._doubt_current = s.rotor_error, s.current_error
-        self._margin, self._floor = s.margin * alpha, _FLOOR * alpha
+        self._margin, self._doubt_alpha = s.margin * alpha, s.half_gap_error * alpha
         self._scale_error, self._bias = s.velocity_scale_error, s.velocity_bias
         self._standstill, self._hold_ticks, self._measured = s.standstill, s.hold_ticks, measured
         self.start(0.0)
@@ -125,19 +127,18 @@ class JointGap:
             self.theta += advance
             self.sigma += (self._scale_error * speed + self._bias) * dt
 
-        # How wrong the transmitted torque may be. A torque that may be friction, which near rest
-        # may have any value, does not tell the side; but it may as well be a load, and dropping a
-        # load is worse than keeping a friction.
-        doubt = self._doubt_coulomb + self._doubt_viscous * speed
+        # How wrong the transmitted torque may be; near rest friction may have any value. A torque
+        # that may be friction tells nothing: neither the side, nor that there is a load.
+        doubt = self._doubt_coulomb + self._doubt_viscous * speed + self._coulomb * resting
         doubt += self._doubt_rotor * abs(rotor) + self._doubt_current * abs(tau_M)
         sign = 0
-        if load > doubt + self._coulomb * resting:
+        if load > doubt:
             sign = 1 if transmitted > 0.0 else -1
         self.streak = self.streak + sign if self.streak * sign > 0 else sign
         engaged = abs(self.streak) >= self._hold_ticks
 
-        phi = self._correct(q, engaged, alpha + load * self._compliance)
-        clear = abs(phi) < alpha - max(self._margin, self.sigma)
+        phi = self._correct(q, engaged, load * self._compliance)
+        clear = abs(phi) < alpha - max(self._margin, _CLEAR * self.sigma)
         self.gap = clear and load < doubt and not engaged
         if self.sigma >= alpha > 0.0:
             self.side = _UNKNOWN
@@ -147,10 +148,11 @@ class JointGap:
             towards = -transmitted if engaged or alpha == 0.0 else phi
             self.side = _LEFT if towards < 0.0 else _RIGHT
 
-    def _correct(self, q: float, engaged: bool, beyond: float) -> float:
+    def _correct(self, q: float, engaged: bool, bent: float) -> float:
         """Move theta to where phi = q - theta can be, and return that: at its border while
-        engaged, and never further than the load bends the gear, `beyond`."""
+        engaged, and never further than the load may bend the gear, `bent`."""
         alpha, phi = self._alpha, q - self.theta
+        beyond = alpha + bent
         # The torque pushes the link up where phi is at its lower border, and the other way round.
         border = -1.0 if self.streak > 0 else 1.0
         outward = border * phi
@@ -161,7 +163,7 @@ class JointGap:
             pull = _PULL if self.sigma < alpha else 1.0
             error *= pull
             self.sigma = min(self.sigma, alpha)
-            self.sigma += pull * (self._floor - self.sigma)
+            self.sigma += pull * (min(self._doubt_alpha + bent, alpha) - self.sigma)
         elif self.sigma > alpha:
             self.sigma = alpha
         self.theta += error
@@ -181,7 +183,6 @@ class MotorPosition:
             JointGap(
                 settings,
                 alpha=float(t.half_gap[i]),
-                compliance=float(1.0 / t.gear_stiffness[i] if t.half_gap[i] else 0.0),
                 coulomb=float(t.motor_coulomb[i]),
                 viscous=float(t.motor_viscous[i]),
                 measured=measured,

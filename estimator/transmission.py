@@ -51,8 +51,6 @@ class Transmission:
     """K_phi_p [Nm/rad]: a fit's correction on top of tau_M, not the gear's stiffness; any sign"""
     contact_damping: Vector = field(default_factory=lambda: np.array(0.0))
     """K_phi_d [Nm s/rad]: likewise"""
-    gear_stiffness: Vector = field(default_factory=lambda: np.array(np.inf))
-    """[Nm/rad], > 0: how far phi is bent beyond the gap by a load; only for the motor position"""
     sign_width: float = 0.02
     """[rad/s], > 0: velocity over which Coulomb friction changes its sign"""
 
@@ -96,8 +94,6 @@ class Transmission:
             self._refuse(name, ~np.isfinite(values), "finite")
         elif name == "torque_constant":
             self._refuse(name, ~(np.isfinite(values) & (values > 0.0)), "> 0")
-        elif name == "gear_stiffness":
-            self._refuse(name, ~(values > 0.0), "> 0")
         else:
             self._refuse(name, ~(np.isfinite(values) & (values >= 0.0)), ">= 0")
         values.setflags(write=False)

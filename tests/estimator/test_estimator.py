@@ -77,7 +77,7 @@ def test_the_correction_acts_while_engaged(make_transmission, romeo, sine_motion
     # What a fit adds to tau_M is taken from the residual, through the same filter, except in gaps.
     def run(stiffness: float) -> list:
         loose = make_transmission().half_gap > 0
-        transmission = make_transmission(contact_stiffness=stiffness * loose, gear_stiffness=800.0)
+        transmission = make_transmission(contact_stiffness=stiffness * loose)
         levels = Thresholds(np.ones(7), np.full(7, 2.0))
         estimator = Estimator(romeo, transmission, EstimatorSettings(), levels, T)
         return sine_motion.replay(estimator, slice(0, 900))

@@ -21,8 +21,6 @@ from estimator.transmission import friction_torque, link_torque, penetration, re
         ("gap_coulomb", -1.0),
         ("gap_viscous", -1.0),
         ("contact_stiffness", np.nan),
-        ("gear_stiffness", 0.0),
-        ("gear_stiffness", np.nan),
     ],
 )
 def test_a_bad_number_names_field_and_joint(make_transmission, field: str, value: float) -> None:
