@@ -53,12 +53,16 @@ OUT = Path("bench/out")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option("--json", "as_json", is_flag=True, help="Everything as JSON on the last line.")
 def main(minutes: float, hours: float, jobs: int, seed: int, as_json: bool) -> None:
+    if not (minutes or hours):
+        raise click.UsageError("neither minutes nor hours: nothing to do")
+    for words, value, least in (("--minutes", minutes, 0.2), ("--hours", hours / jobs, 0.003)):
+        if 0.0 < value < least:
+            text = f"{value:g} is too short for a trend: at least {least:g}, or 0"
+            raise click.BadParameter(text, param_hint=words)
     parts = simulate_hours(seed, hours, jobs) if hours else []
     if minutes:
         # Alone: how punctual it is would otherwise say what the lockstep part takes.
         parts.append(run_real_time(seed, 60.0 * minutes, Progress("real time")))
-    if not parts:
-        raise click.UsageError("neither minutes nor hours: nothing to do")
     if not as_json:
         for part in parts:
             show(part)
