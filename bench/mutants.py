@@ -148,12 +148,14 @@ def main(names: tuple[str, ...], jobs: int, python: str) -> None:
     files = tuple(file for file in TESTS if not names or Path(file).stem in names)
     known, found = equivalent(files), set[Mutant]()
     for file in files:
-        made = mutants(file, python)
-        alive = set(survivors(made, jobs))
+        made, alive = mutants(file, python), set[Mutant]()
+        click.echo(f"{file}: {len(made)} mutants ...")
+        for mutant in survivors(made, jobs):
+            alive.add(mutant)
+            if mutant not in known:
+                click.echo(f"no test notices: {mutant}")
         found |= alive
-        click.echo(f"{file}: {len(made)} mutants, {len(alive)} alive, {len(alive - known)} unknown")
-    for mutant in sorted(found - known, key=str):
-        click.echo(f"no test notices: {mutant}")
+        click.echo(f"{file}: {len(alive)} alive, {len(alive - known)} of them not listed")
     for mutant in sorted(known - found, key=str):
         click.echo(f"listed, but dead or gone: {mutant}")
     sys.exit(found != known)
