@@ -171,7 +171,7 @@ def test_a_motor_that_turns_drifts_by_its_scale(share: float, finds: bool, side:
 def test_a_standing_motor_with_a_bias_goes_nowhere() -> None:
     joint = Joint(measured=False)
     for _ in range(1000):
-        assert joint.tick(0.0, velocity=0.0199, current=0.0) == {}
+        assert joint.tick(0.0, velocity=0.02, current=0.0) == {}
     assert Condition.FROZEN in {c for _ in range(1000) for c in joint.tick(0.0, velocity=0.021)}
 
 
@@ -319,6 +319,43 @@ def test_each_joint_has_its_own_middle() -> None:
         doubts = plausibility.step(at, nothing, at, np.full(2, 0.01 * q), nothing, T, True)
         assert [d.condition for d in doubts] == [Condition.JOINT_LIMIT] * found
         assert [d.joint for d in doubts] == [0] * found
+
+
+def test_a_doubt_that_is_excused_hides_no_other(joint: Joint) -> None:
+    for k in range(8):  # a current that is stuck for too short a time, a motor that is overrun
+        found = joint.tick(0.05 * k, theta=0.05 * k, velocity=5.0, current=-1.51, residual=9.0)
+        assert set(found) == {Condition.RESIDUAL_LIMIT}
+    joint.plausibility.restart()
+    for k in range(5):
+        found = joint.tick(2.2 - 0.001 * k, theta=2.2 + 0.04 * k)
+    assert set(found) == {Condition.APART}, "on its way back"
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_half_the_current_is_not_enough_of_a_brake(joint: Joint, sign: int) -> None:
+    for _ in range(OVERSPEED_TICKS):
+        found = joint.tick(velocity=sign * 5.0, current=-sign * 1.5)
+    assert set(found) == {Condition.OVERSPEED}
+
+
+@pytest.mark.parametrize("limp", [True, False])
+def test_ticks_count_from_the_first_after_a_restart_or_a_limp_one(joint: Joint, limp: bool) -> None:
+    if limp:
+        joint.tick(energised=False)
+    else:
+        joint.plausibility.restart()
+    for _ in range(SATURATED_TICKS - 1):
+        assert joint.tick(current=3.0) == {}
+    assert set(joint.tick(current=3.0)) == {Condition.TORQUE_SATURATED}
+
+
+def test_a_current_counts_as_stuck_from_the_first_energised_tick(joint: Joint) -> None:
+    joint.tick(current=0.7, energised=False)
+    for _ in range(2 * STUCK_TICKS):
+        assert joint.tick(current=0.7) == {}
+    for k in range(1, 12):
+        found = joint.tick(0.01 * k, theta=0.01 * k, current=0.7)
+    assert set(found) == {Condition.TORQUE_STUCK}
 
 
 def test_after_a_restart_the_next_samples_are_believed(joint: Joint) -> None:
