@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.events import HeartbeatLost, NotOperational, Rebooted
-from drivers.heartbeat import HeartbeatWatch
+from drivers.heartbeat import PATIENCE, HeartbeatWatch
 
 PRE_OPERATIONAL, OPERATIONAL, STOPPED, BOOT_UP = 127, 5, 4, 0
 
@@ -13,6 +13,10 @@ def watch():
     watch = HeartbeatWatch(3, timeout_s=0.15)
     watch.begin(10.0)
     return watch
+
+
+def test_three_may_go_missing():
+    assert PATIENCE == 3
 
 
 def test_silence_is_told_once(watch):
