@@ -74,6 +74,7 @@ def log_to_stderr() -> Iterator[None]:
     listener = logging.handlers.QueueListener(lines, stderr)
     handler = _BoundedHandler(lines)
     logger = logging.getLogger("contactd")
+    before = logger.level, logger.propagate
     logger.setLevel(logging.INFO)
     logger.propagate = False
     logger.addHandler(handler)
@@ -83,3 +84,5 @@ def log_to_stderr() -> Iterator[None]:
     finally:
         listener.stop()
         logger.removeHandler(handler)
+        logger.setLevel(before[0])
+        logger.propagate = before[1]

@@ -60,3 +60,11 @@ def test_lines_for_a_stuck_writer_are_counted_not_kept(monkeypatch: pytest.Monke
     handler.handle(logging.makeLogRecord({"msg": "line 11"}))
     kept = [lines.get().getMessage() for _ in range(lines.qsize())]
     assert kept == ["line 10 (7 lines before this one were lost)", "line 11"]
+
+
+def test_the_logger_is_left_as_it_was() -> None:
+    logger = logging.getLogger("contactd")
+    before = logger.level, logger.propagate, list(logger.handlers)
+    with log_to_stderr():
+        assert not logger.propagate
+    assert (logger.level, logger.propagate, logger.handlers) == before
