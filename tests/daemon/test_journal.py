@@ -65,6 +65,6 @@ def test_lines_for_a_stuck_writer_are_counted_not_kept(monkeypatch: pytest.Monke
 def test_the_logger_is_left_as_it_was() -> None:
     logger = logging.getLogger("contactd")
     before = logger.level, logger.propagate, list(logger.handlers)
-    with log_to_stderr():
+    with journal.log_to_stderr():
         assert not logger.propagate
     assert (logger.level, logger.propagate, logger.handlers) == before
