@@ -124,6 +124,7 @@ install-files:
 	install -D -m 644 systemd/contactd.sysusers $(LIB)/sysusers.d/contactd.conf
 	@if [ -e $(DESTDIR)/etc/contactd ]; then echo "/etc/contactd is there already: kept as it is"; else \
 	  set -x; cp -R --no-preserve=ownership configs/romeo_left_arm $(DESTDIR)/etc/contactd && \
+	  rm $(DESTDIR)/etc/contactd/identified.yaml && \
 	  sed -i 's|^bus:.*|bus: {interface: socketcan, channel: can0, bitrate: 1000000}|' $(DESTDIR)/etc/contactd/config.yaml && \
 	  chmod -R a+rX $(DESTDIR)/etc/contactd; fi
 
