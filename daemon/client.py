@@ -74,13 +74,21 @@ class Client:
             self._socket.settimeout(self._timeout_s)
 
     def _ask(self, request: Request) -> Reply:
+        if self._socket.fileno() < 0:
+            raise UnreachableError("hung up; connect again")
         try:
             self._socket.send(msgspec.json.encode(request))
         except (BrokenPipeError, ConnectionResetError):
             pass  # it may have said why before it hung up: read on
         except TimeoutError:
             raise UnreachableError("the daemon fell silent: it takes no requests") from None
-        return self._decode(self._replies, self.packet("does not answer; is it still starting?"))
+        try:
+            answer = self.packet("does not answer; is it still starting?")
+        except UnreachableError:
+            # An answer that comes late would be taken for that to the next request.
+            self.close()
+            raise
+        return self._decode(self._replies, answer)
 
     def arm(self, lease_s: float | None = None, *, detached: bool = False) -> Reply:
         """Arm, or renew what this connection armed; the answer may be a refusal.

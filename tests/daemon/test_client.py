@@ -4,6 +4,7 @@ import os
 import socket
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -101,6 +102,18 @@ def test_daemon_that_never_answers(listener: socket.socket) -> None:
         pytest.raises(UnreachableError, match="does not answer"),
     ):
         client.request("status")
+
+
+def test_late_answer_is_not_taken_for_the_next(listener: socket.socket) -> None:
+    with Client(Path(listener.getsockname()), timeout_s=0.05) as client:
+        accepted, _ = listener.accept()
+        with accepted:
+            with pytest.raises(UnreachableError, match="does not answer"):
+                client.request("arm")
+            with suppress(BrokenPipeError):
+                accepted.send(b'{"ok": true, "message": "armed"}')
+            with pytest.raises(UnreachableError, match="connect again"):
+                client.request("disarm")
 
 
 def test_daemon_that_never_accepts(listener: socket.socket) -> None:
