@@ -139,12 +139,11 @@ class _Troublemaker:
 
 def run_lockstep(seed: int, hours: float, tell: Tell = lambda share: None) -> Part:
     """Soak for so many simulated hours; `tell` hears the share that is done."""
-    logging.getLogger("contactd").setLevel(logging.CRITICAL)  # faults are what this is about
     rng = Random(seed)
     seconds = 3600.0 * hours
     part = Part(f"lockstep, seed {seed}", seed, warm_up_s=0.02 * seconds)
     began = time.perf_counter()
-    with tempfile.TemporaryDirectory(prefix="contactd-soak-") as folder:
+    with _silent_log(), tempfile.TemporaryDirectory(prefix="contactd-soak-") as folder:
         robot = write_robot(Path(folder) / "arm")
         hand = hand_script(Random(seed), load_robot(robot).configuration, seconds)
         buses: list[FaultyBus] = []
@@ -164,6 +163,18 @@ def run_lockstep(seed: int, hours: float, tell: Tell = lambda share: None) -> Pa
             _soak(part, rng, stage, _service(rig, control, notifier), seconds, tell)
     part.took_s = time.perf_counter() - began
     return part
+
+
+@contextlib.contextmanager
+def _silent_log() -> Iterator[None]:
+    """Faults are what this is about: nobody wants to read each of them."""
+    logger = logging.getLogger("contactd")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:

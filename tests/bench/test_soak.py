@@ -1,10 +1,11 @@
 """What the soak calls a trend, a broken rule, a false alarm; and some seconds of it."""
 
-from contextlib import closing
+from contextlib import logging
 from pathlib import Path
 from random import Random
 from typing import Any
 
+import closing
 import msgspec
 import numpy as np
 import pytest
@@ -249,7 +250,9 @@ def test_leases_are_known_from_the_answers() -> None:
 
 def test_the_lockstep_part_goes_the_same_way_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bench.soak.lockstep.MEAN_PAUSE_S", 0.5)
+    level = logging.getLogger("contactd").level
     runs = [run_lockstep(2, 2.5 / 3600.0) for _ in range(2)]
+    assert logging.getLogger("contactd").level == level
     for part in runs:
         assert not part.ledger.broken, part.ledger.cases
         assert part.counts["enable done"] > 0

@@ -165,8 +165,11 @@ def test_stream_that_stops_is_noticed(fake_daemon: Any, make_state: Callable[...
         taken: list[State] = []
         with pytest.raises(UnreachableError, match="the daemon fell silent"):
             taken.extend(states)
-    assert taken
-    assert [state.tick for state in taken] == list(range(end - len(taken), end))
+    # A reader that is too slow misses States, but gets none twice, nor in another order.
+    ticks = [state.tick for state in taken]
+    assert ticks
+    assert ticks == sorted(set(ticks))
+    assert ticks[-1] < end
 
 
 def test_stream_of_a_daemon_that_ends(fake_daemon: Any) -> None:
