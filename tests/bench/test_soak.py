@@ -1,11 +1,11 @@
 """What the soak calls a trend, a broken rule, a false alarm; and some seconds of it."""
 
-from contextlib import logging
+import logging
+from contextlib import closing
 from pathlib import Path
 from random import Random
 from typing import Any
 
-import closing
 import msgspec
 import numpy as np
 import pytest
