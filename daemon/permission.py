@@ -35,9 +35,8 @@ class Permission:
         """Arm, or renew: whoever holds the lease need not pass the checks again."""
         owner = Owner(peer.uid, peer.pid, 0 if request.detached else peer.connection)
         duration_s = request.lease_s or (PERSON_S if request.detached else PROGRAM_S)
-        self.expire(
-            time_s
-        )  # what has run out since the last tick is nobody's: nothing to take over
+        # What has run out since the last tick is nobody's: there is nothing to take over.
+        self.expire(time_s)
         held = self._lease if self.controller.machine.armed else None
         if held and (refusal := held.refusal(owner, time_s)):
             return Answer([refusal], [], duration_s)
