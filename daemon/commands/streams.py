@@ -1,6 +1,7 @@
 """What `contactctl` does with the states that stream from the daemon: shown live, recorded."""
 # ruff: noqa: PLC0415 - rich and mcap are imported by the command that needs them
 
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -44,7 +45,9 @@ def stream_json(client: "Client") -> None:
             sys.stdout.buffer.write(client.packet() + b"\n")
             sys.stdout.buffer.flush()
     except BrokenPipeError:
-        return
+        # What is left in the buffer is flushed once more at exit, and must go somewhere.
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 def record_states(
