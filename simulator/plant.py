@@ -9,6 +9,7 @@ from numpy import (
     absolute,
     add,
     divide,
+    dot,
     heaviside,
     maximum,
     minimum,
@@ -24,6 +25,7 @@ from pinocchio import aba
 from simulator.mismatch import PlantParameters
 
 Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
 External = Callable[[Vector, Vector, Vector], None]
 """(q, q_dot, out): writes the external joint torque of this instant [Nm] into out (n,)."""
 
@@ -54,32 +56,32 @@ class Plant:
         # Dead zones: rows 0..n-1 are phi, n..2n-1 are q.
         self._low = np.concatenate((-parameters.half_gap, parameters.lower))
         self._high = np.concatenate((parameters.half_gap, parameters.upper))
-        stiffness, damping = np.tile((parameters.stiffness, parameters.damping), 2)
-        self._phi_q = np.concatenate((np.zeros(n), parameters.initial_position))
-        # [phi_dot, q_dot, q_dot, theta_dot]: the links' velocities stand twice, so that contacts
-        # and friction, which meet different velocities, are worked out in one pass.
-        self._rates = np.zeros(4 * n)
-        self._velocity = self._rates[2 * n :]
-        self._acceleration, self._applied, self._deflection = np.zeros((3, 2 * n))
+        # [phi, q, q_dot, theta_dot], and what changes the velocities: [q_dotdot, motors' torque].
+        self._present = np.zeros(6 * n)
+        self._phi_q, self._velocity = self._present[: 2 * n], self._present[2 * n : 4 * n]
+        self._phi_q[n:] = parameters.initial_position
         self.phi: Vector = self._phi_q[:n]
         self.q: Vector = self._phi_q[n:]
         """q - theta and link positions (n,) [rad]; views, they change with every step."""
         self.q_dot: Vector = self._velocity[:n]
         self.theta_dot: Vector = self._velocity[n:]
         """Velocities of links and motors, at the link (n,) [rad/s]; views."""
-        self.external_torque: Vector = self._applied[:n]
-        self.motor_torque: Vector = self._applied[n:]
+        # [gear, stop, friction of links, friction of motors, external, motors]
+        self._torque = np.zeros(6 * n)
+        self.external_torque: Vector = self._torque[4 * n : 5 * n]
+        self.motor_torque: Vector = self._torque[5 * n :]
         """tau_ext and tau_M (n,) [Nm]; views to write to before `advance`."""
-        # [gear, stop, friction of links, friction of motors] as `strain * stiff + rates * damp`.
-        self._torque = np.zeros(4 * n)
-        self._strain, self._stiff, self._damp, self._scratch = np.zeros((4, 4 * n))
-        self._stiff[: 2 * n], self._damp[: 2 * n] = stiffness, damping
-        # Torque of the motors to change of speed in a step; the links' inertia is in their ABA.
-        self._gain = step_s / np.concatenate((np.ones(n), parameters.rotor_inertia))
+        # The first four of them are `strain * stiff + damped`.
+        self._strain, self._stiff = np.zeros((2, 4 * n))
+        self._stiff[: 2 * n] = np.tile(parameters.stiffness, 2)
+        self._deflection, self._scratch = np.zeros((2, 2 * n))
         # A Python float as operand costs numpy a conversion at each step; a vector does not.
-        self._steps, self._none, self._one = np.full(2 * n, step_s), np.zeros(2 * n), np.ones(2 * n)
-        self._per_width = np.full(2 * n, 1.0 / friction_width)
-        self._per_presliding = np.full(2 * n, step_s / presliding)
+        self._none, self._one = np.zeros(2 * n), np.ones(2 * n)
+        self._per_slip = step_s / presliding if friction == "dahl" else 1.0 / friction_width
+        self._closed = np.zeros(n, dtype=np.bool_)
+        self._net = _net(n)
+        # The state after a step, then `damped` and what `slide` starts from.
+        self._after = np.zeros(10 * n)
         self.scale_friction(np.ones(n))
         # sigma_1 damps the swinging of each mass on its bristles to 0.7; times z_max / step, as it
         # meets the change of z in a step.
@@ -100,7 +102,7 @@ class Plant:
     @property
     def friction_torque(self) -> Vector:
         """What friction takes (2n,) [Nm], link then motor, of the last step."""
-        return self._torque[2 * self.n :].copy()
+        return self._torque[2 * self.n : 4 * self.n].copy()
 
     @property
     def in_gap(self) -> NDArray[np.bool_]:
@@ -109,11 +111,10 @@ class Plant:
 
     def brake(self, joint: int, closed: bool) -> None:
         """A closed brake holds the motor where it is."""
-        rotor = self.parameters.rotor_inertia[joint]
-        self._gain[self.n + joint] = 0.0 if closed else self.step_s / rotor
+        self._closed[joint] = closed
         if closed:
             self.theta_dot[joint] = 0.0
-            self._rates[joint] = self.q_dot[joint]
+        self._compose()
 
     def scale_friction(self, factor: Vector) -> None:
         """From now on the friction of each joint, both sides, is `factor` (n,) times its own."""
@@ -121,13 +122,14 @@ class Plant:
         self._coulomb = self.parameters.coulomb * both
         self._minus_coulomb = -self._coulomb
         self._stiff[2 * n :] = self._coulomb if self._friction == "smooth" else 1.0
-        self._damp[2 * n :] = self.parameters.viscous * both
+        self._viscous = self.parameters.viscous * both
+        self._compose()
 
     def place(self, q: Vector, phi: Vector | None = None) -> None:
         """Put the arm at rest at q (n,), with phi (n,) or in the middle of its gaps."""
         self._phi_q[self.n :] = q
         self._phi_q[: self.n] = 0.0 if phi is None else phi
-        self._rates[:] = self._deflection[:] = 0.0
+        self._velocity[:] = self._deflection[:] = 0.0
 
     def energy(self) -> float:
         """Kinetic, potential and elastic energy [J]: constant without friction and damping."""
@@ -141,20 +143,19 @@ class Plant:
 
     def advance(self, steps: int, external: External | None = None) -> None:
         """Integrate over `steps` steps with constant motor torque; external is asked each step."""
-        # Some twenty passes over small vectors, where the calls are the cost: every name below is a
+        # A dozen passes over small vectors, where the calls are the cost: every name below is a
         # buffer or a view, `out` goes by position wherever numpy allows it.
         n, model, data = self.n, self._model, self._data
-        phi_q, rates, velocity = self._phi_q, self._rates, self._velocity
-        q, q_dot, theta_dot, tau_ext = self.q, self.q_dot, self.theta_dot, self.external_torque
-        rates_phi, rates_q, rates_phi_q = rates[:n], rates[n : 2 * n], rates[: 2 * n]
-        torque, strain, scratch = self._torque, self._strain, self._scratch
-        gear, stop = torque[:n], torque[n : 2 * n]
-        contact, rubbing = torque[: 2 * n], torque[2 * n :]
-        delta, slip, moved = strain[: 2 * n], strain[2 * n :], scratch[: 2 * n]
-        acceleration, gain, applied = self._acceleration, self._gain, self._applied
-        link, motor = acceleration[:n], acceleration[n:]
-        low, high, none, stiff, damp = self._low, self._high, self._none, self._stiff, self._damp
+        present, after, net, flow = self._present, self._after, self._net, self._flow
+        phi_q, q, q_dot, tau_ext = self._phi_q, self.q, self.q_dot, self.external_torque
+        state, pushes, link = present[: 4 * n], present[4 * n :], present[4 * n : 5 * n]
+        torque, strain, moved = self._torque, self._strain, self._scratch
+        inner, contact = torque[: 4 * n], torque[: 2 * n]
+        delta, slip = strain[: 2 * n], strain[2 * n :]
+        low, high, none, stiff = self._low, self._high, self._none, self._stiff
+        state_after, damped = after[: 4 * n], after[4 * n : 8 * n]
         slide = self._slide_smoothly if self._friction == "smooth" else self._slide_with_stiction
+        dot(self._derived, state, after[4 * n :])  # others may have written to the velocities
         for _ in range(steps):
             if external is not None:
                 external(q, q_dot, tau_ext)
@@ -162,28 +163,41 @@ class Plant:
             minimum(delta, high, out=delta)
             subtract(phi_q, delta, delta)
             slide(slip)
-            multiply(strain, stiff, torque)
-            multiply(rates, damp, scratch)
-            add(torque, scratch, torque)
+            multiply(strain, stiff, inner)
+            add(inner, damped, inner)
             multiply(contact, delta, moved)
             heaviside(moved, none, moved)  # a border pushes, it never pulls
             multiply(contact, moved, contact)
-            subtract(applied, rubbing, acceleration)
-            subtract(link, gear, link)
-            subtract(link, stop, link)
-            add(motor, gear, motor)
+            dot(net, torque, pushes)
             positive(aba(model, data, q, q_dot, link), link)
-            multiply(acceleration, gain, acceleration)
-            add(velocity, acceleration, velocity)
-            subtract(q_dot, theta_dot, rates_phi)
-            positive(q_dot, rates_q)
-            multiply(rates_phi_q, self._steps, moved)
-            add(phi_q, moved, phi_q)
+            dot(flow, present, after)
+            positive(state_after, state)
+
+    def _compose(self) -> None:
+        """What is linear in a step, as two products.
+
+        `_flow` (10n, 6n): from the state and what pushes, the state after the step, and of that
+        the damping torques of all contacts and frictions, and the velocities as `slide` wants
+        them; `_derived` (6n, 4n): those from a state that somebody else has written.
+        """
+        n, h, p = self.n, self.step_s, self.parameters
+        phi, q, q_dot, theta_dot, q_dotdot, pushed = np.eye(6 * n).reshape(6, n, 6 * n)
+        slips = np.full(2 * n, self._per_slip)
+        factors = np.concatenate((p.damping, p.damping, self._viscous, slips))[:, None]
+        free = np.where(self._closed, 0.0, 1.0 / p.rotor_inertia)[:, None]
+
+        def derived(q_dot: Matrix, theta_dot: Matrix) -> Matrix:
+            rates = (q_dot - theta_dot, q_dot, q_dot, theta_dot, q_dot, theta_dot)
+            return np.asarray(factors * np.vstack(rates))
+
+        self._derived = derived(q_dot, theta_dot)[:, : 4 * n].copy()
+        q_dot, theta_dot = q_dot + h * q_dotdot, theta_dot + h * free * pushed
+        phi, q = phi + h * (q_dot - theta_dot), q + h * q_dot
+        self._flow = np.vstack((phi, q, q_dot, theta_dot, derived(q_dot, theta_dot)))
 
     def _slide_smoothly(self, slip: Vector) -> None:
         """tanh(velocity / width), what Coulomb's torque is to be multiplied by."""
-        multiply(self._velocity, self._per_width, slip)
-        tanh(slip, slip)
+        tanh(self._after[8 * self.n :], slip)
 
     def _slide_with_stiction(self, slip: Vector) -> None:
         """Dahl: z_dot = v - |v| z / z_max, torque = T_c z / z_max + sigma_1 z_dot, at most T_c.
@@ -191,11 +205,10 @@ class Plant:
         The implicit step z = (z + v h) / (1 + |v| h / z_max) keeps |z| <= z_max at any speed.
         Without LuGre's sigma_1 a joint at rest goes on swinging on its bristles and creeps away.
         """
-        z, scratch = self._deflection, self._scratch[: 2 * self.n]
+        z, way, scratch = self._deflection, self._after[8 * self.n :], self._scratch
         negative(z, slip)
-        multiply(self._velocity, self._per_presliding, scratch)  # z in units of z_max
-        add(z, scratch, z)
-        absolute(scratch, scratch)
+        add(z, way, z)  # in units of z_max
+        absolute(way, scratch)
         add(scratch, self._one, scratch)
         divide(z, scratch, z)
         add(slip, z, slip)
@@ -204,3 +217,10 @@ class Plant:
         add(slip, scratch, slip)
         minimum(slip, self._coulomb, out=slip)
         maximum(slip, self._minus_coulomb, out=slip)
+
+
+def _net(n: int) -> Matrix:
+    """The sum of all torques on the links and on the motors, (2n, 6n): the gear pushes both."""
+    gear, stop, link_friction, motor_friction, external, motor = np.eye(6 * n).reshape(6, n, 6 * n)
+    links = external - gear - stop - link_friction
+    return np.vstack((links, motor + gear - motor_friction))
