@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from queue import Empty
 
 import can
 import msgspec
@@ -42,6 +43,14 @@ class LockstepBus(VirtualBus):
         for queue in self.channel:
             if queue is not self.queue:
                 queue.put(msg, timeout=timeout)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame, unfiltered."""
+        self._check_if_open()
+        try:
+            return self.queue.get(timeout != 0.0, timeout)
+        except Empty:
+            return None
 
 
 @dataclass(slots=True)

@@ -59,7 +59,7 @@ class Axis:
         # A drive may limit its torque, its current, or both.
         limits = [number(index) for index in (0x6072, 0x6073) if key(index) in values]
         most = 0.001 * min(limits) * self._about.rated_current_A if limits else np.inf
-        self._servo.current_limit[self._joint] = min(most, self._about.max_current_A)
+        self._servo.limit(self._joint, min(most, self._about.max_current_A))
         limit = number(profile.speed_limit >> 8, profile.speed_limit & 0xFF)
         self._fastest = limit * profile.speed_unit / self._about.gear
         interpolates = key(0x60C2, 1) in values
@@ -87,11 +87,14 @@ class Axis:
         if after is not self.state:
             self._enter(after)
 
-    def on_target(self) -> None:
-        """60FF or 6060 was written: head for it over the interpolation period of 60C2."""
-        values = self._objects.values
+    def on_mode(self) -> None:
+        """6060 was written."""
         self._objects.show(MODE_DISPLAY, self._objects.number(0x6060))
-        if self.state is State.OPERATION_ENABLED and values[MODE] == CSV:
+        self.on_target()
+
+    def on_target(self) -> None:
+        """60FF was written: head for it over the interpolation period of 60C2."""
+        if self.state is State.OPERATION_ENABLED and self._objects.values[MODE] == CSV:
             velocity = self._objects.number(0x60FF) * self.unit
             velocity = min(max(velocity, -self._fastest), self._fastest)
             self._servo.follow(self._joint, velocity, self._interpolation_s)

@@ -249,7 +249,7 @@ class Drive:
             if self.axis.stopping:
                 self.due = 0.0
             return
-        if where in (TARGET_VELOCITY, MODE):
+        if where == TARGET_VELOCITY:
             self.axis.on_target()
             return
         self.due = 0.0
@@ -260,6 +260,8 @@ class Drive:
             self._heard_at = None
         elif where == HISTORY:
             self._emergencies.forget()
+        elif where == MODE:
+            self.axis.on_mode()
         else:
             self.axis.configure()
 

@@ -95,7 +95,7 @@ class Hand:
         self._anchor, self._goal, self._speed, self._rate = np.zeros((4, n))
         self._stiffness, self._damping, self._strongest = np.zeros((3, n))
         self._pushing, self._scratch = np.zeros((2, n))
-        self._guiding = False
+        self._holding = self._guiding = False
 
     @property
     def began(self) -> bool:
@@ -105,7 +105,7 @@ class Hand:
     @property
     def touching(self) -> bool:
         """Whether there is any torque to ask for."""
-        return bool(self._pushes) or bool(self._stiffness.any())
+        return self._holding or bool(self._pushes)
 
     @property
     def done(self) -> bool:
@@ -152,7 +152,7 @@ class Hand:
         if isinstance(act, Release):
             for vector in (self._stiffness, self._damping, self._strongest, self._rate):
                 vector[:] = 0.0
-            self._guiding = False
+            self._holding = self._guiding = False
             return
         for name in _joints(act):
             i = self._index[name]
@@ -162,6 +162,7 @@ class Hand:
             self._damping[i] = min(act.damping, self._damping_limit[i])
             self._goal[i] = act.to[name] if isinstance(act, Guide) else self._anchor[i]
             self._speed[i] = act.speed if isinstance(act, Guide) else 0.0
+        self._holding = bool(self._stiffness.any())
         self._guiding = self._guiding or isinstance(act, Guide)
 
     def _push(self, t: float, words: list[str]) -> None:

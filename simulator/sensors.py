@@ -49,6 +49,7 @@ class Sensors:
         self._current = np.zeros(len(joints))
         self._scratch = np.zeros(len(joints))
         self._counts = np.zeros((4, len(joints)))
+        self._late = settings.link_latency_ms > 0.0
         late, self._late_share = divmod(settings.link_latency_ms, 1.0)
         self._history = deque([q.copy() for _ in range(int(late) + 2)], maxlen=int(late) + 2)
 
@@ -57,14 +58,15 @@ class Sensors:
         np.subtract(current, self._current, out=self._scratch)
         np.multiply(self._scratch, self._gain, out=self._scratch)
         np.add(self._current, self._scratch, out=self._current)
-        row = self._history.popleft()
-        row[:] = q
-        self._history.append(row)
+        if self._late:
+            row = self._history.popleft()
+            row[:] = q
+            self._history.append(row)
 
     def read(self, q: Vector, theta: Vector, theta_dot: Vector) -> Readings:
         """Sample: link position, motor position and motor velocity (n,), at the link side."""
         settings, profile = self._settings, self._profile
-        if settings.link_latency_ms > 0.0:
+        if self._late:
             older, newer = self._history[0], self._history[1]
             q = newer + self._late_share * (older - newer)
         noise = self._rng.standard_normal((2, len(q)))

@@ -30,20 +30,28 @@ class Servo:
         constant = np.array([joint.torque_constant for joint in joints])
         self._kp = (rotor + link_inertia) * BANDWIDTH / constant
         self._ki_step = self._kp * INTEGRAL_RATE * SERVO_PERIOD_S
-        self.current_limit = np.array([joint.max_current_A for joint in joints])
+        self._highest = np.array([joint.max_current_A for joint in joints])
+        self._lowest = -self._highest
         self.target, self.reference, self.rate = np.zeros((3, n))
         self.current, self._wanted, self._integral, self._error = np.zeros((4, n))
         self._energised = np.zeros(n)
+        self._limp = True  # some joint is
 
     def energise(self, joint: int, velocity: float) -> None:
         """Switch on at the present velocity: the current does not jump."""
         self._energised[joint] = 1.0
+        self._limp = not self._energised.all()
         self.reference[joint] = self.target[joint] = velocity
         self.rate[joint] = self._integral[joint] = 0.0
 
     def release(self, joint: int) -> None:
         """No current: the motor is limp."""
         self._energised[joint] = 0.0
+        self._limp = True
+
+    def limit(self, joint: int, current: float) -> None:
+        """Let the joint's motor have no more than this current [A]."""
+        self._highest[joint], self._lowest[joint] = current, -current
 
     def energised(self, joint: int) -> bool:
         """Whether the joint's motor has current."""
@@ -81,10 +89,12 @@ class Servo:
         multiply(error, self._ki_step, error)
         add(integral, error, integral)
         add(wanted, integral, wanted)
-        multiply(wanted, energised, wanted)
-        minimum(wanted, self.current_limit, out=current)
-        maximum(current, negative(self.current_limit, error), out=current)
+        if self._limp:
+            multiply(wanted, energised, wanted)
+        minimum(wanted, self._highest, out=current)
+        maximum(current, self._lowest, out=current)
         # Back-calculation: what the limit cut off does not pile up in the integral.
         subtract(current, wanted, error)
         add(integral, error, integral)
-        multiply(integral, energised, integral)
+        if self._limp:
+            multiply(integral, energised, integral)
