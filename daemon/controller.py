@@ -42,6 +42,7 @@ class Observed:
     findings: tuple[Finding, ...]
     objections: Callable[[], tuple[Objection, ...]]  # asked when somebody would arm
     age_s: Vector | None = None  # of q; None where every sample came in time
+    play: Vector | float = 0.0  # how far links may fall down and up in their gaps, (2, n) [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +171,7 @@ class Controller:
         if event is Event.START and observed is not None:
             return not_startable(joints, observed.q, limits, place)
         if event is Event.ENABLE and observed is not None:
-            return not_energisable(joints, observed.q, limits, observed.findings)
+            return not_energisable(joints, self._tuning.ends, observed.q, limits, observed.findings)
         return []
 
     # --- one tick ---------------------------------------------------------------------------
@@ -183,7 +184,8 @@ class Controller:
             self._feel(time_s, observed)
         self._progress(time_s, dt, observed)
         motion = self.motion
-        motion.step(self.machine.mode, observed.q, observed.age_s, observed.thresholded, dt)
+        mode, push = self.machine.mode, observed.thresholded
+        motion.step(mode, observed.q, observed.age_s, push, dt, observed.play)
         resetting = self._resetting(time_s)
         return Decision(self._power(), resetting, motion.velocity, motion.reference)
 

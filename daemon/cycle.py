@@ -195,6 +195,7 @@ class Cycle:
             findings=findings,
             objections=self._objections,
             age_s=None if self._updated else np.multiply(samples.age_ticks, self._period_s),
+            play=self.estimator.transmission.play(estimate.phi, estimate.sigma_phi),
         )
 
     # --- what others see of it --------------------------------------------------------------

@@ -20,9 +20,21 @@ class Limits:
     acceleration: Vector
     # From a sample until the joint moves as the setpoint that was made from it says [s].
     reaction_s: float
+    # How far beyond a limit a joint may stand and still lead itself back [rad].
+    tolerance: float = 0.0
 
-    def bound_velocity(self, q: Vector, desired: Vector, before: Vector, dt: float) -> Vector:
+    def bound_velocity(
+        self,
+        q: Vector,
+        desired: Vector,
+        before: Vector,
+        dt: float,
+        play: Vector | float = 0.0,
+    ) -> Vector:
         """The velocity nearest to `desired` that respects every limit.
+
+        `play` (2, n) [rad] is how far the links may fall downwards and upwards in their gaps: a
+        limit is one for wherever the link can be while its motor stands.
 
         `before` is the velocity commanded one interval `dt` [s] ago. Acceleration is respected
         first; only where the braking distance to a joint limit asks for more deceleration than
@@ -36,7 +48,7 @@ class Limits:
         desired = np.minimum(np.maximum(desired, -self.velocity), self.velocity)
         step = self.acceleration * dt
         bounded = np.minimum(np.maximum(desired, before - step), before + step)
-        down, up = self.funnel(np.array((q - self.lower, self.upper - q)))
+        down, up = self.funnel(self._room(q, play))
         within: Vector = np.minimum(np.maximum(bounded, -down), up)
         return within
 
@@ -57,16 +69,23 @@ class Limits:
         speed: Vector = np.sqrt(slack**2 + 2.0 * self.acceleration * room) - slack
         return speed
 
-    def soft_stop(self, q: Vector, desired: Vector, gain: float) -> Vector:
+    def soft_stop(
+        self, q: Vector, desired: Vector, gain: float, play: Vector | float = 0.0
+    ) -> Vector:
         """`desired` [rad/s], at each limit replaced by a loop of that gain [1/s] on the distance
         to it: a push that yields the drive's velocity loop past a limit is led back to it."""
-        towards_upper = np.minimum(desired, gain * (self.upper - q))
-        bounded: Vector = np.maximum(towards_upper, gain * (self.lower - q))
+        down, up = gain * self._room(q, play)
+        bounded: Vector = np.maximum(np.minimum(desired, up), -down)
         return bounded
 
+    def _room(self, q: Vector, play: Vector | float) -> Vector:
+        """From where the link can be to the lower and to the upper limit, (2, n) [rad]."""
+        room: Vector = np.array((q - self.lower, self.upper - q)) - play
+        return room
+
     def outside(self, q: Vector) -> NDArray[np.bool_]:
-        """Joints that stand beyond their limits."""
-        return (q < self.lower) | (q > self.upper)
+        """Joints that stand beyond their limits, by more than the tolerance."""
+        return (q < self.lower - self.tolerance) | (q > self.upper + self.tolerance)
 
 
 def all_finite(values: Vector) -> bool:

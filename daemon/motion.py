@@ -107,19 +107,30 @@ class Motion:
 
     # --- one tick -----------------------------------------------------------------------------
 
-    def step(self, mode: Mode, q: Vector, age_s: Vector | None, push: Vector, dt: float) -> None:
+    def step(
+        self,
+        mode: Mode,
+        q: Vector,
+        age_s: Vector | None,
+        push: Vector,
+        dt: float,
+        play: Vector | float = 0.0,
+    ) -> None:
         """Set velocity and reference for the next dt [s], from the thresholded residual `push`
-        [Nm] and q [rad], which was measured age_s [s] ago (None: now)."""
+        [Nm] and q [rad], which was measured age_s [s] ago (None: now), and from where the links
+        may fall within their `play`, as of `Limits.bound_velocity`."""
         self.gains.step(dt)
-        desired = self._desired(mode, q, push, dt)
+        desired = self._desired(mode, q, push, dt, play)
         # A joint that was not heard of in this tick has moved on as it was told to.
         here = q if age_s is None else q + self.velocity * age_s
         if mode in SENSING:
-            self.velocity = self.limits.bound_velocity(here, desired, self.velocity, dt)
+            self.velocity = self.limits.bound_velocity(here, desired, self.velocity, dt, play)
         else:
             self.velocity = desired
 
-    def _desired(self, mode: Mode, q: Vector, push: Vector, dt: float) -> Vector:
+    def _desired(
+        self, mode: Mode, q: Vector, push: Vector, dt: float, play: Vector | float
+    ) -> Vector:
         gain = self._manner.position_gain
         match mode:
             case Mode.OFF | Mode.ENABLING | Mode.STOPPING | Mode.FAULTED:
@@ -128,7 +139,7 @@ class Motion:
                 return np.zeros_like(q) if self.blind else gain * (self.reference - q)
             case Mode.ADMITTANCE:
                 pushed = self._law.velocity_after(self.velocity, self.gains.value, push, dt)
-                return self.limits.soft_stop(q, pushed, gain)
+                return self.limits.soft_stop(q, pushed, gain, play)
             case Mode.TRACKING:
                 wanted = self.follower.step(dt)
                 if self.follower.place.path.motors_only:

@@ -159,7 +159,8 @@ class PreArm:
             found += [
                 Objection(
                     "limits",
-                    f"{name} stands at {samples.link_position[i]:.3f} rad, outside its limits "
+                    f"{name} stands at {samples.link_position[i]:.3f} rad, more than "
+                    f"{self._limits.tolerance:g} outside its limits "
                     f"[{self._limits.lower[i]:g}, {self._limits.upper[i]:g}]",
                 )
                 for i, name in enumerate(self._joints)

@@ -10,15 +10,27 @@ from daemon.trajectory import Place
 START_TOLERANCE = 0.05
 
 
+# How a joint that nobody energises gets back inside its limits, by how it ends.
+WAY_BACK = {
+    "hold": "take its drive's power away and move it back by hand",
+    "brake": "release its brake and move it back by hand",
+    "limp": "move it back by hand",
+}
+
+
 def not_energisable(
-    joints: Sequence[str], q: Vector, limits: Limits, findings: Sequence[Finding]
+    joints: Sequence[str],
+    ends: Sequence[str],
+    q: Vector,
+    limits: Limits,
+    findings: Sequence[Finding],
 ) -> list[str]:
-    """Before `enable`: what asks for a quick stop, and joints outside their limits at q (n,)
-    [rad]."""
+    """Before `enable`: what asks for a quick stop, and joints that stand further outside their
+    limits at q (n,) [rad] than the arm would lead them back by itself."""
     outside = limits.outside(q)
     return [str(f) for f in findings if f.reaction >= Reaction.QUICK_STOP] + [
-        f"{name} stands at {q[i]:.3f} rad, outside its limits "
-        f"[{limits.lower[i]:g}, {limits.upper[i]:g}]: move it back by hand"
+        f"{name} stands at {q[i]:.3f} rad, more than {limits.tolerance:g} outside its limits "
+        f"[{limits.lower[i]:g}, {limits.upper[i]:g}]: {WAY_BACK[ends[i]]}"
         for i, name in enumerate(joints)
         if outside[i]
     ]

@@ -210,7 +210,7 @@ REACTIONS: Final[dict[Condition, Row]] = {
         _R.HOLD,
         "a joint beyond its limit by `position_margin` and going on outwards",
         "setpoints never lead there: somebody pushes. A latch would keep it there, as enabling is "
-        "refused outside the limits; holding lets a person arm it and lead it back",
+        "refused so far outside the limits; holding leads it back",
     ),
     # --- time ---------------------------------------------------------------------------------
     _C.LATE: Row(

@@ -78,6 +78,14 @@ class Transmission:
         """K_theta_v [Nm s/rad]"""
         return self.motor_viscous + self.link_viscous
 
+    def play(self, phi: Vector, sigma: Vector) -> Vector:
+        """How far each link may fall downwards and upwards while its motor stands, (2, n) [rad]:
+        alpha + phi and alpha - phi, and phi's uncertainty `sigma`, never more than the gap."""
+        way = np.array((phi, -phi))
+        way += self.half_gap + sigma
+        within: Vector = np.minimum(np.maximum(way, 0.0), 2.0 * self.half_gap)
+        return within
+
     def _checked(self, name: str) -> Vector:
         try:
             values: Vector = np.array(getattr(self, name), dtype=np.float64)

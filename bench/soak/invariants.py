@@ -6,13 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.soak.record import Ledger
+from daemon.assembly import build_transmission
 from daemon.config.motion import limits_of
 from daemon.config.schema import Configuration
 from daemon.messages import State
 from daemon.modes import GUIDED, SENSING, TRANSITIONS, Mode
 
-# What a drive's velocity loop and the gear give way under a hand, beyond a joint limit [rad].
-GIVES_WAY = 0.01
+# Nearer to its limit than this, a joint has been led back to it [rad]...
+AT_LIMIT = 0.005
+# ...which takes so long after a hand has pressed it beyond [s].
+LED_BACK_S = 1.0
 # How long a quick stop may take [s], and the speed of a motor that stands [rad/s].
 BRAKING_S = 1.0
 STANDS = 0.05
@@ -26,11 +29,16 @@ STEPS = frozenset((before, after) for (before, _), after in TRANSITIONS.items())
 class Watch:
     """Looks at one State after the other; `ledger` knows what was broken."""
 
-    def __init__(self, c: Configuration, ledger: Ledger) -> None:
+    def __init__(
+        self, c: Configuration, ledger: Ledger, gives_way: NDArray[np.float64] | float
+    ) -> None:
+        """gives_way (n,) [rad]: how far a hand may press the drives beyond a joint limit."""
         self.ledger = ledger
+        self._gives_way = gives_way
         self.contacts_s: list[float] = []
         """When a contact or a collision was reported, where the arm can feel one."""
         self._limits = limits_of(c)
+        self._transmission = build_transmission(c)
         self._period_s = c.period_s
         self._names = c.joint_names
         self._before: State | None = None
@@ -55,8 +63,6 @@ class Watch:
         fresh = np.array(state.fresh)
         true_q = np.where(fresh, measured, 0.0) if q is None else q
         self._bounds(state, mode, setpoint, measured, fresh)
-        if mode in SENSING:
-            self._position(now, true_q, fresh if q is None else np.ones_like(fresh))
         self._permission(state, mode, lease_until_s)
         before = self._before
         if before is not None:
@@ -68,6 +74,8 @@ class Watch:
                 self._quiet_since_s = now
         if disturbed or not fresh.all():
             self._quiet_since_s = now
+        if mode in SENSING:
+            self._position(now, true_q, fresh if q is None else np.ones_like(fresh))
         if mode in LATCHED and now > self._quiet_since_s + BRAKING_S:
             speed = np.array(state.motor_velocity) if motor_velocity is None else motor_velocity
             self._all("no motion while latched", np.abs(speed) < STANDS, now, speed, "rad/s")
@@ -101,16 +109,26 @@ class Watch:
         within = np.abs(setpoint) <= limits.velocity + 1e-9
         self._all("setpoints within the velocity limit", within, now, setpoint, "rad/s")
         if mode in SENSING:
-            out = (measured >= limits.upper) & (setpoint > 0.0)
-            out |= (measured <= limits.lower) & (setpoint < 0.0)
+            down, up = self._room(state, measured)
+            out = (up <= 0.0) & (setpoint > 0.0) | (down <= 0.0) & (setpoint < 0.0)
             self._all("no setpoint leads out of a limit", ~(out & fresh), now, setpoint, "rad/s")
         else:
             self._all("no setpoint while latched", setpoint == 0.0, now, setpoint, "rad/s")
 
+    def _room(self, state: State, measured: NDArray[np.float64]) -> NDArray[np.float64]:
+        """From where each link can be, in its gap, to its lower and upper limit (2, n) [rad]."""
+        play = self._transmission.play(np.array(state.gap), np.array(state.gap_sigma))
+        to_limits = np.array((measured - self._limits.lower, self._limits.upper - measured))
+        return np.asarray(to_limits - play)
+
     def _position(self, now: float, q: NDArray[np.float64], known: NDArray[np.bool_]) -> None:
+        """A push that the drive gives way to is all that gets a joint beyond its limit, and from
+        there it is led back."""
         limits = self._limits
-        inside = (q >= limits.lower - GIVES_WAY) & (q <= limits.upper + GIVES_WAY)
-        self._all("no joint beyond its limit", inside | ~known, now, q, "rad")
+        beyond = np.where(known, np.maximum(limits.lower - q, q - limits.upper), 0.0)
+        self._all("no joint beyond its limit", beyond <= self._gives_way, now, q, "rad")
+        if now > self._quiet_since_s + LED_BACK_S:
+            self._all("joints led back to their limits", beyond <= AT_LIMIT, now, q, "rad")
 
     def _permission(self, state: State, mode: Mode, lease_until_s: float) -> None:
         check, now = self.ledger.check, state.time_s
@@ -136,7 +154,8 @@ class Watch:
         step = setpoint - self._setpoint
         gentle = np.abs(step) <= limits.acceleration * dt + 1e-9
         brakes = np.abs(setpoint) < np.abs(self._setpoint)
-        room = np.where(self._setpoint > 0.0, limits.upper - measured, measured - limits.lower)
+        down, up = self._room(state, measured)
+        room = np.where(self._setpoint > 0.0, up, down)
         forced = brakes & (np.abs(setpoint) >= limits.funnel(room) - 1e-6)
         at_age = ~np.array(state.fresh)  # where the arm is taken to be is not published then
         self._all(

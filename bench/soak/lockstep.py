@@ -28,7 +28,7 @@ from bench.soak.people import Leases, Person, View, explained, operator, program
 from bench.soak.process import held
 from bench.soak.progress import Progress
 from bench.soak.record import Part
-from bench.soak.robot import hand_script, write_robot
+from bench.soak.robot import gives_way, hand_script, write_robot
 from bench.stage import Stage
 from daemon.assembly import build_setups
 from daemon.config.load import load_robot
@@ -193,7 +193,7 @@ def _soak(
 ) -> None:
     rig, c = stage.rig, stage.rig.robot.configuration
     leases = Leases()
-    watch = Watch(c, part.ledger)
+    watch = Watch(c, part.ledger, gives_way(rig.robot))
     trouble = _Troublemaker(Random(rng.random()), stage)
     visitors = [_Visitor(who(Random(rng.random()), c)) for who in (operator, program)]
     touches: list[tuple[float, float]] = []

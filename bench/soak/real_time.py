@@ -23,7 +23,7 @@ from bench.soak.outside_faults import FAULTS
 from bench.soak.people import Leases, Person, View, explained, operator, program
 from bench.soak.process import Stopwatch, held
 from bench.soak.record import Part
-from bench.soak.robot import hand_script, write_robot
+from bench.soak.robot import gives_way, hand_script, write_robot
 from daemon.client import Client
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
@@ -68,7 +68,8 @@ def run_real_time(seed: int, seconds: float, tell: Tell = lambda share: None) ->
     began = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="contactd-soak-") as place:
         robot = write_robot(Path(place) / "arm")
-        c = load_robot(robot).configuration
+        loaded = load_robot(robot)
+        c = loaded.configuration
         script = Path(place) / "hand.yaml"
         script.write_bytes(msgspec.yaml.encode(hand_script(Random(seed), c, seconds)))
         with pair(robot, script) as both:
@@ -79,7 +80,7 @@ def run_real_time(seed: int, seconds: float, tell: Tell = lambda share: None) ->
                 contextlib.closing(Onlooker(both.events)) as onlooker,
                 _inhabited(house, Random(seed), c),
             ):
-                watch = Watch(c, part.ledger)
+                watch = Watch(c, part.ledger, gives_way(loaded))
                 offset_s = _observe(house, states, watch, onlooker, seconds, tell)
             both.daemon.terminate()
             _look_back(house, both.daemon.wait(PATIENCE_S))

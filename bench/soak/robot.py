@@ -5,12 +5,19 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from bench.contact_free import MOTION
 from bench.lockstep import ROMEO
-from daemon.config.schema import Configuration
+from daemon.commands.simulated_robot import describe, read_simulation
+from daemon.config.load import Robot
+from daemon.config.schema import Configuration, Joint
+from daemon.plausibility import GAP_TOLERANCE
 from simulator.hand import AnyAct, Guide, Hold, Push, Release
+from simulator.mismatch import true_parameters
+from simulator.servo import Servo
 
 AMPLITUDE = 0.5  # of MOTION's
 
@@ -36,6 +43,27 @@ def write_robot(folder: Path) -> Path:
     return folder
 
 
+def strongest(joint: Joint) -> float:
+    """Torque of the hand [Nm]: up to 40 % of what the drive has, but felt."""
+    drive = joint.torque_constant * joint.wiring.max_current_A
+    return max(0.4 * drive, 2.0 * joint.thresholds.contact)
+
+
+def gives_way(robot: Robot) -> NDArray[np.float64]:
+    """How far the hand may press the joints beyond where the daemon tells them to stand (n,) [rad].
+
+    At most, the velocity loop of the simulated drive gives way to it like a spring; the daemon then
+    leads the joint back. Beside that the daemon knows the gap no better than its tolerance says.
+    """
+    simulation = read_simulation(robot)
+    description = describe(robot, simulation)
+    servo = Servo(description, true_parameters(description, simulation.settings).usual_link)
+    joints = robot.configuration.joints
+    torque = np.array([strongest(joint) for joint in joints])
+    unknown = np.array([(GAP_TOLERANCE - 1.0) * 2.0 * joint.half_gap for joint in joints])
+    return np.asarray(torque / servo.stiffness + unknown)
+
+
 def hand_script(rng: Random, c: Configuration, seconds: float) -> tuple[AnyAct, ...]:
     """Pushes, guiding and holding, each followed by some quiet."""
     acts: list[AnyAct] = []
@@ -43,10 +71,7 @@ def hand_script(rng: Random, c: Configuration, seconds: float) -> tuple[AnyAct, 
     while at_s < seconds:
         kind = rng.choices(("push", "guide", "hold"), (6, 3, 1))[0]
         joint = rng.choice(c.joints)
-        # Up to 40 % of what the drive has, but felt.
-        most = max(
-            0.4 * joint.torque_constant * joint.wiring.max_current_A, 2.0 * joint.thresholds.contact
-        )
+        most = strongest(joint)
         if kind == "push":
             strength = rng.uniform(1.2 * joint.thresholds.contact, most)
             push = Push(

@@ -26,6 +26,7 @@ def limits_of(c: Configuration) -> Limits:
         acceleration=row(c, lambda j: j.limits.acceleration),
         # A setpoint is latched by the next SYNC and approached over the period after that.
         reaction_s=1.5 * c.period_s + c.control.drive_lag_ms / 1000.0,
+        tolerance=c.supervisor.position_margin,
     )
 
 

@@ -131,7 +131,7 @@ class SupervisorSettings(Settings, frozen=True):
     stop_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0  # until the arm stands, else a fault
     saturated_ticks: Ticks = 20  # ticks in a row at the current limit
     # What the measurements are believed beyond what the joint can do by itself.
-    position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, and a bent gear [rad]
+    position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, a bent gear, a push [rad]
     speed_margin: Annotated[float, Meta(gt=1, le=10)] = 2.0  # times limits.velocity
     # What a motor may differ from its setpoints while its drive does not press: times
     # limits.velocity.

@@ -108,6 +108,7 @@ def told(text: str) -> list[Event]:
 
 
 UPPER = C.joints[0].limits.upper
+GIVES_WAY = 0.02
 BROKEN: list[tuple[str, list[State]]] = [
     ("setpoints within the velocity limit", [state(1, setpoint=first(1.01))]),
     (
@@ -115,7 +116,11 @@ BROKEN: list[tuple[str, list[State]]] = [
         [state(1, link_position=first(UPPER, MIDDLE), setpoint=first(0.01))],
     ),
     ("no setpoint while latched", [state(1, mode="faulted", setpoint=first(0.001))]),
-    ("no joint beyond its limit", [state(1, link_position=first(UPPER + 0.02, MIDDLE))]),
+    ("no joint beyond its limit", [state(1, link_position=first(UPPER + 0.021, MIDDLE))]),
+    (
+        "joints led back to their limits",
+        [state(k, link_position=first(UPPER + 0.006, MIDDLE)) for k in range(1, 110)],
+    ),
     ("velocity steps bounded", [state(1), state(2, setpoint=first(0.1))]),
     # To brake that hard is right only before a limit.
     ("velocity steps bounded", [state(1, setpoint=first(0.5)), state(2)]),
@@ -146,7 +151,7 @@ BROKEN: list[tuple[str, list[State]]] = [
 @pytest.mark.parametrize(("rule", "states"), BROKEN, ids=[rule for rule, _ in BROKEN])
 def test_each_rule_can_be_broken(rule: str, states: list[State]) -> None:
     ledger = Ledger()
-    watch = Watch(C, ledger)
+    watch = Watch(C, ledger, GIVES_WAY)
     for each in states:
         watch.see(each, lease_until_s=0.5, disturbed=False)
     assert set(ledger.broken) == {rule}, ledger.cases
@@ -156,7 +161,7 @@ def test_each_rule_can_be_broken(rule: str, states: list[State]) -> None:
 
 def test_what_is_right_breaks_no_rule() -> None:
     ledger = Ledger()
-    watch = Watch(C, ledger)
+    watch = Watch(C, ledger, GIVES_WAY)
     arming = [*told("armed: x"), *told("holding -> tracking: y")]
     at_limit = first(UPPER, MIDDLE)
     for each in (

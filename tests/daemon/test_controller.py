@@ -220,7 +220,7 @@ def test_start_and_enable_are_refused_with_the_reason(holding: IdealArm) -> None
     off = ideal_arm()
     off.q = np.array([0.0, 1.2])
     off.step()
-    assert off.request(Event.ENABLE)[0].startswith("b stands at 1.200 rad, outside its limits")
+    assert off.request(Event.ENABLE)[0].startswith("b stands at 1.200 rad, more than 0 outside")
     assert off.request(Event.START) == [
         "cannot start: the drives are off (`contactctl enable` first)"
     ]

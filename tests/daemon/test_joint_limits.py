@@ -1,6 +1,7 @@
 """A strong hand pushes every joint into its limit at once, in lockstep with the plant."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import msgspec
 import numpy as np
@@ -8,11 +9,12 @@ import pytest
 
 from bench.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration
-from daemon.modes import Mode
+from daemon.modes import Event, Mode
 
 # What the drive's velocity loop and the gear give way under the hand, beside the commanded motion.
 MARGIN_RAD = 0.004
 AWAY_RAD = 0.35
+WRIST = 5
 
 
 def yielding(c: Configuration) -> Configuration:
@@ -61,3 +63,73 @@ def test_a_strong_hand_gets_no_joint_past_its_limit(pushed: tuple[Rig, float]) -
     # And it stands there, at the limit and not somewhere before.
     assert (np.abs(rig.arm.plant.q - border) < 0.03).all()
     assert (furthest > -0.01).all()
+
+
+# A half-gap that is wrong by 5 %, and a phi that is not known any better [rad].
+REACH_RAD = 0.003
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["upper", "lower"])
+def test_no_link_can_fall_through_its_gap_past_a_limit(sign: float) -> None:
+    """Not even where the motor pushes the link there from behind."""
+    with lockstep_rig() as rig:
+        joints, plant = rig.robot.configuration.joints, rig.arm.plant
+        border = np.array([j.limits.upper if sign > 0 else j.limits.lower for j in joints])
+        plant.place(border - sign * 0.1)
+        rig.enable()
+        rig.cycle.controller.motion.reference[:] = border
+        furthest = np.full(len(joints), -np.inf)
+        for _ in range(150):
+            rig.tick()
+            # Where the link could be, if somebody pushed it while the motor stands.
+            furthest = np.maximum(
+                furthest, sign * (plant.theta - border) + plant.parameters.half_gap
+            )
+        assert (furthest < REACH_RAD).all(), furthest
+        assert (furthest > -0.01).all(), furthest  # and it was at the limit
+
+
+UPPER = 0.3  # of LWristYaw, well inside its end stop
+
+
+@contextmanager
+def standing(beyond: float, end: str) -> Iterator[Rig]:
+    """Off, LWristYaw so far beyond its upper limit; every joint ends like that."""
+
+    def change(c: Configuration) -> Configuration:
+        joints = [msgspec.structs.replace(joint, end=end) for joint in c.joints]
+        limits = msgspec.structs.replace(joints[WRIST].limits, upper=UPPER)
+        joints[WRIST] = msgspec.structs.replace(joints[WRIST], limits=limits)
+        return msgspec.structs.replace(c, joints=joints)
+
+    with lockstep_rig(configure=change) as rig:
+        pose = rig.arm.plant.q.copy()
+        pose[WRIST] = UPPER + beyond
+        rig.arm.plant.place(pose)
+        rig.run(0.02)
+        yield rig
+
+
+@pytest.mark.parametrize("end", ["brake", "hold"])
+def test_an_arm_that_was_pressed_beyond_a_limit_comes_back_by_itself(end: str) -> None:
+    """A fault may leave it there, where its brakes, or its drives, let nobody move it by hand."""
+    with standing(0.045, end) as rig:
+        rig.enable()
+        assert rig.arm.plant.q[WRIST] < UPPER + 0.002
+        assert rig.cycle.controller.arm("the test") == []
+
+
+@pytest.mark.parametrize(
+    ("end", "how"),
+    [
+        ("limp", "move it back by hand"),
+        ("brake", "release its brake and move it back by hand"),
+        ("hold", "take its drive's power away and move it back by hand"),
+    ],
+)
+def test_further_out_somebody_has_to_move_it_and_is_told_how(end: str, how: str) -> None:
+    with standing(0.07, end) as rig:
+        (reason,) = rig.cycle.controller.request(Event.ENABLE, "the test", rig.time_s)
+        assert reason.endswith(f" rad, more than 0.05 outside its limits [-0.4, 0.3]: {how}")
+        (check,) = [check for check in rig.cycle.checks() if check.name == "limits"]
+        assert not check.passed

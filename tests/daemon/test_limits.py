@@ -169,6 +169,22 @@ def test_a_desire_within_all_limits_passes_unchanged() -> None:
 def test_which_joints_stand_outside() -> None:
     assert LIMITS.outside(np.array([-1.0, 0.1, 2.0])).tolist() == [False] * 3
     assert LIMITS.outside(np.array([-1.001, 0.101, 1.0])).tolist() == [True, True, False]
+    lenient = replace(LIMITS, tolerance=0.01)
+    assert lenient.outside(np.array([-1.009, 0.109, 2.009])).tolist() == [False] * 3
+    assert lenient.outside(np.array([-1.011, 0.111, 2.011])).tolist() == [True] * 3
+
+
+def test_a_limit_is_nearer_by_what_the_link_may_fall() -> None:
+    q, still, fast = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.full(3, 9.0)
+    down, up = np.array([0.9, 0.0, 0.0]), np.array([0.0, 0.05, 1.5])
+    play = np.array((down, up))
+    for sign, fallen in ((1.0, q + up), (-1.0, q - down)):
+        bounded = LIMITS.bound_velocity(q, sign * fast, LIMITS.velocity * sign, DT, play)
+        expected = LIMITS.bound_velocity(fallen, sign * fast, LIMITS.velocity * sign, DT)
+        np.testing.assert_allclose(bounded, expected)
+        soft = LIMITS.soft_stop(q, sign * fast, 8.0, play)
+        np.testing.assert_allclose(soft, LIMITS.soft_stop(fallen, sign * fast, 8.0))
+    assert LIMITS.bound_velocity(q, still, still, DT, play)[2] == 0.0
 
 
 def test_a_joint_whose_position_is_not_a_number_does_not_move() -> None:

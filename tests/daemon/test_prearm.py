@@ -206,7 +206,7 @@ def test_a_joint_outside_its_limits(calm: Rig) -> None:
     prearm, samples, estimate = calm.cycle.prearm, calm.cycle.samples, calm.cycle.estimate
     assert samples is not None
     assert estimate is not None
-    for q, inside in ((1.4, True), (1.401, False), (-1.401, False)):
+    for q, inside in ((1.4, True), (1.449, True), (1.451, False), (-1.451, False)):
         samples.link_position = np.array([q])
         found = prearm.objections(samples, estimate, (), (), ())
         assert [objection.check for objection in found] == ([] if inside else ["limits"])

@@ -93,3 +93,14 @@ def test_link_torque_of_both_states(make_transmission) -> None:
     correction = np.where(stiffness > 0, 10 * 0.001 + 0.1, 0)
     expected = np.where(engaged, 2 - 5 * t.rotor_inertia + correction, 0)
     np.testing.assert_allclose(torque, expected)
+
+
+def test_a_link_may_fall_to_the_other_border_and_no_further(make_transmission) -> None:
+    alpha = 0.02
+    t = make_transmission(half_gap=alpha)
+    phi = np.array([-alpha, alpha, 0.0, 0.5 * alpha, 3.0 * alpha, 0.0, 0.0])
+    sigma = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.1 * alpha, 9.0])
+    down, up = t.play(phi, sigma)
+    np.testing.assert_allclose(down / alpha, [0.0, 2.0, 1.0, 1.5, 2.0, 1.1, 2.0], atol=1e-12)
+    np.testing.assert_allclose(up / alpha, [2.0, 0.0, 1.0, 0.5, 0.0, 1.1, 2.0], atol=1e-12)
+    assert not make_transmission(half_gap=0.0).play(phi, sigma).any()
