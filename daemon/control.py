@@ -24,7 +24,7 @@ from typing import Self
 import msgspec
 
 from daemon.control_path import listen
-from daemon.messages import COMMANDS, Reply, Request, State
+from daemon.messages import AWAITED, COMMANDS, Reply, Request, State
 from daemon.peers import Peer, groups_of, peer_of
 from errors import ContactdError
 
@@ -106,12 +106,13 @@ class ControlSocket:
             ready = self._epoll.poll(0, 1)
             if not ready:
                 return
-            if ready[0][0] == self._listener.fileno():
+            ((file, events),) = ready
+            if file == self._listener.fileno():
                 for _ in range(ACCEPTS_PER_EVENT):
                     if not self._accept():
                         break
             else:
-                self._serve(self._connections[ready[0][0]], handle)
+                self._serve(self._connections[file], handle, gone=bool(events & select.EPOLLHUP))
             if time.monotonic() >= deadline:
                 return
 
@@ -190,7 +191,7 @@ class ControlSocket:
         connection.socket.close()  # which also takes it out of the epoll set
         self.on_close(connection.peer)
 
-    def _serve(self, connection: Connection, handle: Handler) -> None:
+    def _serve(self, connection: Connection, handle: Handler, *, gone: bool) -> None:
         """Read one packet and answer it; a client that is gone or takes no answer is dropped."""
         try:
             size, _, flags, _ = connection.socket.recvmsg_into([self._buffer])
@@ -209,10 +210,12 @@ class ControlSocket:
         if flags & socket.MSG_TRUNC:
             reply = Reply(ok=False, message=f"a request has at most {MAX_REQUEST_BYTES} bytes")
         else:
-            reply = self._answer(bytes(self._buffer[:size]), connection, handle)
+            reply = self._answer(bytes(self._buffer[:size]), connection, handle, gone=gone)
         self._send(connection, reply)
 
-    def _answer(self, packet: bytes, connection: Connection, handle: Handler) -> Reply:
+    def _answer(
+        self, packet: bytes, connection: Connection, handle: Handler, *, gone: bool
+    ) -> Reply:
         try:
             request = self._decoder.decode(packet)
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
@@ -221,6 +224,8 @@ class ControlSocket:
                 message=f'not a request: {error}; expected {{"command": ...}} with one of '
                 + ", ".join(COMMANDS),
             )
+        if gone and request.command in AWAITED:
+            return Reply(ok=False, message=f"{request.command}: nobody waits for the answer")
         subscribes = request.command == "subscribe"
         if subscribes and not connection.reads and len(self.readers) >= MAX_READERS:
             return Reply(ok=False, message=f"too many readers, at most {MAX_READERS}")

@@ -24,6 +24,8 @@ Command = Literal[
     "subscribe",
 ]
 COMMANDS: tuple[str, ...] = get_args(Command)
+# What lets the arm move is not done for somebody who does not wait for the answer any more.
+AWAITED: frozenset[Command] = frozenset({"enable", "start", "arm"})
 
 Vector = list[float]
 

@@ -44,17 +44,20 @@ class Watch:
         self._before: State | None = None
         self._setpoint = np.zeros(len(c.joints))
         self._quiet_since_s = 0.0
+        self._overdue_ticks = 0
 
     def see(
         self,
         state: State,
         *,
         lease_until_s: float,
+        lease_ticks: int,
         disturbed: bool,
         q: NDArray[np.float64] | None = None,
         motor_velocity: NDArray[np.float64] | None = None,
     ) -> None:
-        """One State. lease_until_s: until when somebody may have the arm armed (State.time_s).
+        """One State. lease_until_s: until when somebody may have the arm armed (State.time_s), and
+        lease_ticks: for how many ticks after that.
         disturbed: whether a hand is on the arm or a fault is being made. q (n,) [rad] and
         motor_velocity (n,) [rad/s]: the true ones, where they are known."""
         mode, now = Mode(state.mode), state.time_s
@@ -63,7 +66,7 @@ class Watch:
         fresh = np.array(state.fresh)
         true_q = np.where(fresh, measured, 0.0) if q is None else q
         self._bounds(state, mode, setpoint, measured, fresh)
-        self._permission(state, mode, lease_until_s)
+        self._permission(state, mode, now > lease_until_s, lease_ticks)
         before = self._before
         if before is not None:
             self.ledger.check("time goes on", now > before.time_s, now, f"after {before.time_s}")
@@ -130,13 +133,12 @@ class Watch:
         if now > self._quiet_since_s + LED_BACK_S:
             self._all("joints led back to their limits", beyond <= AT_LIMIT, now, q, "rad")
 
-    def _permission(self, state: State, mode: Mode, lease_until_s: float) -> None:
+    def _permission(self, state: State, mode: Mode, overdue: bool, allowed_ticks: int) -> None:
         check, now = self.ledger.check, state.time_s
+        self._overdue_ticks = self._overdue_ticks + 1 if state.armed and overdue else 0
         if state.armed:
-            # The lease is looked at after each tick.
-            late_s = 2.0 * self._period_s + 1e-6 * state.timing.lateness_us
-            held = now <= lease_until_s + late_s
-            check("armed no longer than the lease", held, now, f"until {lease_until_s:.2f} s")
+            late = self._overdue_ticks
+            check("armed no longer than the lease", late <= allowed_ticks, now, f"{late} ticks")
             check("not armed while latched", mode not in LATCHED, now, state.mode)
 
     def _step(

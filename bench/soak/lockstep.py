@@ -24,7 +24,7 @@ from bench.faults import CASES, Case
 from bench.faulty_bus import FaultyBus
 from bench.lockstep import Rig, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
-from bench.soak.people import Leases, Person, View, explained, operator, program
+from bench.soak.people import LAPSES_TICKS, Leases, Person, View, explained, operator, program
 from bench.soak.process import held
 from bench.soak.progress import Progress
 from bench.soak.record import Part
@@ -215,6 +215,7 @@ def _soak(
         watch.see(
             state,
             lease_until_s=leases.until_s,
+            lease_ticks=LAPSES_TICKS,
             disturbed=touching,
             q=plant.q,
             motor_velocity=plant.theta_dot,
@@ -260,7 +261,7 @@ def _visit(visitor: _Visitor, service: Service, leases: Leases, trouble: bool, p
         visitor.connection = leases.connection()
     peer = Peer(os.getuid(), os.getpid(), visitor.connection)
     for request in step.requests:
-        leases.asked(request, peer.connection, now)
+        leases.asked(request, peer.connection)
         try:
             reply = service.handle(request, peer)
         except ContactdError as error:  # as the control socket does
@@ -273,6 +274,6 @@ def _visit(visitor: _Visitor, service: Service, leases: Leases, trouble: bool, p
         part.ledger.check("stop and disarm are never refused", always, now, words)
     if step.hang_up and visitor.connection:
         service.control.on_close(peer)
-        leases.closed(visitor.connection, now, 0.0)
+        leases.closed(visitor.connection, now)
         visitor.connection = 0
     visitor.due_s = now + step.wait_s

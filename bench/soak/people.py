@@ -6,11 +6,14 @@ them.
 """
 
 import itertools
+import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from random import Random
 
 from daemon.config.schema import Configuration
+from daemon.control import MAX_CONNECTIONS
+from daemon.lease import PERSON_S, PROGRAM_S
 from daemon.messages import Header, Reply, Request
 from daemon.modes import Mode
 
@@ -123,13 +126,16 @@ def _by(rows: list[list[float]], size: int) -> list[list[list[float]]]:
     return [rows[i : i + size] for i in range(0, len(rows), size)]
 
 
-# How long an answer may take, at most [s]: the client's patience.
-ANSWER_S = 2.0
-
-
 def explained(reply: Reply) -> bool:
     """Whether a refusal says why."""
     return reply.ok or bool(reply.reasons) or not reply.message.endswith("refused")
+
+
+# Ticks until the daemon has seen that an owner is gone: in each it serves at least one of those who
+# wait, all connections and whoever wants a new one.
+HEARD_TICKS = MAX_CONNECTIONS + 1
+# The lease is looked at after each tick.
+LAPSES_TICKS = 1
 
 
 class Leases:
@@ -138,8 +144,10 @@ class Leases:
     def __init__(self) -> None:
         self._until_s = -1.0
         self._holder = 0
-        self._asked: dict[int, float] = {}  # by connection: until when, if it is granted
+        self._asked: dict[int, Request] = {}  # by connection: may be granted at any moment
         self._numbers = itertools.count(1)
+        self.ticks = LAPSES_TICKS
+        """For how many ticks it may still be armed after that."""
 
     def connection(self) -> int:
         """A number for a new connection."""
@@ -148,25 +156,31 @@ class Leases:
     @property
     def until_s(self) -> float:
         """The latest time until which the arm may be armed."""
-        return max([self._until_s, *tuple(self._asked.values())])
+        return math.inf if self._asked else self._until_s
 
-    def asked(self, request: Request, connection: int, time_s: float) -> None:
-        """An `arm` may be granted before its answer is read, and although none comes."""
+    def asked(self, request: Request, connection: int) -> None:
+        """An `arm` may be granted before its answer is read."""
         if request.command == "arm":
-            self._asked[connection] = time_s + ANSWER_S + _duration_s(request)
+            self._asked[connection] = request
 
     def answered(self, request: Request, reply: Reply, connection: int, time_s: float) -> None:
         """An `arm` that was granted counts from when its answer is there."""
         self._asked.pop(connection, None)
         if request.command == "arm" and reply.ok:
-            self._until_s = time_s + _duration_s(request)
+            self._until_s, self.ticks = time_s + _duration_s(request), LAPSES_TICKS
             self._holder = 0 if request.detached else connection
 
-    def closed(self, connection: int, time_s: float, within_s: float) -> None:
-        """The daemon may take `within_s` to notice that its owner is gone."""
-        if connection == self._holder:
-            self._until_s = min(self._until_s, time_s + within_s)
+    def closed(self, connection: int, time_s: float) -> None:
+        """A connection is over, perhaps before an answer came: what it asked for may have been
+        granted until now, and will not be any more."""
+        asked = self._asked.pop(connection, None)
+        if asked is not None and asked.detached:
+            self._until_s = max(self._until_s, time_s + _duration_s(asked))
+        elif asked is not None and (connection == self._holder or self._until_s < time_s):
+            self._until_s, self.ticks = time_s, HEARD_TICKS
+        elif connection == self._holder:
+            self._until_s, self.ticks = min(self._until_s, time_s), HEARD_TICKS
 
 
 def _duration_s(request: Request) -> float:
-    return request.lease_s or (600.0 if request.detached else 0.5)
+    return request.lease_s or (PERSON_S if request.detached else PROGRAM_S)

@@ -34,8 +34,6 @@ from errors import ContactdError
 MEAN_PAUSE_S = 25.0  # between two faults, two rude clients, two recordings
 RUDE_S = 2.0
 COMES_BACK_S = 60.0  # after a fault
-# How long the end of a connection may go unseen: rude clients keep the doors busy.
-HANG_UP_S = 1.0
 SETTLES_S = 1.0  # after a fault's cause is gone
 SAMPLES = 240
 
@@ -138,7 +136,7 @@ def _live(house: House, person: Person) -> None:
                 client, number = Client(house.both.door), leases.connection()
             for request in step.requests:
                 assert client is not None
-                leases.asked(request, number, time.monotonic())
+                leases.asked(request, number)
                 reply = client.ask(request)
                 now = time.monotonic()
                 leases.answered(request, reply, number, now)
@@ -154,7 +152,7 @@ def _live(house: House, person: Person) -> None:
             step = type(step)(wait_s=0.5)
         if step.hang_up and client is not None:
             client.close()
-            leases.closed(number, time.monotonic(), HANG_UP_S)
+            leases.closed(number, time.monotonic())
             client = None
     if client is not None:
         client.close()
@@ -211,7 +209,13 @@ def _observe(
     for state in states:
         now, house.state = state.time_s, state
         disturbed = onlooker.look() or house.trouble
-        watch.see(state, lease_until_s=house.leases.until_s - offset_s, disturbed=disturbed)
+        leases = house.leases
+        watch.see(
+            state,
+            lease_until_s=leases.until_s - offset_s,
+            lease_ticks=leases.ticks,
+            disturbed=disturbed,
+        )
         if house.trouble or state.mode not in (Mode.OFF, Mode.ENABLING, Mode.FAULTED):
             down_since_s = now
         back = now <= down_since_s + COMES_BACK_S

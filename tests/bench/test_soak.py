@@ -1,6 +1,7 @@
 """What the soak calls a trend, a broken rule, a false alarm; and some seconds of it."""
 
 import logging
+import math
 from contextlib import closing
 from pathlib import Path
 from random import Random
@@ -14,7 +15,16 @@ from bench.lockstep import ROMEO
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.lockstep import run_lockstep
 from bench.soak.onlooker import Onlooker
-from bench.soak.people import ANSWER_S, Leases, Person, Step, View, operator, program
+from bench.soak.people import (
+    HEARD_TICKS,
+    LAPSES_TICKS,
+    Leases,
+    Person,
+    Step,
+    View,
+    operator,
+    program,
+)
 from bench.soak.record import Ledger, Part
 from bench.soak.report import failures
 from bench.soak.robot import hand_script
@@ -124,7 +134,7 @@ BROKEN: list[tuple[str, list[State]]] = [
     ("velocity steps bounded", [state(1), state(2, setpoint=first(0.1))]),
     # To brake that hard is right only before a limit.
     ("velocity steps bounded", [state(1, setpoint=first(0.5)), state(2)]),
-    ("armed no longer than the lease", [state(100, armed=True)]),
+    ("armed no longer than the lease", [state(51, armed=True), state(53, armed=True)]),
     ("not armed while latched", [state(1, armed=True, mode="off")]),
     ("time goes on", [state(1), state(2, time_s=0.01)]),
     ("a change of mode is told", [state(1), state(2, mode="tracking")]),
@@ -153,7 +163,7 @@ def test_each_rule_can_be_broken(rule: str, states: list[State]) -> None:
     ledger = Ledger()
     watch = Watch(C, ledger, GIVES_WAY)
     for each in states:
-        watch.see(each, lease_until_s=0.5, disturbed=False)
+        watch.see(each, lease_until_s=0.5, lease_ticks=1, disturbed=False)
     assert set(ledger.broken) == {rule}, ledger.cases
     part = Part("x", 1, ledger=ledger)
     assert failures([part])[0].startswith(f"x: {rule}, ")
@@ -172,7 +182,7 @@ def test_what_is_right_breaks_no_rule() -> None:
         state(4, mode="tracking", armed=True, link_position=at_limit),
         state(5, mode="faulted", events=[*told("disarmed: z"), *told("tracking -> faulted: z")]),
     ):
-        watch.see(each, lease_until_s=0.5, disturbed=False)
+        watch.see(each, lease_until_s=0.5, lease_ticks=1, disturbed=False)
     assert not ledger.broken, ledger.cases
 
 
@@ -233,21 +243,37 @@ def test_people_want_much_and_not_all_of_it_is_right() -> None:
 
 
 def test_leases_are_known_from_the_answers() -> None:
-    leases, granted = Leases(), Reply(ok=True)
+    leases, granted, refused = Leases(), Reply(ok=True), Reply(ok=False)
+    short, detached = Request("arm", lease_s=2.0), Request("arm", detached=True)
     one, two = leases.connection(), leases.connection()
-    leases.asked(Request("arm", lease_s=2.0), one, 9.9)
-    assert leases.until_s == 9.9 + 2.0 + ANSWER_S  # it may be granted before it is known
-    leases.answered(Request("arm", lease_s=2.0), granted, one, 10.0)
+    leases.asked(short, one)
+    assert leases.until_s == math.inf  # it may be granted before it is known
+    leases.answered(short, granted, one, 10.0)
+    assert (leases.until_s, leases.ticks) == (12.0, LAPSES_TICKS)
+    leases.closed(two, 10.5)
     assert leases.until_s == 12.0
-    leases.closed(two, 10.5, 0.1)
-    assert leases.until_s == 12.0
-    leases.closed(one, 11.0, 0.1)
-    assert leases.until_s == 11.1
-    leases.answered(Request("arm", detached=True), Reply(ok=False), two, 11.0)
-    assert leases.until_s == 11.1
-    leases.answered(Request("arm", detached=True), granted, two, 11.0)
-    leases.closed(two, 12.0, 0.1)
-    assert leases.until_s == 611.0
+    leases.closed(one, 11.0)
+    assert (leases.until_s, leases.ticks) == (11.0, HEARD_TICKS)
+    leases.asked(detached, two)
+    leases.answered(detached, refused, two, 11.0)
+    assert leases.until_s == 11.0
+    leases.answered(detached, granted, two, 11.0)
+    leases.closed(two, 12.0)
+    assert (leases.until_s, leases.ticks) == (611.0, LAPSES_TICKS)
+
+
+def test_what_was_asked_and_not_answered_may_have_been_granted() -> None:
+    leases = Leases()
+    one, two = leases.connection(), leases.connection()
+    leases.asked(Request("arm", lease_s=2.0), one)
+    leases.closed(one, 10.0)
+    assert (leases.until_s, leases.ticks) == (10.0, HEARD_TICKS)  # whoever held it is gone
+    leases.asked(Request("arm", lease_s=2.0, detached=True), two)
+    leases.closed(two, 11.0)
+    assert leases.until_s == 13.0  # a person's lease outlives their connection
+    leases.asked(Request("arm", lease_s=2.0), one)
+    leases.closed(one, 12.0)
+    assert leases.until_s == 13.0  # and nobody takes it from them
 
 
 # --- a little of it -------------------------------------------------------------------------------

@@ -74,6 +74,33 @@ def test_malformed_is_told_and_the_connection_kept(
     assert told(client)["ok"] is True
 
 
+@pytest.mark.parametrize(
+    ("command", "done"),
+    [
+        ("enable", False),
+        ("start", False),
+        ("arm", False),
+        ("stop", True),
+        ("disarm", True),
+        ("pause", True),
+        ("disable", True),
+        ("reset", True),
+    ],
+)
+def test_who_hung_up_can_stop_the_arm_and_not_let_it_move(
+    control: ControlSocket, dial: Dial, command: str, done: bool
+) -> None:
+    """A person whose command was not answered in time walks up to an arm that must not start."""
+    handler = Handler()
+    client = dial()
+    control.poll(handler)
+    client.send(json.dumps({"command": command}).encode())
+    client.close()
+    control.poll(handler)
+    assert bool(handler.seen) is done
+    assert control.connections == 0
+
+
 def test_largest_request_is_served(control: ControlSocket, dial: Dial) -> None:
     client = dial()
     control.poll(Handler())
