@@ -110,6 +110,7 @@ def build_transmission(c: Configuration) -> Transmission:
         link_viscous=row(c, lambda j: j.friction.link_viscous),
         gap_coulomb=row(c, lambda j: j.friction.gap_coulomb),
         gap_viscous=row(c, lambda j: j.friction.gap_viscous),
+        stiction=row(c, lambda j: j.friction.stiction),
         contact_stiffness=row(c, lambda j: j.gap_spring.stiffness),
         contact_damping=row(c, lambda j: j.gap_spring.damping),
         sign_width=c.estimator.sign_width,

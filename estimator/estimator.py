@@ -21,7 +21,7 @@ from estimator.model import Model
 from estimator.motor_position import MOTION, MotorPosition
 from estimator.residual import Residual
 from estimator.settings import EstimatorSettings
-from estimator.stiction import Stiction
+from estimator.stiction import CREEP, Stiction
 from estimator.touched_link import touched_link
 from estimator.transmission import (
     Transmission,
@@ -40,9 +40,6 @@ _OWN_FORMS = 3
 
 # Rows of the rubbing terms, and at which of theta_dot, q_dot and phi_dot each of them rubs.
 _RUBBING = slice(ROW["motor_rub"], ROW["gap_rub"] + 1)
-
-# [rad/s]; a slower motor velocity may be noise and bias, and its integral nothing.
-_CREEP = 0.01
 
 
 class Estimator:
@@ -97,7 +94,7 @@ class Estimator:
         self._contact = thresholds.contact
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         t = transmission
-        self._held = settings.stiction_belief * t.engaged_coulomb
+        self._held = t.stiction * t.engaged_coulomb
         self._hidden = settings.stiction_share * t.engaged_coulomb
         # What a fit adds to tau_M while engaged, for the variants that know of engagement.
         self._corrected = np.array([[v.kind == "backlash"] for v in variants], dtype=np.float64)
@@ -223,7 +220,7 @@ class Estimator:
         if self._measured:
             moved = theta - self.interval.before[ROW["position"]]
         else:
-            clearly = np.maximum(np.abs(theta_dot), np.abs(qd)) > _CREEP
+            clearly = np.maximum(np.abs(theta_dot), np.abs(qd)) > CREEP
             moved = np.where(clearly, theta_dot * dt, q - self._shown[0])
         return moved
 

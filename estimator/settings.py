@@ -22,8 +22,6 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     motor_position: Literal["integrated", "measured"] = "integrated"
     sign_width: Annotated[float, Meta(gt=0, le=1)] = 0.02  # [rad/s], goes to the Transmission
     debounce: Annotated[int, Meta(ge=1, le=100)] = 1  # ticks
-    # Coulomb friction at rest: the share believed to be what the last motion left (1: stiction)
-    stiction_belief: Annotated[float, Meta(ge=0, le=1)] = 0.4
     stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.35  # raises thresholds at rest
     presliding: Annotated[float, Meta(gt=0, le=0.1)] = 0.0015  # [rad] until friction is built up
     current_delay_ms: Delay = 3.0  # of the drive's current filter

@@ -5,7 +5,7 @@ only as the joint is displaced by some thousandths of a radian: its pre-sliding.
 between both, and so does what is believed here:
 
     z += displacement / presliding, held within -1 ... 1                    (the stop operator)
-    tau = belief * K_theta_s * (z - s(theta_dot)), beside K_theta_s s(theta_dot) of (6)
+    tau = stiction * K_theta_s * (z - s(theta_dot)), beside K_theta_s s(theta_dot) of (6)
 
 In motion z = s(theta_dot) = +-1, and tau vanishes. What z was in the beginning is unknown: it is
 followed from both ends, which meet once the joint was displaced far enough.
@@ -17,6 +17,9 @@ import numpy as np
 
 from estimator import memory
 from estimator.types import Matrix, Vector
+
+CREEP = 0.01
+"""[rad/s]; a slower motor velocity may be noise and bias, and its integral nothing."""
 
 
 class Stiction:

@@ -13,6 +13,8 @@ from errors import ModelError
 from estimator.types import Vector
 
 REST_VELOCITY = 0.05  # [rad/s]
+STICTION = 0.4
+"""Where nobody knows it: alike bad for smooth friction and for stiction."""
 
 _SCALARS = ("joints", "sign_width")
 _SIGNED = ("contact_stiffness", "contact_damping")
@@ -47,6 +49,8 @@ class Transmission:
     """K_phi_s [Nm], >= 0; rubs between rotor and link inside the gap"""
     gap_viscous: Vector = field(default_factory=lambda: np.array(0.0))
     """K_phi_v [Nm s/rad], >= 0"""
+    stiction: Vector = field(default_factory=lambda: np.array(STICTION))
+    """Share of the Coulomb friction that near rest is what the last motion left, 0 ... 1"""
     contact_stiffness: Vector = field(default_factory=lambda: np.array(0.0))
     """K_phi_p [Nm/rad]: a fit's correction on top of tau_M, not the gear's stiffness; any sign"""
     contact_damping: Vector = field(default_factory=lambda: np.array(0.0))
@@ -100,6 +104,8 @@ class Transmission:
         object.__setattr__(self, name, values)
         if name in _SIGNED:
             self._refuse(name, ~np.isfinite(values), "finite")
+        elif name == "stiction":
+            self._refuse(name, ~((values >= 0.0) & (values <= 1.0)), ">= 0 and <= 1")
         elif name == "torque_constant":
             self._refuse(name, ~(np.isfinite(values) & (values > 0.0)), "> 0")
         else:

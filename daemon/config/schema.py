@@ -9,6 +9,7 @@ from daemon.admittance import MAX_GAIN
 from daemon.reactions import AfterQuiet, Reaction
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
 from estimator.settings import EstimatorSettings
+from estimator.transmission import STICTION
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -26,6 +27,8 @@ class Friction(Settings, frozen=True):
     link_viscous: NotNegative = 0.0
     gap_coulomb: NotNegative = 0.0
     gap_viscous: NotNegative = 0.0
+    # share of the Coulomb friction that near rest is what the last motion left (1: it sticks)
+    stiction: Annotated[float, Meta(ge=0, le=1)] = STICTION
 
 
 class GapSpring(Settings, frozen=True):

@@ -23,6 +23,7 @@ from estimator.identification.regression import (
     regression,
     solve_joint,
 )
+from estimator.identification.sticking import SURE, held
 from estimator.identification.touches import near
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
@@ -73,6 +74,10 @@ class FrictionFit:
     """K_c current over the URDF's torque, 1 where they agree; NaN where gravity does not act."""
     rotor_trusted: bool
     """False: the drives do not filter their current, and B comes from aliased samples."""
+    stiction: float
+    """Share of K_theta_s that near rest is what the last motion left; NaN where it did not show"""
+    stiction_error: float
+    """Its standard error"""
 
     def link_friction(self, name: str) -> float | None:
         """K_q_s or K_q_v where the gap showed it clearly."""
@@ -113,13 +118,17 @@ def identify_friction(
     rows = intervals(log, model, settings)
     cut: Mask = np.abs(rows.current) > 0.98 * max_current
     touched = np.zeros_like(cut)
+    sticking, unknown = held(rows, settings.presliding, transmission.sign_width)
     # Each round sees the gap with the friction of the one before, and what the one before could not
     # explain.
     for _ in range(_ROUNDS):
         where = locate(rows, transmission, settings)
-        found = regression(rows, transmission, where)
+        found = regression(rows, transmission, where, sticking)
         alpha, spoilt = transmission.half_gap.tolist(), near(rows, touched)
-        solved = [solve_joint(i, found, rows, alpha[i], where, cut, spoilt) for i in range(log.n)]
+        solved = [
+            solve_joint(i, found, rows, alpha[i], where, cut, spoilt, unknown)
+            for i in range(log.n)
+        ]
         touched = np.stack([one.touched for one in solved], axis=1)
         fits = [
             _judged(log.joints[i], i, one, rows, transmission, cut, settings)
@@ -134,7 +143,8 @@ def identify_friction(
 
 _ADOPTED = (
     *("motor_coulomb", "motor_viscous", "link_coulomb", "link_viscous"),
-    *("gap_coulomb", "gap_viscous", "rotor_inertia", "contact_stiffness", "contact_damping"),
+    *("gap_coulomb", "gap_viscous", "stiction"),
+    *("rotor_inertia", "contact_stiffness", "contact_damping"),
 )
 
 
@@ -157,6 +167,8 @@ def adopt(t: Transmission, fits: list[FrictionFit]) -> Transmission:
             link = min(share * whole if alone is None else alone, whole)
             new[f"link_{kind}"][i], new[f"motor_{kind}"][i] = link, whole - link
             new[f"gap_{kind}"][i] = v.get(f"K_phi_{letter}", 0.0)
+        if fit.stiction_error < SURE:
+            new["stiction"][i] = fit.stiction
         if fit.rotor_trusted:
             new["rotor_inertia"][i] = v["B"]
         new["contact_stiffness"][i] = v.get("K_phi_p", 0.0)
@@ -186,6 +198,8 @@ def _judged(
         condition=solved.condition,
         gravity_scale=gravity,
         rotor_trusted=settings.current_delay_ms > 0.0,
+        stiction=solved.stiction,
+        stiction_error=solved.stiction_error,
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from estimator.identification.intervals import Intervals, Located, Mask, low_pass, memory
+from estimator.identification.sticking import sticking_share
 from estimator.identification.touches import touches
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
 from estimator.types import Matrix, Vector
@@ -33,11 +34,12 @@ _GAP_SHARE = 0.02  # of the time, below which the gap shows nothing
 @dataclass(frozen=True, slots=True)
 class Regression:
     """What is compared, all filtered alike: r_nl (N, n) [Nm], columns (N, n, 9) and nuisance
-    columns (N, n, 2)."""
+    columns (N, n, 2); and the column of what is held near rest (N, n)."""
 
     r_nl: Matrix
     columns: Matrix
     nuisance: Matrix
+    held: Matrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +53,17 @@ class Solution:
     """Of the three columns that count while engaged"""
     touched: Mask
     """(N,) where something else than friction acted"""
+    stiction: float
+    """Share of the Coulomb friction that sticks, and its standard error"""
+    stiction_error: float
 
 
-def regression(rows: Intervals, t: Transmission, where: Located) -> Regression:
+def regression(rows: Intervals, t: Transmission, where: Located, held: Matrix) -> Regression:
     """(8)-(10) with DESIGN's corrections: friction columns carry a minus, springs start at the
     border, and every column passes the filter of r_nl.
 
     The nuisance is what errors of the masses and an offset of the current add: a share of gravity
-    and a constant. Friction is not to answer for them.
+    and a constant. Friction is not to answer for them. held (N, n): z - s(theta_dot), by `held`.
     """
     phi, apart = where.phi, where.gap.astype(np.float64)
     together = 1.0 - apart
@@ -80,6 +85,7 @@ def regression(rows: Intervals, t: Transmission, where: Located) -> Regression:
         low_pass(r_nl, rows, GAIN),
         low_pass(np.stack(columns, axis=2), rows, GAIN),
         low_pass(nuisance, rows, GAIN),
+        low_pass(-held * together, rows, GAIN),
     )
 
 
@@ -91,16 +97,18 @@ def solve_joint(
     where: Located,
     cut: Mask,
     spoilt: Mask,
+    unknown: Matrix,
 ) -> Solution:
     """Coefficients of joint i. cut (N, n): samples whose current was at its limit; spoilt (N,):
-    those near a touch, which are not fitted.
+    those near a touch, which are not fitted; unknown (N, n): how far what is held near rest is not
+    known, 0 to 1.
 
     Columns of the gap are used where the joint was in its gap at all; those of the relative
     friction K_phi and of the spring only if motion that was not fitted is explained better.
     """
     y, A, N = found.r_nl[:, i], found.columns[:, i], found.nuisance[:, i]
     gap = where.gap[:, i]
-    clean = _weights(rows, i, where, cut[:, i])
+    clean = _weights(rows, i, where, cut[:, i], resting(rows.theta_dot[:, i]))
     weight = clean * ~spoilt
     train = np.arange(len(y)) < (1.0 - HELD_OUT) * len(y)
     used = np.zeros(len(COLUMNS), dtype=np.bool_)
@@ -120,16 +128,23 @@ def solve_joint(
     coefficients, errors, condition = _solve(A, N, y, weight, used, rows.time_s)
     left = _unexplained(A, N, y, weight, used)
     touched = touches(rows, left, clean, float(coefficients[0]))
-    return Solution(coefficients, errors, r2, condition, touched)
+    _, nuisance = _lsq(A, N, y, weight, used)
+    stiction, stiction_error = sticking_share(
+        y - A @ coefficients - N @ nuisance,
+        coefficients[0] * found.held[:, i],
+        _weights(rows, i, where, cut[:, i], unknown[:, i]) * ~spoilt,
+        rows.time_s,
+    )
+    return Solution(coefficients, errors, r2, condition, touched, stiction, stiction_error)
 
 
-def _weights(rows: Intervals, i: int, where: Located, cut: Mask) -> Vector:
-    """How much each row counts, 0 to 1: not at rest, where Coulomb friction may have any value;
-    not while it is unclear which side of the gear carries; not while the current is cut off; and
-    not while the filter remembers any of these."""
+def _weights(rows: Intervals, i: int, where: Located, cut: Mask, rest: Vector) -> Vector:
+    """How much each row counts, 0 to 1: less by `rest` (N,), where Coulomb friction may have any
+    value; not while it is unclear which side of the gear carries; not while the current is cut off;
+    and not while the filter remembers any of these."""
     gap = where.gap[:, i]
     unclear = where.unclear[:, i] | cut | rows.first | np.diff(gap, prepend=gap[0])
-    doubt = np.maximum(resting(rows.theta_dot[:, i]), unclear)
+    doubt = np.maximum(rest, unclear)
     # doubt[k] = max(doubt[k], memory * doubt[k - 1]), in logarithms.
     forgotten = np.log(max(memory(rows, GAIN), 1e-3)) * np.arange(len(doubt))
     with np.errstate(divide="ignore"):

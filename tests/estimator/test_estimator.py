@@ -110,9 +110,9 @@ def test_what_stiction_holds_after_a_motion(
         current = (romeo.gravity(q) + moved * coulomb) / make_transmission().torque_constant
         estimate = estimator.step(current, q, speed, q)
     known = abs(moved)
-    expected = -moved * coulomb * (1.0 - settings.stiction_belief)
+    expected = -moved * coulomb * (1.0 - STICTION)
     np.testing.assert_allclose(estimate.residual, expected, rtol=0.05, atol=0.001)
-    raised = settings.stiction_share + (1.0 - known) * settings.stiction_belief
+    raised = settings.stiction_share + (1.0 - known) * STICTION
     contact = estimate.threshold - raised * coulomb
     np.testing.assert_allclose(contact, [0.8, 0.5, 0.4, 0.3, 0.2, 0.2, 0.2], atol=1e-6)
 

@@ -1,0 +1,56 @@
+"""Which share of a joint's Coulomb friction sticks: near rest, does it follow the velocity, as smooth
+friction does, or stay what the last motion left? See `estimator.stiction`.
+
+    r_nl + tau_mu + B theta_ddot = -stiction K_theta_s (z - s(theta_dot))                  engaged
+"""
+
+import numpy as np
+
+from estimator.identification.intervals import Intervals
+from estimator.stiction import CREEP, Stiction
+from estimator.transmission import smooth_sign
+from estimator.types import Matrix, Vector
+
+SURE = 0.1
+"""Standard error of the share above which nothing is said."""
+
+
+def held(rows: Intervals, presliding: float, sign_width: float) -> tuple[Matrix, Matrix]:
+    """z - s(theta_dot), means of both ends of each interval, and how far z may be off; (N, n).
+
+    What the estimator believes to be held near rest, with stiction and K_theta_s of 1.
+    """
+    operator = Stiction(rows.q.shape[1], presliding)
+    z, unknown = np.empty_like(rows.q), np.empty_like(rows.q)
+    for k, moved in enumerate(_displacement(rows)):
+        if rows.first[k]:
+            operator.restart()
+        z[k] = operator.z
+        operator.step(moved)
+        z[k] = 0.5 * (z[k] + operator.z)
+        unknown[k] = operator.unknown
+    return z - smooth_sign(rows.theta_dot, sign_width), unknown
+
+
+def _displacement(rows: Intervals) -> Matrix:
+    """Of the rotors in each interval [rad]. Integrated, a bias would move them at rest: where both
+    creep, rotor and link are one."""
+    if rows.measured:
+        return rows.advance
+    clearly = np.maximum(np.abs(rows.theta_dot), np.abs(rows.qd)) > CREEP
+    return np.where(clearly, rows.advance, rows.dt[:, None] * rows.qd)
+
+
+def sticking_share(
+    left: Vector, held: Vector, weight: Vector, time_s: Vector
+) -> tuple[float, float]:
+    """Share that explains `left` (N,) [Nm] by `held` (N,) [Nm], within 0 ... 1, and its standard
+    error from blocks of a second; NaN and infinite where nothing was held."""
+    x, y = weight * held, weight * left
+    square = float(x @ x)
+    if square < 1e-12:
+        return float("nan"), float("inf")
+    share = float(x @ y) / square
+    blocks = np.unique(time_s // 1.0, return_inverse=True)[1]
+    sums = np.bincount(blocks, weights=x * (y - share * x))
+    return min(max(share, 0.0), 1.0), float(np.sqrt(sums @ sums)) / square
