@@ -34,12 +34,11 @@ _GAP_SHARE = 0.02  # of the time, below which the gap shows nothing
 @dataclass(frozen=True, slots=True)
 class Regression:
     """What is compared, all filtered alike: r_nl (N, n) [Nm], columns (N, n, 9) and nuisance
-    columns (N, n, 2); and the column of what is held near rest (N, n)."""
+    columns (N, n, 3)."""
 
     r_nl: Matrix
     columns: Matrix
     nuisance: Matrix
-    held: Matrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +61,9 @@ def regression(rows: Intervals, t: Transmission, where: Located, held: Matrix) -
     """(8)-(10) with DESIGN's corrections: friction columns carry a minus, springs start at the
     border, and every column passes the filter of r_nl.
 
-    The nuisance is what errors of the masses and an offset of the current add: a share of gravity
-    and a constant. Friction is not to answer for them. held (N, n): z - s(theta_dot), by `held`.
+    held (N, n): z - s(theta_dot) of `sticking.held`. The nuisance is what errors of the masses, an
+    offset of the current and stiction add: a share of gravity, a constant and what is held after a
+    reversal. Friction and rotor are not to answer for them.
     """
     phi, apart = where.phi, where.gap.astype(np.float64)
     together = 1.0 - apart
@@ -80,12 +80,11 @@ def regression(rows: Intervals, t: Transmission, where: Located, held: Matrix) -
         *(penetration(phi, t.half_gap) * together, phi_dot * together),
     ]
     r_nl = rows.inertial - t.torque_constant * rows.current * together
-    nuisance = np.stack([rows.gravity, np.ones_like(rows.gravity)], axis=2)
+    nuisance = np.stack([rows.gravity, np.ones_like(rows.gravity), -held * together], axis=2)
     return Regression(
         low_pass(r_nl, rows, GAIN),
         low_pass(np.stack(columns, axis=2), rows, GAIN),
         low_pass(nuisance, rows, GAIN),
-        low_pass(-held * together, rows, GAIN),
     )
 
 
@@ -128,10 +127,11 @@ def solve_joint(
     coefficients, errors, condition = _solve(A, N, y, weight, used, rows.time_s)
     left = _unexplained(A, N, y, weight, used)
     touched = touches(rows, left, clean, float(coefficients[0]))
+    # Once more with the rows near rest, which all others had to do without.
     _, nuisance = _lsq(A, N, y, weight, used)
     stiction, stiction_error = sticking_share(
-        y - A @ coefficients - N @ nuisance,
-        coefficients[0] * found.held[:, i],
+        y - A @ coefficients - N[:, :2] @ nuisance[:2],
+        coefficients[0] * N[:, 2],
         _weights(rows, i, where, cut[:, i], unknown[:, i]) * ~spoilt,
         rows.time_s,
     )
