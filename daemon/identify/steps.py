@@ -122,6 +122,8 @@ def _friction_figures(fit: FrictionFit) -> str:
         return f"{name} {fit.values[name]:.3g} +- {fit.errors[name]:.1g} {unit}"
 
     parts = [one("K_theta_s", "Nm"), one("K_theta_v", "Nm s/rad"), one("B", "kg m2")]
+    if fit.stiction_known:
+        parts.append(f"stiction {fit.stiction:.2f} +- {fit.stiction_error:.1g}")
     parts += [f"R2 {fit.r2:.3f}", f"cond {fit.condition:.0f}"]
     if np.isfinite(fit.gravity_scale):
         parts.append(f"K_c/gravity {fit.gravity_scale:.2f}")

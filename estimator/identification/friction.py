@@ -79,6 +79,11 @@ class FrictionFit:
     stiction_error: float
     """Its standard error"""
 
+    @property
+    def stiction_known(self) -> bool:
+        """Whether `stiction` showed clearly."""
+        return self.stiction_error < SURE
+
     def link_friction(self, name: str) -> float | None:
         """K_q_s or K_q_v where the gap showed it clearly."""
         value = self.values.get(name)
@@ -126,8 +131,7 @@ def identify_friction(
         found = regression(rows, transmission, where, sticking)
         alpha, spoilt = transmission.half_gap.tolist(), near(rows, touched)
         solved = [
-            solve_joint(i, found, rows, alpha[i], where, cut, spoilt, unknown)
-            for i in range(log.n)
+            solve_joint(i, found, rows, alpha[i], where, cut, spoilt, unknown) for i in range(log.n)
         ]
         touched = np.stack([one.touched for one in solved], axis=1)
         fits = [
@@ -167,7 +171,7 @@ def adopt(t: Transmission, fits: list[FrictionFit]) -> Transmission:
             link = min(share * whole if alone is None else alone, whole)
             new[f"link_{kind}"][i], new[f"motor_{kind}"][i] = link, whole - link
             new[f"gap_{kind}"][i] = v.get(f"K_phi_{letter}", 0.0)
-        if fit.stiction_error < SURE:
+        if fit.stiction_known:
             new["stiction"][i] = fit.stiction
         if fit.rotor_trusted:
             new["rotor_inertia"][i] = v["B"]

@@ -173,6 +173,12 @@ def _judged(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> tu
     return engaged == 0.0, phi
 
 
+def around(rows: Intervals, marked: Mask, seconds: float) -> Mask:
+    """(N,) rows that lie within so many seconds of a marked one."""
+    width = 2 * round(seconds / float(np.median(rows.dt))) + 1
+    return np.convolve(marked, np.ones(width), mode="same") > 0.5
+
+
 def memory(rows: Intervals, gain: float) -> float:
     """What the filter (13) keeps of its output from row to row: (2 - T K) / (2 + T K)."""
     TK = gain * float(np.median(rows.dt))

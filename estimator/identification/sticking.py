@@ -1,5 +1,5 @@
-"""Which share of a joint's Coulomb friction sticks: near rest, does it follow the velocity, as smooth
-friction does, or stay what the last motion left? See `estimator.stiction`.
+"""Which share of a joint's Coulomb friction sticks: near rest, does it follow the velocity, as
+smooth friction does, or stay what the last motion left? See `estimator.stiction`.
 
     r_nl + tau_mu + B theta_ddot = -stiction K_theta_s (z - s(theta_dot))                  engaged
 """

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimator.identification.intervals import Intervals, Mask
+from estimator.identification.intervals import Intervals, Mask, around
 from estimator.types import Vector
 
 SUSTAINED_S = 0.1
@@ -29,5 +29,4 @@ def touches(rows: Intervals, left: Vector, weight: Vector, coulomb: float) -> Ma
 
 def near(rows: Intervals, touched: Mask) -> Mask:
     """(N,) samples so close to a touch of any joint, touched (N, n), that they are spoilt."""
-    around = round(AROUND_S / float(np.median(rows.dt)))
-    return np.convolve(touched.any(axis=1), np.ones(2 * around + 1), mode="same") > 0.5
+    return around(rows, np.asarray(touched.any(axis=1)), AROUND_S)

@@ -142,6 +142,8 @@ def test_friction_without_the_touched_stretch(states, folder):
     # The plant's friction is 10 % off the configured 0.33 Nm.
     assert abs(f.motor_coulomb + f.link_coulomb) == pytest.approx(0.33, rel=0.16)
     assert outcome.entries["joint"].r2 > 0.9
+    assert f.stiction < 0.1  # the plant's is smooth
+    assert "stiction 0.0" in outcome.lines[0].figures
 
 
 @pytest.mark.parametrize(

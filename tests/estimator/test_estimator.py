@@ -13,6 +13,7 @@ from estimator.model import Model
 from estimator.motor_position import Side
 from estimator.residual import Variant
 from estimator.settings import EstimatorSettings
+from estimator.transmission import STICTION
 
 T = 0.01
 BARE = Variant(kind="classical", friction=False, rotor_inertia=False)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from bench.fleet import Scatter, SoftHand, random_arm, record_fleet
+from bench.fleet import Reference, Scatter, SoftHand, random_arm, record_fleet
 from bench.lockstep import ROMEO
 from daemon.assembly import build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
@@ -20,6 +20,7 @@ from simulator.mismatch import PlantParameters, true_parameters
 EXACT = Mismatch(
     mass=0, center_of_mass=0, friction=0, torque_constant=0, half_gap=0, rotor_inertia=0
 )
+SAME_LINKS = Scatter(mass=1.0, center_of_mass=1.0, torque_constant=1.0)
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,21 @@ def moved(arm, nominal) -> Moved:
     """24 s of an excitation."""
     settings = SimulationSettings(mismatch=EXACT)
     rng = np.random.default_rng(4)
-    same = Scatter(mass=1.0, center_of_mass=1.0, torque_constant=1.0)
-    arms = [random_arm(nominal, scatter, settings, rng) for scatter in (same, Scatter())]
+    arms = [random_arm(nominal, scatter, settings, rng) for scatter in (SAME_LINKS, Scatter())]
+    raw = SimulationSettings(mismatch=EXACT, current_filter_ms=0.0)
+    logs = record_fleet(arm.description, arms, excited(arm), 24.0, settings, [raw])
+    return Moved(logs[0], logs[1], arms)
+
+
+@pytest.fixture(scope="session")
+def sticking(arm, nominal) -> tuple[MotionLog, PlantParameters]:
+    """16 s of it with an arm whose friction sticks."""
+    settings = SimulationSettings(mismatch=EXACT, friction="dahl")
+    true = random_arm(nominal, SAME_LINKS, settings, np.random.default_rng(5))
+    return record_fleet(arm.description, [true], excited(arm), 16.0, settings)[0][0], true
+
+
+def excited(arm: Arm) -> Reference:
     motion = fourier_within(arm.bounds.shrunk(0.7), arm.model, np.random.default_rng(1))
     path = trajectory(motion, motion.at(np.zeros(1))[0][0], arm.bounds, 24.0, 0.01)
     speed = np.gradient(path, 0.01, axis=0)
@@ -76,9 +90,7 @@ def moved(arm, nominal) -> Moved:
         k = min(round(t / 0.01), len(path) - 1)
         return path[k], speed[k]
 
-    raw = SimulationSettings(mismatch=EXACT, current_filter_ms=0.0)
-    logs = record_fleet(arm.description, arms, reference, 24.0, settings, [raw])
-    return Moved(logs[0], logs[1], arms)
+    return reference
 
 
 @pytest.fixture(scope="session")

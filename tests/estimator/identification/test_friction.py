@@ -55,6 +55,28 @@ def test_rotor_inertia_is_found(fitted, moved, which):
     assert all(fit.rotor_trusted for fit in fits)
 
 
+def test_rotor_of_a_light_joint_that_rattles_in_its_gap(fitted, moved):
+    fits, _ = fitted[0]
+    assert abs(errors(fits, moved.arms[0], "B")[6]) < 0.03
+
+
+def test_smooth_friction_does_not_stick(fitted, arm):
+    for fits, _ in fitted:
+        assert all(fit.stiction < 0.05 and fit.stiction_known for fit in fits), fits
+        assert (adopt(arm.transmission, fits).stiction < 0.05).all()
+
+
+def test_friction_that_sticks_is_no_touch_and_spoils_no_coefficient(sticking, identify):
+    log, true = sticking
+    fits, shown = identify(log, true.half_gap)
+    assert [fit.verdict for fit in fits] == [Verdict.GOOD] * 7, fits
+    assert shown.touched == ()
+    assert np.abs(errors(fits, true, "K_theta_s")).max() < 0.05
+    assert np.abs(errors(fits, true, "K_theta_v")).max() < 0.10
+    assert np.abs(errors(fits, true, "B")).max() < 0.12
+    assert all(0.45 < fit.stiction < 0.8 and fit.stiction_known for fit in fits), fits
+
+
 @pytest.mark.parametrize("joint", [1, 6])
 def test_link_friction_shows_in_the_gap(fitted, moved, joint):
     """Where a joint carries little, the middle of its gap must be found from phi itself."""
