@@ -13,7 +13,7 @@ import numpy as np
 from daemon.controller import Controller, Decision, Observed
 from daemon.limits import all_finite
 from daemon.messages import Check, Contact, Event, State, Timing, Vector
-from daemon.modes import Mode
+from daemon.modes import SENSING, Mode
 from daemon.observation import Observer
 from daemon.prearm import FLAG_NAMES, Objection, PreArm
 from daemon.supervisor import Finding, Reaction
@@ -136,7 +136,7 @@ class Cycle:
         if mode is Mode.ENABLING and machine.mode is Mode.HOLDING:
             # What friction held until now is not an external torque.
             self.estimator.reset()
-        self._tell(findings)
+        self._tell(findings, mode)
 
     def _step_s(self) -> float:
         """Time since the last decision, for which its setpoints have been in force [s]."""
@@ -218,8 +218,9 @@ class Cycle:
             checks += self.prearm.checks(objections, self._samples, self._estimate)
         return checks
 
-    def _tell(self, findings: tuple[Finding, ...]) -> None:
-        """Put this tick's news into `events`; a finding is told once until the latch is reset."""
+    def _tell(self, findings: tuple[Finding, ...], mode: Mode) -> None:
+        """Put this tick's news into `events`; a finding is told once until the latch is reset, and
+        a contact where the arm feels in `mode`: elsewhere it may be a brake that carries it."""
         if findings or self._told:
             for finding in findings:
                 if finding.reaction > Reaction.CONTINUE and finding not in self._told:
@@ -230,7 +231,7 @@ class Cycle:
         for change in changes:
             self.events.append(Event(kind="mode", text=f"{change.text}: {change.cause}"))
         changes.clear()
-        if self._updated and self._estimate is not None:
+        if self._updated and self._estimate is not None and mode in SENSING:
             for c in self._estimate.contacts:
                 contact = Contact(
                     joint=c.joint,

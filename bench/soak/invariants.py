@@ -36,7 +36,7 @@ class Watch:
         self.ledger = ledger
         self._gives_way = gives_way
         self.contacts_s: list[float] = []
-        """When a contact or a collision was reported, where the arm can feel one."""
+        """When a contact or a collision was reported."""
         self._limits = limits_of(c)
         self._transmission = build_transmission(c)
         self._period_s = c.period_s
@@ -82,8 +82,12 @@ class Watch:
         if mode in LATCHED and now > self._quiet_since_s + BRAKING_S:
             speed = np.array(state.motor_velocity) if motor_velocity is None else motor_velocity
             self._all("no motion while latched", np.abs(speed) < STANDS, now, speed, "rad/s")
-        if mode in SENSING:  # elsewhere a brake carries what the residual takes for a touch
-            self.contacts_s += [now for event in state.events if event.kind == "contact"]
+        contacts = [now for event in state.events if event.kind == "contact"]
+        self.contacts_s += contacts
+        if contacts:
+            # Elsewhere a brake carries what the residual takes for a touch.
+            felt = mode in SENSING or (before is not None and Mode(before.mode) in SENSING)
+            self.ledger.check("contacts where the arm can feel", felt, now, state.mode)
         self._before, self._setpoint = state, setpoint
 
     def _all(

@@ -330,3 +330,22 @@ def test_the_trajectory_keeps_to_the_clock_when_ticks_are_late_but_never_jumps(r
     assert abs(speed) > 1e-4
     # One that came 0.4 T late moves on by as much more, and the one after it by as much less.
     assert np.diff(late) / speed == pytest.approx([1.4, 0.6, 1.0, LONGEST_STEP], abs=0.02)
+
+
+def test_a_contact_is_told_where_the_arm_feels() -> None:
+    """Off, a brake carries what the residual takes for a touch."""
+    told: dict[Mode, int] = {}
+    with lockstep_rig(SINGLE_JOINT) as rig:
+        rig.run(0.1)
+        for mode in (Mode.OFF, Mode.HOLDING):
+            if mode is Mode.HOLDING:
+                rig.enable()
+            assert rig.mode is mode
+            threshold = rig.robot.configuration.joints[0].thresholds.contact
+            rig.arm.external_torque[0] = 3.0 * threshold
+            states = rig.states(0.5)
+            rig.arm.external_torque[0] = 0.0
+            rig.run(0.5)
+            assert any(state.thresholded[0] for state in states)
+            told[mode] = sum(event.kind == "contact" for s in states for event in s.events)
+    assert told[Mode.OFF] == 0 < told[Mode.HOLDING]
