@@ -19,6 +19,8 @@ LED_BACK_S = 1.0
 # How long a quick stop may take [s], and the speed of a motor that stands [rad/s].
 BRAKING_S = 1.0
 STANDS = 0.05
+# A fault that is gone must be reset and the arm be up again within this time [s].
+COMES_BACK_S = 60.0
 # After the hand is off, an arm that swings in its gaps may still be felt [s].
 SWINGS_S = 1.0
 
@@ -45,6 +47,7 @@ class Watch:
         self._setpoint = np.zeros(len(c.joints))
         self._quiet_since_s = 0.0
         self._overdue_ticks = 0
+        self._up_s: float | None = None  # when the arm was last up, or excused
 
     def see(
         self,
@@ -52,14 +55,15 @@ class Watch:
         *,
         lease_until_s: float,
         lease_ticks: int,
-        disturbed: bool,
+        touched: bool,
+        trouble: bool,
         q: NDArray[np.float64] | None = None,
         motor_velocity: NDArray[np.float64] | None = None,
     ) -> None:
         """One State. lease_until_s: until when somebody may have the arm armed (State.time_s), and
         lease_ticks: for how many ticks after that.
-        disturbed: whether a hand is on the arm or a fault is being made. q (n,) [rad] and
-        motor_velocity (n,) [rad/s]: the true ones, where they are known."""
+        touched: whether a hand is on the arm. trouble: whether a fault is being made. q (n,) [rad]
+        and motor_velocity (n,) [rad/s]: the true ones, where they are known."""
         mode, now = Mode(state.mode), state.time_s
         setpoint = np.array(state.setpoint)
         measured = np.array(state.link_position)
@@ -75,13 +79,14 @@ class Watch:
                 self._causes(before, state)
             if before.mode != state.mode:
                 self._quiet_since_s = now
-        if disturbed or not fresh.all():
+        if touched or trouble or not fresh.all():
             self._quiet_since_s = now
         if mode in SENSING:
             self._position(now, true_q, fresh if q is None else np.ones_like(fresh))
         if mode in LATCHED and now > self._quiet_since_s + BRAKING_S:
             speed = np.array(state.motor_velocity) if motor_velocity is None else motor_velocity
             self._all("no motion while latched", np.abs(speed) < STANDS, now, speed, "rad/s")
+        self._comes_back(state, mode, trouble)
         contacts = [now for event in state.events if event.kind == "contact"]
         self.contacts_s += contacts
         if contacts:
@@ -144,6 +149,16 @@ class Watch:
             late = self._overdue_ticks
             check("armed no longer than the lease", late <= allowed_ticks, now, f"{late} ticks")
             check("not armed while latched", mode not in LATCHED, now, state.mode)
+
+    def _comes_back(self, state: State, mode: Mode, trouble: bool) -> None:
+        now = state.time_s
+        if self._up_s is None or trouble or mode not in LATCHED:
+            self._up_s = now
+        back = now <= self._up_s + COMES_BACK_S
+        words = f"{state.cause}; {self.ledger.refusal}"
+        self.ledger.check("the arm comes back after a fault", back, now, words)
+        if not back:
+            self._up_s = now
 
     def _step(
         self,

@@ -19,12 +19,13 @@ from typing import Any
 
 import can
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.faults import CASES, Case
 from bench.faulty_bus import FaultyBus
 from bench.lockstep import Rig, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
-from bench.soak.people import LAPSES_TICKS, Leases, Person, View, explained, operator, program
+from bench.soak.people import LAPSES_TICKS, Leases, Person, View, hear, operator, program
 from bench.soak.process import held
 from bench.soak.progress import Progress
 from bench.soak.record import Part
@@ -35,8 +36,7 @@ from daemon.config.load import load_robot
 from daemon.control import ControlSocket
 from daemon.drives import Drives
 from daemon.loop import Clock, Loop
-from daemon.messages import Reply
-from daemon.modes import Mode
+from daemon.messages import Reply, State
 from daemon.notify import Notifier
 from daemon.peers import Peer
 from daemon.service import Service
@@ -59,8 +59,6 @@ UNFIT = {
 }
 FAULTS = tuple(case for case in CASES if case.name not in UNFIT)
 MEAN_PAUSE_S = 40.0  # between two faults
-# A fault that is gone must be reset and the arm be up again within this time [s].
-COMES_BACK_S = 60.0
 SAMPLES = 240
 
 Tell = Callable[[float], None]
@@ -197,9 +195,7 @@ def _soak(
     trouble = _Troublemaker(Random(rng.random()), stage)
     visitors = [_Visitor(who(Random(rng.random()), c)) for who in (operator, program)]
     touches: list[tuple[float, float]] = []
-    sigma, error, cpu = [0.0], [0.0], time.thread_time()
-    every, done = max(seconds / SAMPLES, 0.25), 0
-    down_since_s = 0.0
+    sampler = _Sampler(part, every_s=max(seconds / SAMPLES, 0.25))
     stage.run(0.1)
     while (now := rig.time_s) < seconds:
         trouble.before(part)
@@ -216,41 +212,52 @@ def _soak(
             state,
             lease_until_s=leases.until_s,
             lease_ticks=LAPSES_TICKS,
-            disturbed=touching,
+            touched=rig.arm.hand.touching,
+            trouble=trouble.active,
             q=plant.q,
             motor_velocity=plant.theta_dot,
         )
         for visitor in visitors:
             if visitor.due_s <= now:
                 _visit(visitor, service, leases, trouble.active, part)
-        mode = Mode(state.mode)
-        if trouble.active or mode not in (Mode.OFF, Mode.ENABLING, Mode.FAULTED):
-            down_since_s = now
-        late = now > down_since_s + COMES_BACK_S
-        part.ledger.check("the arm comes back after a fault", not late, now, state.cause)
-        if late:
-            down_since_s = now
-        sigma.append(sum(state.gap_sigma) / len(state.gap_sigma))
-        error.append(float(np.abs(np.array(state.motor) - plant.theta).max()))
-        part.counts[f"ticks {mode}"] += 1
-        if now >= (done + 1) * every:
-            ticks = len(sigma)
-            spent, cpu = time.thread_time() - cpu, time.thread_time()
-            part.sample(
-                now,
-                {
-                    **held(os.getpid()),
-                    "theta's uncertainty": 1e3 * float(np.mean(sigma)),
-                    "error of theta": 1e3 * float(np.median(error)),
-                    "CPU time, simulation included": 1e6 * spent / ticks,
-                },
-            )
-            sigma, error, done = [], [], done + 1
+        part.counts[f"ticks {state.mode}"] += 1
+        if sampler.take(now, state, plant.theta):
             tell(now / seconds)
     part.seconds = seconds
     part.counts["contacts"] = len(watch.contacts_s)
     part.counts["touches and faults"] = len(touches)
     part.counts["false alarms"] = false_alarms(watch.contacts_s, touches)
+
+
+class _Sampler:
+    """Gathers figures of ticks, and every `every_s` makes one sample of them."""
+
+    def __init__(self, part: Part, every_s: float) -> None:
+        self._part, self._every_s, self._next_s = part, every_s, every_s
+        self._sigma: list[float] = []
+        self._error: list[float] = []
+        self._cpu_s = time.thread_time()
+
+    def take(self, time_s: float, state: State, theta: NDArray[np.float64]) -> bool:
+        """One tick, with the motors' true positions (n,) [rad]; whether it completes a sample."""
+        self._sigma.append(sum(state.gap_sigma) / len(state.gap_sigma))
+        self._error.append(float(np.abs(np.array(state.motor) - theta).max()))
+        if time_s < self._next_s:
+            return False
+        spent = time.thread_time() - self._cpu_s
+        self._part.sample(
+            time_s,
+            {
+                **held(os.getpid()),
+                "theta's uncertainty": 1e3 * float(np.mean(self._sigma)),
+                "error of theta": 1e3 * float(np.median(self._error)),
+                "CPU time, simulation included": 1e6 * spent / len(self._sigma),
+            },
+        )
+        self._sigma, self._error = [], []
+        self._next_s += self._every_s
+        self._cpu_s = time.thread_time()
+        return True
 
 
 def _visit(visitor: _Visitor, service: Service, leases: Leases, trouble: bool, part: Part) -> None:
@@ -267,11 +274,7 @@ def _visit(visitor: _Visitor, service: Service, leases: Leases, trouble: bool, p
         except ContactdError as error:  # as the control socket does
             reply = Reply(ok=False, message=str(error))
         leases.answered(request, reply, peer.connection, now)
-        part.counts[f"{request.command} {'done' if reply.ok else 'refused'}"] += 1
-        words = f"{request.command} in {machine.mode}: {reply.message} {reply.reasons}"
-        part.ledger.check("a refusal has its reasons", explained(reply), now, words)
-        always = request.command not in ("stop", "disarm") or reply.ok
-        part.ledger.check("stop and disarm are never refused", always, now, words)
+        hear(part, request, reply, machine.mode, now)
     if step.hang_up and visitor.connection:
         service.control.on_close(peer)
         leases.closed(visitor.connection, now)

@@ -11,6 +11,7 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from random import Random
 
+from bench.soak.record import Part
 from daemon.config.schema import Configuration
 from daemon.control import MAX_CONNECTIONS
 from daemon.lease import PERSON_S, PROGRAM_S
@@ -136,6 +137,17 @@ def explained(reply: Reply) -> bool:
 HEARD_TICKS = MAX_CONNECTIONS + 1
 # The lease is looked at after each tick.
 LAPSES_TICKS = 1
+
+
+def hear(part: Part, request: Request, reply: Reply, mode: str, time_s: float) -> None:
+    """Take note of an answer, and check what holds for all of them."""
+    part.counts[f"{request.command} {'done' if reply.ok else 'refused'}"] += 1
+    words = f"{request.command} in {mode}: {reply.message} {reply.reasons}"
+    if not reply.ok:
+        part.ledger.refusal = words
+    part.ledger.check("a refusal has its reasons", explained(reply), time_s, words)
+    always = request.command not in ("stop", "disarm") or reply.ok
+    part.ledger.check("stop and disarm are never refused", always, time_s, words)
 
 
 class Leases:

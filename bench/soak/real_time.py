@@ -20,7 +20,7 @@ from bench.rude_clients import ATTACKS, attacking
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.onlooker import Onlooker
 from bench.soak.outside_faults import FAULTS
-from bench.soak.people import Leases, Person, View, explained, operator, program
+from bench.soak.people import Leases, Person, Step, View, hear, operator, program
 from bench.soak.process import Stopwatch, held
 from bench.soak.record import Part
 from bench.soak.robot import gives_way, hand_script, write_robot
@@ -33,7 +33,6 @@ from errors import ContactdError
 
 MEAN_PAUSE_S = 25.0  # between two faults, two rude clients, two recordings
 RUDE_S = 2.0
-COMES_BACK_S = 60.0  # after a fault
 SETTLES_S = 1.0  # after a fault's cause is gone
 SAMPLES = 240
 
@@ -140,16 +139,11 @@ def _live(house: House, person: Person) -> None:
                 reply = client.ask(request)
                 now = time.monotonic()
                 leases.answered(request, reply, number, now)
-                part.counts[f"{request.command} {'done' if reply.ok else 'refused'}"] += 1
-                words = f"{request.command} in {reply.mode}: {reply.message} {reply.reasons}"
-                why = explained(reply)
-                part.ledger.check("a refusal has its reasons", why, state.time_s, words)
-                always = request.command not in ("stop", "disarm") or reply.ok
-                part.ledger.check("stop and disarm are never refused", always, state.time_s, words)
+                hear(part, request, reply, reply.mode, state.time_s)
         except ContactdError:
             # Held up on purpose, or flooded: a person tries again.
             part.counts["requests without an answer"] += 1
-            step = type(step)(wait_s=0.5)
+            step = Step(wait_s=0.5)
         if step.hang_up and client is not None:
             client.close()
             leases.closed(number, time.monotonic())
@@ -165,7 +159,8 @@ def _make_trouble(house: House, rng: Random, nodes: Sequence[int]) -> None:
         began, house.trouble = time.monotonic(), True
         fault(house.both, rng, nodes)
         house.disturbed.append((began, time.monotonic() + SETTLES_S))
-        house.trouble = not house.pause(0.2)
+        house.pause(0.2)
+        house.trouble = False
 
 
 def _be_rude(house: House, rng: Random) -> None:
@@ -205,22 +200,17 @@ def _observe(
     window, first = [next(states)], next(states)
     stopwatch, every = Stopwatch(pid), max(seconds / SAMPLES, 0.5)
     offset_s = first.timing.monotonic_s - first.time_s
-    next_s, down_since_s = first.time_s + every, first.time_s
+    next_s = first.time_s + every
     for state in states:
         now, house.state = state.time_s, state
-        disturbed = onlooker.look() or house.trouble
         leases = house.leases
         watch.see(
             state,
             lease_until_s=leases.until_s - offset_s,
             lease_ticks=leases.ticks,
-            disturbed=disturbed,
+            touched=onlooker.look(),
+            trouble=house.trouble,
         )
-        if house.trouble or state.mode not in (Mode.OFF, Mode.ENABLING, Mode.FAULTED):
-            down_since_s = now
-        back = now <= down_since_s + COMES_BACK_S
-        part.ledger.check("the arm comes back after a fault", back, now, state.cause)
-        down_since_s = down_since_s if back else now
         part.counts[f"ticks {state.mode}"] += 1
         part.counts["states that were not taken"] += state.tick - window[-1].tick - 1
         window.append(state)

@@ -35,6 +35,8 @@ class Ledger:
     checked: Counter[str] = field(default_factory=Counter)
     broken: Counter[str] = field(default_factory=Counter)
     cases: list[str] = field(default_factory=list)
+    refusal: str = ""
+    """What a person was told last that could not be done."""
 
     def check(self, rule: str, holds: bool, time_s: float, words: str = "") -> None:
         """Note that `rule` was looked at."""

@@ -120,6 +120,7 @@ def told(text: str) -> list[Event]:
 UPPER = C.joints[0].limits.upper
 GIVES_WAY = 0.02
 BROKEN: list[tuple[str, list[State]]] = [
+    ("the arm comes back after a fault", [state(k, mode="off") for k in (1, 3000, 6002)]),
     ("setpoints within the velocity limit", [state(1, setpoint=first(1.01))]),
     (
         "no setpoint leads out of a limit",
@@ -163,7 +164,7 @@ def test_each_rule_can_be_broken(rule: str, states: list[State]) -> None:
     ledger = Ledger()
     watch = Watch(C, ledger, GIVES_WAY)
     for each in states:
-        watch.see(each, lease_until_s=0.5, lease_ticks=1, disturbed=False)
+        watch.see(each, lease_until_s=0.5, lease_ticks=1, touched=False, trouble=False)
     assert set(ledger.broken) == {rule}, ledger.cases
     part = Part("x", 1, ledger=ledger)
     assert failures([part])[0].startswith(f"x: {rule}, ")
@@ -182,7 +183,7 @@ def test_what_is_right_breaks_no_rule() -> None:
         state(4, mode="tracking", armed=True, link_position=at_limit),
         state(5, mode="faulted", events=[*told("disarmed: z"), *told("tracking -> faulted: z")]),
     ):
-        watch.see(each, lease_until_s=0.5, lease_ticks=1, disturbed=False)
+        watch.see(each, lease_until_s=0.5, lease_ticks=1, touched=False, trouble=False)
     assert not ledger.broken, ledger.cases
 
 
