@@ -8,6 +8,7 @@ paper's, raised near rest. Every variant of the residual runs on the same sample
 
 import gc
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import click
@@ -41,11 +42,12 @@ BESIDE = (
 )
 
 
-def moving(motor_position: str) -> Any:
-    """A change of the configuration: all joints move, all residuals run."""
+def moving(motor_position: str, motion: Mapping[str, tuple[float, float]] = MOTION) -> Any:
+    """A change of the configuration: all joints move, all residuals run. motion: amplitude [rad]
+    and frequency [Hz] per joint."""
 
     def change(c: Configuration) -> Configuration:
-        waves = {n: Sinusoid(amplitude=a, frequency_Hz=f) for n, (a, f) in MOTION.items()}
+        waves = {n: Sinusoid(amplitude=a, frequency_Hz=f) for n, (a, f) in motion.items()}
         return msgspec.structs.replace(
             c,
             trajectory=Trajectory(sinusoids=waves, ramp_s=2.0),

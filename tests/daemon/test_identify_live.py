@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from bench.commissioning import Arm
+from bench.afternoon import Arm
 from bench.house import House
 from bench.lockstep import SINGLE_JOINT
 from daemon.commands import contactd
