@@ -25,7 +25,7 @@ from daemon.identify.steps import (
     wiring_step,
 )
 from errors import ConfigurationError
-from estimator.identification.gap import GapVerdict
+from estimator.identification.gap_answer import GapVerdict
 
 
 class Source(Protocol):

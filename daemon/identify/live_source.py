@@ -22,7 +22,8 @@ from daemon.identify.motions import (
 from daemon.identify.show import histogram
 from daemon.messages import State
 from errors import LogError
-from estimator.identification.gap import CROSSINGS, Gap, identify_gap
+from estimator.identification.gap import identify_gap
+from estimator.identification.gap_answer import CROSSINGS, Gap
 from estimator.identification.log import MotionLog
 from estimator.identification.wiring import follows_both_ways
 from estimator.model import Model
@@ -94,7 +95,7 @@ class LiveArm:
         here = np.array(self._session.hold().position)
         self._tell(
             f"The motor of {joint} stands still. Move its link softly by hand from side to side: "
-            "touch one border, rest a moment, touch the other."
+            "lean on one border, rest a moment, lean on the other, both alike."
         )
         load = float(self._model.gravity(here)[i])
         if abs(load) > _HEAVY:

@@ -18,7 +18,8 @@ from estimator.identification.friction import (
     adopt,
     identify_friction,
 )
-from estimator.identification.gap import Gap, identify_gap
+from estimator.identification.gap import identify_gap
+from estimator.identification.gap_answer import Gap
 from estimator.identification.levels import LevelSettings, LevelVerdict, identify_levels
 from estimator.identification.plausible import refuse_implausible
 from estimator.identification.wiring import check_wiring

@@ -3,14 +3,20 @@
 import gzip
 import itertools
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from estimator.identification.gap import GapVerdict, from_motion, from_plateaus, identify_gap
+from bench.fleet import SoftHand, record_fleet
+from estimator.identification.gap import identify_gap
+from estimator.identification.gap_answer import GapVerdict
+from estimator.identification.gap_in_motion import from_motion
 from estimator.identification.log import MotionLog
+from estimator.identification.plateaus import from_plateaus
+from simulator.description import SimulationSettings
 
 DATA = Path(os.environ.get("CONTACTD_DATA", Path(__file__).parents[4] / "shared" / "data"))
 T = 0.01
@@ -47,7 +53,7 @@ def test_a_drifting_integral_changes_nothing():
     phi = visits(0.02, 24)
     t = T * np.arange(len(phi))
     drift = 0.0004 * t  # 10 mrad in the end
-    gap = from_plateaus("j", t, phi, drift, 0.0004)
+    gap = from_plateaus("j", t, phi, drift, 0.0004, np.zeros_like(t))
     assert gap.half_gap == pytest.approx(0.02, abs=1e-4)
 
 
@@ -61,9 +67,43 @@ def test_a_drifting_integral_changes_nothing():
     ],
 )
 def test_what_cannot_be_told_is_not_told(phi, mean_velocity, verdict):
-    gap = from_plateaus("j", T * np.arange(len(phi)), phi, np.zeros_like(phi), mean_velocity)
+    still = np.zeros_like(phi)
+    gap = from_plateaus("j", T * np.arange(len(phi)), phi, still, mean_velocity, still)
     assert gap.verdict is verdict, gap
     assert gap.usable == (verdict is GapVerdict.NONE)
+
+
+def test_a_hand_that_stops_short_of_a_border_shows_none(arm, nominal):
+    """It stops as exactly as at a border, but the motor feels nothing there."""
+    settings = SimulationSettings(velocity_bias=0.001)
+    q0 = np.array([joint.initial_position for joint in arm.description.joints])
+    hand = StoppingHand([nominal] * 3, q0, arm.model.gravity(q0), settings.step_s)
+    still = (q0, np.zeros_like(q0))
+    logs = record_fleet(
+        arm.description, [nominal] * 3, lambda t: still, 17.0, settings, push=hand, motors_only=True
+    )[0]
+    for log, ends in zip(logs, ("upper|lower", "upper", "lower"), strict=True):
+        for i in np.flatnonzero(nominal.half_gap > 0.0):
+            gap = identify_gap(log, i, arm.transmission.torque_constant[i])
+            assert gap.verdict is GapVerdict.UNCLEAR, gap
+            assert re.search(f"did the link touch the ({ends}) border", gap.reason), gap
+
+
+class StoppingHand(SoftHand):
+    """On the way to a border that it does not reach it stops at 0.6 of the half-gap: with the first
+    arm on both sides, with the second only upwards, with the third only downwards."""
+
+    _short = np.repeat([[True, True], [False, True], [True, False]], 7, axis=0)
+
+    def __call__(self, t, q, q_dot):
+        visit, phase = divmod(t, 0.9)
+        upwards = int(visit) % 2 == 0
+        short = self._short[:, int(upwards)]
+        end = np.where(short, 0.6 * self._half_gap, self._half_gap + 0.008)
+        lead = min(phase / 0.25 - 1.0, 1.0) * (1.0 if upwards else -1.0)
+        spring = 100.0 * self._strongest * (self._q0 + lead * end - q)
+        spring = np.clip(spring, -self._strongest, self._strongest)
+        return self._gravity + spring - self._damping * q_dot
 
 
 def of(q: np.ndarray, theta: np.ndarray) -> MotionLog:

@@ -1,0 +1,67 @@
+"""What is said of a joint's gap, whichever way it was measured."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from estimator.types import Vector
+
+SMALLEST = 0.001
+"""A half-gap below this [rad] is none: encoders and the gear's own bending are of that size."""
+CROSSINGS = 15
+"""Differences between plateaus below which no figure is given."""
+CLEAR = 0.15
+"""Of alpha: scatter of the plateaus beyond which they are no borders."""
+
+
+class GapVerdict(StrEnum):
+    """What a log says about a joint's gap; only `clear` and `none` come with a half-gap to use."""
+
+    CLEAR = "clear"
+    NONE = "no dead zone"
+    UNCLEAR = "no clear dead zone"
+    FEW = "too few crossings"
+    MOTOR_MOVED = "the motor moved"
+    NO_LINK_ENCODER = "no link encoder"
+    NO_MOTION = "nothing moved"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """Answer for one joint. half_gap is NaN unless the verdict is `clear`; it is 0 for `none`."""
+
+    joint: str
+    verdict: GapVerdict
+    reason: str
+    """In words, with the figures."""
+    half_gap: float = float("nan")
+    """alpha [rad]"""
+    confidence: float = float("nan")
+    """Half width of the 95 % interval of alpha [rad]"""
+    crossings: int = 0
+    skew_s: float = float("nan")
+    """The link encoder is later than the motor's by this [s]; NaN where it does not show"""
+    skew_confidence_s: float = float("nan")
+    coulomb: float = float("nan")
+    """Friction inside the gap [Nm], from ramps only"""
+    stiffness: float = float("nan")
+    """Of the border [Nm/rad], from ramps only"""
+
+    @property
+    def usable(self) -> bool:
+        """Whether `half_gap` may go into a configuration."""
+        return self.verdict in (GapVerdict.CLEAR, GapVerdict.NONE)
+
+
+def spread(values: Vector) -> float:
+    low, high = np.percentile(values, [1.0, 99.0])
+    return float(high - low)
+
+
+def smoothed(values: Vector, width: int) -> Vector:
+    """Mean over `width` samples around each; the ends repeat."""
+    if width < 2:
+        return values
+    padded = np.pad(values, (width // 2, width - 1 - width // 2), mode="edge")
+    return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), mode="valid"))

@@ -1,0 +1,134 @@
+"""The half-gap, from a link that is led by hand from border to border while its motor stands."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from estimator.identification.gap_answer import (
+    CLEAR,
+    CROSSINGS,
+    SMALLEST,
+    Gap,
+    GapVerdict,
+    smoothed,
+    spread,
+)
+from estimator.types import Vector
+
+_CREEP = 0.01  # [rad/s] that no bias of a velocity explains
+_SURE = 3.0  # standard errors by which a border loads the motor
+_ALIKE = 0.35  # of the load at the other border; a motor takes a while to forget that
+
+
+@dataclass(frozen=True, slots=True)
+class Plateaus:
+    """Where phi rested, in the order of time; `upper` says at which border."""
+
+    time_s: Vector
+    level: Vector
+    upper: NDArray[np.bool_]
+
+
+def find_plateaus(time_s: Vector, q: Vector, phi: Vector) -> Plateaus:
+    """Rests of the link at either end of phi's range, one for each visit."""
+    period = float(np.median(np.diff(time_s)))
+    smooth = smoothed(q, round(0.05 / period))
+    speed = np.abs(np.gradient(smooth, time_s))
+    resting = speed < 0.2 * np.percentile(speed, 90.0)
+    low, high = np.percentile(phi, [2.0, 98.0])
+    place = (phi - low) / max(high - low, 1e-12)
+    # A rest in the middle is a hand that paused; it shows no border.
+    side = np.where(resting & (place > 0.6), 1, np.where(resting & (place < 0.4), -1, 0))
+    runs = [r for r in _runs(side) if side[r.start] and (r.stop - r.start) * period >= 0.06]
+    times: list[float] = []
+    levels: list[Vector] = []
+    uppers: list[bool] = []
+    for run in runs:
+        upper = bool(side[run.start] > 0)
+        if uppers and uppers[-1] == upper:
+            levels[-1] = np.concatenate([levels[-1], phi[run]])
+            continue
+        times.append(float(time_s[run].mean()))
+        levels.append(phi[run])
+        uppers.append(upper)
+    level = np.array([np.median(values) for values in levels])
+    return Plateaus(np.array(times), level, np.array(uppers, dtype=np.bool_))
+
+
+def from_plateaus(
+    name: str, time_s: Vector, q: Vector, theta: Vector, mean_velocity: float, torque: Vector
+) -> Gap:
+    """Differences between successive plateaus: 2 alpha, whatever drifts slowly.
+
+    torque (N,) [Nm] of the motor, which a border loads and a hand that stops short of it does not;
+    a constant tells nothing.
+    """
+    if abs(mean_velocity) > _CREEP:
+        about = f"it crept at {1e3 * mean_velocity:.3g} mrad/s"
+        return Gap(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about)
+    phi = q - theta
+    rigid = spread(phi) < 2.0 * SMALLEST
+    pushes = _alternations(q)
+    if rigid and pushes >= CROSSINGS:
+        about = f"pushed {pushes} times, phi stayed within {1e3 * spread(phi):.2g} mrad"
+        return Gap(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
+                   crossings=pushes)  # fmt: skip
+    found = find_plateaus(time_s, q, phi)
+    crossings = max(len(found.level) - 1, 0)
+    if crossings < CROSSINGS:
+        about = f"{crossings} crossings from border to border, at least {CROSSINGS} are needed"
+        return Gap(joint=name, verdict=GapVerdict.FEW, reason=about, crossings=crossings)
+    half = 0.5 * np.abs(np.diff(found.level))
+    # Drift adds to the ways up what it takes from the ways down.
+    up = found.upper[1:]
+    alpha = 0.5 * float(np.median(half[up]) + np.median(half[~up]))
+    left = np.where(up, half - np.median(half[up]), half - np.median(half[~up]))
+    # Of single plateaus: each difference has two.
+    scatter = np.sqrt(2.0) * 1.4826 * float(np.median(np.abs(left)))
+    confidence = 0.9 * scatter / np.sqrt(crossings) * float(student.ppf(0.975, crossings - 2))
+    about = f"{crossings} crossings, plateaus scatter by {1e3 * scatter:.2g} mrad"
+    if alpha < SMALLEST:
+        return Gap(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
+                   confidence=confidence, crossings=crossings)  # fmt: skip
+    doubt = about if scatter > CLEAR * alpha else _no_border(time_s, phi, torque, found)
+    if doubt:
+        return Gap(joint=name, verdict=GapVerdict.UNCLEAR, reason=doubt, crossings=crossings)
+    return Gap(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
+               confidence=confidence, crossings=crossings)  # fmt: skip
+
+
+def _no_border(time_s: Vector, phi: Vector, torque: Vector, found: Plateaus) -> str:
+    """Why one end of phi's range may be where the hand stopped, and no border; empty if both load
+    the motor: a link ahead of it (phi > 0) is held back, one behind it pushed."""
+    low, high = np.percentile(phi, [2.0, 98.0])
+    free = np.abs(phi - 0.5 * (low + high)) < 0.25 * (high - low)
+    if not free.any() or not np.ptp(torque) > 0.0:
+        return ""
+    pressed = torque - torque[free].mean()
+    loads = np.array([pressed[np.abs(time_s - t) < 0.1].mean() for t in found.time_s])
+    loads = np.where(found.upper, -loads, loads)
+    sides = {"upper": loads[found.upper], "lower": loads[~found.upper]}
+    mean = {side: float(x.mean()) for side, x in sides.items()}
+    error = {side: float(x.std(ddof=1)) / np.sqrt(len(x)) for side, x in sides.items()}
+    weak = min(mean, key=mean.__getitem__)
+    if mean[weak] > max(_SURE * error[weak], _ALIKE * max(mean.values())):
+        return ""
+    about = " and ".join(f"{max(mean[s], 0.0):.2g} Nm at the {s}" for s in ("lower", "upper"))
+    return (f"the motor feels {about} end: did the link touch the {weak} border? Press it a "
+            "little, both ways alike")  # fmt: skip
+
+
+def _alternations(values: Vector) -> int:
+    """How often they went from the lower to the upper third of their range, or back."""
+    low, high = np.percentile(values, [2.0, 98.0])
+    place = (values - low) / max(float(high - low), 1e-12)
+    outer = np.where(place > 0.67, 1, np.where(place < 0.33, -1, 0))
+    return int(np.count_nonzero(np.diff(outer[outer != 0])))
+
+
+def _runs(labels: NDArray[np.int64]) -> list[slice]:
+    edges = [0, *(np.flatnonzero(np.diff(labels)) + 1).tolist(), len(labels)]
+    return [slice(a, b) for a, b in itertools.pairwise(edges)]
