@@ -29,8 +29,10 @@ class Servo:
         rotor = np.array([joint.rotor_inertia for joint in joints])
         constant = np.array([joint.torque_constant for joint in joints])
         self._kp = (rotor + link_inertia) * BANDWIDTH / constant
-        self.stiffness = constant * self._kp * INTEGRAL_RATE
-        """Of the spring like which a stop is held (n,) [Nm/rad], with nominal torque constants."""
+        self.damping = constant * self._kp
+        """Of the proportional part (n,) [Nm s/rad], with nominal torque constants."""
+        self.stiffness = self.damping * INTEGRAL_RATE
+        """Of the spring like which a stop is held (n,) [Nm/rad], likewise."""
         self._ki_step = self._kp * INTEGRAL_RATE * SERVO_PERIOD_S
         self._highest = np.array([joint.max_current_A for joint in joints])
         self._lowest = -self._highest

@@ -52,16 +52,19 @@ def strongest(joint: Joint) -> float:
 def gives_way(robot: Robot) -> NDArray[np.float64]:
     """How far the hand may press the joints beyond where the daemon tells them to stand (n,) [rad].
 
-    At most, the velocity loop of the simulated drive gives way to it like a spring; the daemon then
-    leads the joint back. Beside that the daemon knows the gap no better than its tolerance says.
+    At most, the velocity loop of the simulated drive gives way to it like a spring, and like a
+    damper to the blow of a link that the hand has driven through the gap; the daemon then leads the
+    joint back. Beside that the daemon knows the gap no better than its tolerance says.
     """
     simulation = read_simulation(robot)
     description = describe(robot, simulation)
-    servo = Servo(description, true_parameters(description, simulation.settings).usual_link)
-    joints = robot.configuration.joints
-    torque = np.array([strongest(joint) for joint in joints])
-    unknown = np.array([(GAP_TOLERANCE - 1.0) * 2.0 * joint.half_gap for joint in joints])
-    return np.asarray(torque / servo.stiffness + unknown)
+    link = true_parameters(description, simulation.settings).usual_link
+    servo = Servo(description, link)
+    torque = np.array([strongest(joint) for joint in robot.configuration.joints])
+    gap = np.array([2.0 * joint.half_gap for joint in robot.configuration.joints])
+    momentum = np.sqrt(2.0 * torque * gap * link)
+    unknown = (GAP_TOLERANCE - 1.0) * gap
+    return np.asarray(torque / servo.stiffness + momentum / servo.damping + unknown)
 
 
 def hand_script(rng: Random, c: Configuration, seconds: float) -> tuple[AnyAct, ...]:

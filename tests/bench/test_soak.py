@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from bench.lockstep import ROMEO
+from bench.lockstep import ROMEO, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.lockstep import run_lockstep
 from bench.soak.onlooker import Onlooker
@@ -27,7 +27,7 @@ from bench.soak.people import (
 )
 from bench.soak.record import Ledger, Part
 from bench.soak.report import failures
-from bench.soak.robot import hand_script
+from bench.soak.robot import gives_way, hand_script, strongest, write_robot
 from bench.soak.trend import Bound, trend
 from daemon.config.load import load_robot
 from daemon.messages import Event, Reply, Request, State, Timing
@@ -275,6 +275,26 @@ def test_what_was_asked_and_not_answered_may_have_been_granted() -> None:
     leases.asked(Request("arm", lease_s=2.0), one)
     leases.closed(one, 12.0)
     assert leases.until_s == 13.0  # and nobody takes it from them
+
+
+@pytest.mark.parametrize("name", ["LShoulderYaw", "LWristYaw"])
+def test_a_hand_presses_the_drives_about_as_far_as_they_are_said_to_give_way(
+    tmp_path: Path, name: str
+) -> None:
+    """From the limit on, the link of a joint with a gap leaning on its far side."""
+    with lockstep_rig(write_robot(tmp_path / "arm")) as rig:
+        joints, i = rig.robot.configuration.joints, rig.robot.configuration.joint_names.index(name)
+        upper = joints[i].limits.upper
+        pose = np.array([0.5 * (joint.limits.lower + joint.limits.upper) for joint in joints])
+        pose[i] = upper - 0.1
+        rig.arm.plant.place(pose)
+        rig.enable()
+        rig.cycle.controller.motion.reference[i] = upper
+        rig.run(1.5)
+        rig.arm.external_torque[i] = strongest(joints[i])
+        beyond = []
+        rig.run(0.3, lambda: beyond.append(rig.arm.plant.q[i] - upper))
+        assert 0.5 < max(beyond) / gives_way(rig.robot)[i] < 0.8
 
 
 # --- a little of it -------------------------------------------------------------------------------
