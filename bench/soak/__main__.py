@@ -8,10 +8,11 @@ and `contactd run` as processes, as at a robot, with rude clients and a recorder
 hand pushes, leads and holds the arm; faults come and go, and a person resets them; people and
 programs arm, start, pause, stop, upload trajectories, change gains, let leases run out, hang up.
 
-In every tick it is checked that no joint goes beyond its limits and no setpoint leads there, that
-setpoints and their steps are bounded, that nothing moves while it is latched, that it is not armed
-longer than the lease, that every change of mode is one of the table and told with its cause, and
-that the arm comes back after each fault. Memory, descriptors, helpers, theta's uncertainty,
+In every tick it is checked that no setpoint leads a joint out of its limits, that none is further
+out than the hand can press its drive, and is led back; that setpoints and their steps are bounded,
+that nothing moves while it is latched, that it is not armed longer than the lease, that every change
+of mode is one of the table and told with its cause, that contacts are told only where the arm can
+feel, and that it comes back after each fault. Memory, descriptors, helpers, theta's uncertainty,
 lateness and the time of a tick must not grow: Theil-Sen's slope over the second half, 95 % sure,
 against a stated tolerance.
 

@@ -199,12 +199,13 @@ def _soak(
     stage.run(0.1)
     while (now := rig.time_s) < seconds:
         trouble.before(part)
-        touching = rig.arm.hand.touching or trouble.active
-        if touching:
+        stage.tick()
+        # After the tick: a hand that began within it has moved the arm already.
+        touched = rig.arm.hand.touching
+        if touched or trouble.active:
             if not touches or touches[-1][1] < now - 0.5:
                 touches.append((now, now))
             touches[-1] = (touches[-1][0], now)
-        stage.tick()
         trouble.after()
         state, plant = rig.cycle.state(), rig.arm.plant  # as it is published
         service.doors()
@@ -212,7 +213,7 @@ def _soak(
             state,
             lease_until_s=leases.until_s,
             lease_ticks=LAPSES_TICKS,
-            touched=rig.arm.hand.touching,
+            touched=touched,
             trouble=trouble.active,
             q=plant.q,
             motor_velocity=plant.theta_dot,
