@@ -13,7 +13,7 @@ import pytest
 
 from bench.lockstep import ROMEO, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
-from bench.soak.lockstep import run_lockstep
+from bench.soak.lockstep import FAULTS, run_lockstep
 from bench.soak.onlooker import Onlooker
 from bench.soak.people import (
     HEARD_TICKS,
@@ -30,9 +30,10 @@ from bench.soak.report import failures
 from bench.soak.robot import gives_way, hand_script, strongest, write_robot
 from bench.soak.trend import Bound, trend
 from daemon.config.load import load_robot
+from daemon.config.schema import Configuration
 from daemon.messages import Event, Reply, Request, State, Timing
 from daemon.modes import Mode
-from simulator.hand import Hand
+from simulator.hand import Hand, Push
 
 C = load_robot(ROMEO).configuration
 MIDDLE = [(joint.limits.lower + joint.limits.upper) / 2 for joint in C.joints]
@@ -312,3 +313,29 @@ def test_the_lockstep_part_goes_the_same_way_twice(monkeypatch: pytest.MonkeyPat
     assert runs[0].counts == runs[1].counts
     assert runs[0].ledger.checked == runs[1].ledger.checked
     assert runs[0].samples["error of theta"] == runs[1].samples["error of theta"]
+
+
+def test_a_hand_that_begins_within_a_tick_has_moved_the_arm_already(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A wrist that its drive holds in quick stop gives way at once: no motion of the arm's own."""
+
+    def nobody_resets(rng: Random, c: Configuration) -> Person:
+        yield Step()
+        for command in ("enable", "start"):
+            yield Step((Request(command),), wait_s=0.5)
+        while True:
+            yield Step()
+
+    def push(rng: Random, c: Configuration, seconds: float) -> tuple[Push, ...]:
+        return (Push(at_s=3.0, joint="LWristYaw", torque=0.4, duration_s=0.2),)
+
+    over_heated = tuple(case for case in FAULTS if case.name == "over-temperature")
+    monkeypatch.setattr("bench.soak.lockstep.FAULTS", over_heated)
+    monkeypatch.setattr("bench.soak.lockstep.MEAN_PAUSE_S", 3.0)
+    monkeypatch.setattr("bench.soak.lockstep.hand_script", push)
+    for who in ("operator", "program"):
+        monkeypatch.setattr(f"bench.soak.lockstep.{who}", nobody_resets)
+    part = run_lockstep(9, 4.0 / 3600.0)  # whose only fault comes after a second
+    assert part.counts["ticks faulted"] > 280, part.counts
+    assert not part.ledger.broken, part.ledger.cases
