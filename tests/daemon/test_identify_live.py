@@ -1,7 +1,11 @@
 """`contactd identify` on a live arm, in lockstep: stopped, touched, and left by a drive."""
 
 import ctypes
+import signal
+import subprocess
+import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -104,6 +108,42 @@ def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
     assert read_measured([part], ["joint"]).log.duration_s > MOTION_S - 0.5
 
 
+def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
+    arm: Arm, house: House
+) -> None:
+    command = [sys.executable, "-m", "daemon.commands.contactd", "identify", "friction"]
+    with subprocess.Popen(
+        [*command, "--seconds", "20", "--socket", str(house.path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+
+        def tick() -> bool:
+            house.tick()
+            if not house.service.control.readers:
+                time.sleep(0.002)
+            return house.rig.mode is Mode.TRACKING
+
+        in_motion = 0
+        while process.poll() is None and in_motion < 100 * MOTION_S:
+            in_motion += tick()
+        process.send_signal(signal.SIGINT)
+        while process.poll() is None and tick():
+            pass
+        process.send_signal(signal.SIGHUP)
+        while process.poll() is None:
+            tick()
+        assert process.stdout is not None
+        said = " ".join(process.stdout.read().split())
+    assert process.returncode == 1, said
+    assert "stopped by you; the arm is holding" in said
+    assert "Traceback" not in said
+    assert house.rig.mode is Mode.HOLDING
+    (part,) = (arm.folder / "identify").glob("*.part01.mcap")
+    assert read_measured([part], ["joint"]).log.duration_s > MOTION_S - 0.5
+
+
 def test_friction_goes_on_from_where_it_was_stopped(arm: Arm, house: House) -> None:
     stopped(house, "friction", "--seconds", "20")
     _, said = stopped(house, "friction", "--seconds", "20")
@@ -123,13 +163,16 @@ def test_a_lost_drive_ends_the_step_and_is_named(arm: Arm, house: House) -> None
     assert (arm.folder / "identified.yaml").read_bytes() == before
 
 
-def test_a_touch_is_told_at_once(house: House) -> None:
+def test_a_touch_is_told_at_once_and_left_out(arm: Arm, house: House) -> None:
     typed = Typed(house, "friction", "--seconds", "20")
-    typed.moves()
+    typed.moves(8.0)
     house.rig.arm.external_torque[0] = 1.5
-    typed.moves(MOTION_S + 0.3)
+    typed.moves(8.5)
     house.rig.arm.external_torque[0] = 0.0
-    typed.moves(MOTION_S + 0.6)
-    typed.ctrl_c()
-    _, said = typed.ends()
+    status, said = typed.ends()
+    assert status == 0, said
     assert "if that was you, hands off; it is discarded" in said
+    assert "s discarded: joint was touched" in said
+    found = load_robot(arm.folder).configuration.joints[0].friction
+    true = house.rig.arm.plant.parameters.coulomb.sum()
+    assert found.motor_coulomb + found.link_coulomb == pytest.approx(true, rel=0.1)
