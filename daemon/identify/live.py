@@ -130,7 +130,6 @@ class Session:
             except UnreachableError as error:
                 ended = str(error)
             with suppress(ContactdError):
-                self.client.request("pause")
                 mode = self.hold().mode
                 ended = ended and f"{ended}; the arm is {mode}"
         if ended:

@@ -175,4 +175,4 @@ def test_a_touch_is_told_at_once_and_left_out(arm: Arm, house: House) -> None:
     assert "s discarded: joint was touched" in said
     found = load_robot(arm.folder).configuration.joints[0].friction
     true = house.rig.arm.plant.parameters.coulomb.sum()
-    assert found.motor_coulomb + found.link_coulomb == pytest.approx(true, rel=0.1)
+    assert found.motor_coulomb + found.link_coulomb == pytest.approx(true, rel=0.04)
