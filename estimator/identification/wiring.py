@@ -93,8 +93,10 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
             "torque_constant, link_offset, masses, or another joint than this one moved"
         )
     elif abs(gravity) < abs(friction):
-        notes.append(f"gravity ({gravity:.2g} Nm) is too small in this pose to check K_c by it, and "
-                     "drives that are swapped: look whether it is this joint that moves")  # fmt: skip
+        notes.append(
+            f"gravity ({gravity:.2g} Nm) is too small in this pose to check K_c by it, or to find "
+            "swapped drives: look whether it is this joint that moves"
+        )
     return Wiring(joint=name, problems=tuple(problems), notes=tuple(notes), follows=follows,
                   friction=friction, held=held, gravity=gravity)  # fmt: skip
 
