@@ -166,7 +166,7 @@ class Controller:
         if event in (Event.ENABLE, Event.START, Event.RESET) and observed is None:
             return ["no samples of the drives yet"]
         if event is Event.START and self.motion.blind and not place.path.motors_only:
-            return ["the wiring was never checked (`contactd identify wiring`)"]
+            return ["the wiring was never checked before this start (`contactd identify wiring`)"]
         joints, limits = self._tuning.joints, self.motion.limits
         if event is Event.START and observed is not None:
             return not_startable(joints, observed.q, limits, place)

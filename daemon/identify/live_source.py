@@ -132,15 +132,19 @@ class LiveArm:
     def _move(self, step: str, text: str, path: Matrix, *, motors_only: bool) -> None:
         period = self._c.period_s
         columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=self._console) as progress:
-            task = progress.add_task(text, total=len(path) * period)
+        progress = Progress(*columns, console=self._console)
+        task = progress.add_task(text, total=len(path) * period)
 
-            def each(state: State) -> bool:
-                progress.advance(task, state.interval_s)
-                return False
+        def each(state: State) -> bool:
+            progress.start()  # not before the arm moves, which may be refused
+            progress.advance(task, state.interval_s)
+            return False
 
+        try:
             self._session.run(step, path, period, each, motors_only=motors_only)
             progress.update(task, completed=len(path) * period)
+        finally:
+            progress.stop()
 
     def _read(self, step: str) -> Measured:
         return read_measured(self._session.parts(step), self._names)

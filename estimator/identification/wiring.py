@@ -93,10 +93,9 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
             "torque_constant, link_offset, masses, or another joint than this one moved"
         )
     elif abs(gravity) < abs(friction):
-        notes.append(
-            f"gravity ({gravity:.2g} Nm) is too small in this pose to check K_c by it, or to find "
-            "swapped drives: look whether it is this joint that moves"
-        )
+        look = ", or to find swapped drives: look whether it is this joint that moves"
+        notes.append(f"gravity ({gravity:.2g} Nm) is too small in this pose to check K_c by it"
+                     + look * (log.n > 1))  # fmt: skip
     return Wiring(joint=name, problems=tuple(problems), notes=tuple(notes), follows=follows,
                   friction=friction, held=held, gravity=gravity)  # fmt: skip
 
