@@ -9,6 +9,7 @@ filter of the current. Then a hand leads every link from border to border while 
 A picture goes to bench/out/identification.png.
 """
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -160,19 +161,21 @@ def plot(errors: dict[str, Vector], gaps: Vector, joints: list[str]) -> Path:
 @click.option("--json", "as_json", is_flag=True)
 def main(arms: int, seconds: float, seed: int, as_json: bool) -> None:
     study = Study(arms, seconds, seed)
+    click.echo(f"{arms} arms move for {seconds:g} s", err=True)
     logs = study.excited()
     cases = [(name, seconds) for name in SENSORS]
     cases.insert(0, ("usual noise", seconds / 2))
     errors: dict[str, Vector] = {}
-    for sensors, length in cases:
-        rows = slice(0, round(length / study.c.period_s))
-        delay = 0.0 if sensors == "unfiltered current" else 3.0
-        errors[f"{sensors}, {length:g} s"] = np.array(
-            [
-                study.friction_errors(log.select(rows), arm, delay)
-                for log, arm in zip(logs[sensors], study.arms, strict=True)
-            ]
-        )
+    with click.progressbar(length=len(cases) * arms, label="fits", file=sys.stderr) as bar:
+        for sensors, length in cases:
+            rows = slice(0, round(length / study.c.period_s))
+            delay = 0.0 if sensors == "unfiltered current" else 3.0
+            of_arms = []
+            for log, arm in zip(logs[sensors], study.arms, strict=True):
+                of_arms.append(study.friction_errors(log.select(rows), arm, delay))
+                bar.update(1)
+            errors[f"{sensors}, {length:g} s"] = np.array(of_arms)
+    click.echo("a hand moves their links", err=True)
     n = len(study.c.joints)
     found = np.array(
         [[identify_gap(log, i, 1.0).half_gap for i in range(n)] for log in study.handled()]
