@@ -69,7 +69,7 @@ def main(minutes: float, hours: float, jobs: int, seed: int, as_json: bool) -> N
             show(part)
         click.echo()
     data = {part.name: part.data() for part in parts}
-    OUT.mkdir(exist_ok=True)
+    OUT.mkdir(parents=True, exist_ok=True)
     (OUT / "soak.json").write_text(json.dumps(data))
     picture = plot(parts, OUT / "soak.png")
     print_report("soak", seed, targets_of(parts), data, as_json=as_json)
