@@ -99,7 +99,7 @@ def test_a_program_holds_its_lease_by_renewing(house: House, client: Client) -> 
         house.run(0.4)
         assert armed(house)
     took, cause = until_disarmed(house, 1.0)
-    assert took <= 0.11
+    assert took < 0.115  # what is left of half a second, and a tick
     assert "ran out" in cause
 
 
