@@ -43,7 +43,8 @@ from daemon.service import Service
 from errors import ContactdError
 
 # Not at random: what leaves the arm somewhere it cannot be enabled from, what ends the program,
-# what needs a certain motion to be noticed, and what stands in for somebody else's part.
+# what needs a certain motion to be noticed, what stands in for somebody else's part, and what is
+# stronger than a drive: no setpoint keeps it inside a joint limit.
 UNFIT = {
     "adapter gone",
     "drive deaf to setpoints",
@@ -56,6 +57,7 @@ UNFIT = {
     "gear slips at 0.8 rad/s",
     "infinite reference",
     "pushed beyond a limit",
+    "hit of 9 Nm",
 }
 FAULTS = tuple(case for case in CASES if case.name not in UNFIT)
 MEAN_PAUSE_S = 40.0  # between two faults

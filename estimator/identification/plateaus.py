@@ -93,20 +93,30 @@ def from_plateaus(
     if alpha < SMALLEST:
         return Gap(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
                    confidence=confidence, crossings=crossings)  # fmt: skip
-    doubt = about if scatter > CLEAR * alpha else _no_border(time_s, phi, torque, found)
-    if doubt:
+    doubt, felt = about, False
+    if scatter <= CLEAR * alpha:
+        doubt, felt = _doubtful_border(time_s, phi, torque, found)
+    if not felt:
         return Gap(joint=name, verdict=GapVerdict.UNCLEAR, reason=doubt, crossings=crossings)
+    about = f"{about}; {doubt}" if doubt else about
     return Gap(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
                confidence=confidence, crossings=crossings)  # fmt: skip
 
 
-def _no_border(time_s: Vector, phi: Vector, torque: Vector, found: Plateaus) -> str:
+def _doubtful_border(
+    time_s: Vector, phi: Vector, torque: Vector, found: Plateaus
+) -> tuple[str, bool]:
     """Why one end of phi's range may be where the hand stopped, and no border; empty if both load
-    the motor: a link ahead of it (phi > 0) is held back, one behind it pushed."""
+    the motor alike: a link ahead of it (phi > 0) is held back, one behind it pushed. And whether
+    the motor felt that end at all.
+
+    How much of a load the motor's friction takes, nobody knows here: of a good arm that is pressed
+    alike, one end may load the motor six times as much as the other.
+    """
     low, high = np.percentile(phi, [2.0, 98.0])
     free = np.abs(phi - 0.5 * (low + high)) < 0.25 * (high - low)
     if not free.any() or not np.ptp(torque) > 0.0:
-        return ""
+        return "", True
     pressed = torque - torque[free].mean()
     loads = np.array([pressed[np.abs(time_s - t) < 0.1].mean() for t in found.time_s])
     loads = np.where(found.upper, -loads, loads)
@@ -114,11 +124,13 @@ def _no_border(time_s: Vector, phi: Vector, torque: Vector, found: Plateaus) -> 
     mean = {side: float(x.mean()) for side, x in sides.items()}
     error = {side: float(x.std(ddof=1)) / np.sqrt(len(x)) for side, x in sides.items()}
     weak = min(mean, key=mean.__getitem__)
-    if mean[weak] > max(_SURE * error[weak], _ALIKE * max(mean.values())):
-        return ""
+    felt = mean[weak] > _SURE * error[weak]
+    if felt and mean[weak] > _ALIKE * max(mean.values()):
+        return "", True
     about = " and ".join(f"{max(mean[s], 0.0):.2g} Nm at the {s}" for s in ("lower", "upper"))
-    return (f"the motor feels {about} end: did the link touch the {weak} border? Press it a "
-            "little, both ways alike")  # fmt: skip
+    words = (f"the motor feels {about} end: did the link touch the {weak} border? Press it a "
+             "little, both ways alike")  # fmt: skip
+    return words, felt
 
 
 def _alternations(values: Vector) -> int:
