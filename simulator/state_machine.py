@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from functools import cache
+from functools import lru_cache
 from types import MappingProxyType
 
 
@@ -110,7 +110,7 @@ def step(state: State, event: Event, quick_stop_option: int = 6) -> State:
     return transition.target
 
 
-@cache  # asked by every drive in every tick, nearly always the same
+@lru_cache(maxsize=1024)  # asked by every drive in every tick, nearly always the same
 def on_controlword(state: State, previous: int, controlword: int, quick_stop_option: int) -> State:
     """The state after a controlword: fault reset on the rising edge of bit 7, else its command."""
     if controlword & ~previous & 0x80:
