@@ -1,0 +1,218 @@
+"""A CiA 402 drive of other people's making, at the far end of a virtual bus, in lockstep.
+
+Our driver and our simulated drives have the same authors, who may have misread the same line of a
+standard twice. This drive's SDO server, PDOs, NMT, heartbeat, emergencies and EDS are durand's, and
+its power states those of the table in canopen's `State402`. Ours are only the objects that it has
+and a motor that follows its setpoint at once.
+"""
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final
+
+import can
+from canopen.profiles.p402 import State402
+from durand import Array, MinimalNode, Record, Variable, set_scheduler
+from durand import DatatypeEnum as Type
+from durand.scheduler import VirtualScheduler
+
+MASTER_HEARTBEAT: Final = 0x700 + 127
+SERIAL: Final = 4711
+SERVO_DRIVE: Final = 0x0002_0192
+"""Device type of CiA 402: profile 402, a servo drive."""
+#: As configs/single_joint has it: gear, counts per revolution, rpm / 10, current and its constant.
+GEAR: Final = 100.0
+LINK_COUNT: Final = 2.0 * math.pi / 131072
+MOTOR_COUNT: Final = 2.0 * math.pi / 4096
+VELOCITY_UNIT: Final = 0.2 * math.pi / 60.0
+RATED_CURRENT_A: Final = 2.0
+TORQUE_CONSTANT: Final = 3.0
+
+# Index: type, access, value, name. What a drive with two encoders has, as its maker would set it.
+_OBJECTS: Final = {
+    0x6007: (Type.INTEGER16, "rw", 1, "Abort connection option code"),
+    0x603F: (Type.UNSIGNED16, "ro", 0, "Error code"),
+    0x6040: (Type.UNSIGNED16, "rw", 0, "Controlword"),
+    0x6041: (Type.UNSIGNED16, "ro", 0, "Statusword"),
+    0x605A: (Type.INTEGER16, "rw", 2, "Quick stop option code"),
+    0x605E: (Type.INTEGER16, "rw", 2, "Fault reaction option code"),
+    0x6060: (Type.INTEGER8, "rw", 0, "Modes of operation"),
+    0x6061: (Type.INTEGER8, "ro", 0, "Modes of operation display"),
+    0x6064: (Type.INTEGER32, "ro", 0, "Position actual value"),
+    0x606C: (Type.INTEGER32, "ro", 0, "Velocity actual value"),
+    0x6072: (Type.UNSIGNED16, "rw", 1000, "Max torque"),
+    0x6073: (Type.UNSIGNED16, "rw", 1000, "Max current"),
+    0x6075: (Type.UNSIGNED32, "ro", round(1000 * RATED_CURRENT_A), "Motor rated current"),
+    0x6078: (Type.INTEGER16, "ro", 0, "Current actual value"),
+    0x6080: (Type.UNSIGNED32, "rw", 3000, "Max motor speed"),
+    0x6085: (Type.UNSIGNED32, "rw", 1000, "Quick stop deceleration"),
+    0x60FF: (Type.INTEGER32, "rw", 0, "Target velocity"),
+    0x6502: (Type.UNSIGNED32, "ro", 1 << 8, "Supported drive modes"),
+}
+_RECORDS: Final = {
+    0x60C2: ((Type.UNSIGNED8, "rw", 1, "Period"), (Type.INTEGER8, "rw", -3, "Index")),
+    0x60E4: ((Type.INTEGER32, "ro", 0, "1st additional position actual value"),),
+}
+_STATUS: Final = {name: bits for name, (_, bits) in State402.SW_MASK.items()}
+# What a controlword commands depends on these bits only (CiA 402, command coding).
+_COMMANDS: Final = (
+    (0x02, 0x00, State402.CW_DISABLE_VOLTAGE),
+    (0x06, 0x02, State402.CW_QUICK_STOP),
+    (0x07, 0x06, State402.CW_SHUTDOWN),
+    (0x0F, 0x07, State402.CW_SWITCH_ON),
+    (0x0F, 0x0F, State402.CW_OPERATION_ENABLED),
+)
+
+
+class PolledBus:
+    """durand's network upon a bus that is polled, without a thread."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+        self._callbacks: dict[int, Callable[[int, bytes], None]] = {}
+
+    def forget(self) -> None:
+        """As after power was off."""
+        self._callbacks.clear()
+
+    def add_subscription(self, cob_id: int, callback: Callable[[int, bytes], None]) -> None:
+        self._callbacks[cob_id] = callback
+
+    def remove_subscription(self, cob_id: int, **_: Any) -> None:
+        del self._callbacks[cob_id]
+
+    def send(self, cob_id: int, msg: bytes) -> None:
+        self._bus.send(can.Message(arbitration_id=cob_id, data=msg, is_extended_id=False))
+
+    def pump(self, timeout: float = 0.0) -> None:
+        """Handle all queued frames; waits up to `timeout` s for the first."""
+        while (message := self._bus.recv(timeout)) is not None:
+            if callback := self._callbacks.get(message.arbitration_id):
+                callback(message.arbitration_id, bytes(message.data))
+            timeout = 0.0
+
+
+class DurandDrive:
+    """One drive; time passes in `advance`, frames are answered in `pump` or while `serving`.
+
+    torque: what the motor gives at link position [rad] and velocity [rad/s], in Nm at the link.
+    """
+
+    def __init__(self, bus: can.BusABC, node: int, torque: Callable[[float, float], float]) -> None:
+        self._network, self._torque, self._number = PolledBus(bus), torque, node
+        self._now_s, self._heard_s = 0.0, math.inf
+        self._q = 0.0
+        self.states: list[str] = []
+        """Every power state it was in, in order."""
+        self.power_on()
+
+    def power_on(self) -> None:
+        """For the first time or again: a boot-up message, and nothing that it was told is left."""
+        self._network.forget()
+        self._clock = VirtualScheduler()
+        set_scheduler(self._clock)  # durand has one for all
+        self._heard_s = math.inf
+        self._node = MinimalNode(self._network, self._number)
+        self.objects = self._node.object_dictionary
+        self._furnish()
+        self._network.add_subscription(MASTER_HEARTBEAT, self._hear_master)
+        self._enter("SWITCH ON DISABLED")
+
+    @property
+    def eds(self) -> str:
+        """Its EDS, as durand writes it."""
+        return str(self._node.eds.content)
+
+    @property
+    def state(self) -> str:
+        return self.states[-1]
+
+    @property
+    def q(self) -> float:
+        """Link position [rad]."""
+        return self._q
+
+    def pump(self, timeout: float = 0.0) -> None:
+        """Answer what is on the bus."""
+        self._network.pump(timeout)
+
+    def advance(self, seconds: float) -> None:
+        """Let the time of one tick pass."""
+        self._now_s += seconds
+        self._clock.run(seconds)
+        watch = self.objects.read(0x1016, 1) & 0xFFFF
+        if watch and self._now_s - self._heard_s > watch / 1000.0 + 1e-9:
+            self.fail(0x8130)
+        moving = self.state == "OPERATION ENABLED"
+        counts = self.objects.read(0x60FF, 0) if moving else 0
+        velocity = counts * VELOCITY_UNIT / GEAR
+        self._q += velocity * seconds
+        current = self._torque(self._q, velocity) / TORQUE_CONSTANT
+        powered = self.state in ("OPERATION ENABLED", "QUICK STOP ACTIVE")
+        self._show(0x6078, 1000.0 * current / RATED_CURRENT_A if powered else 0.0)
+        self._show(0x606C, counts)
+        self._show(0x6064, self._q * GEAR / MOTOR_COUNT)
+        self._show(0x60E4, self._q / LINK_COUNT)
+
+    def fail(self, code: int) -> None:
+        """A fault: emergency, no torque."""
+        self._heard_s = math.inf
+        self.objects.write(0x603F, 0, code)
+        self._node.emcy.set(code, 0x01)
+        self._enter("FAULT")
+
+    @contextmanager
+    def serving(self) -> Iterator[None]:
+        """A thread that pumps for as long as the block lasts, while time stands still."""
+        done = threading.Event()
+
+        def serve() -> None:
+            while not done.is_set():
+                self.pump(0.02)
+
+        thread = threading.Thread(target=serve, name="durand drive", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            done.set()
+            thread.join()
+            self.pump()
+
+    def _furnish(self) -> None:
+        objects = self.objects
+        objects[0x1000].value = SERVO_DRIVE
+        objects[0x1018][2].value, objects[0x1018][4].value = 7, SERIAL
+        watch = Variable(Type.UNSIGNED32, "rw", 0, name="Time")
+        objects[0x1016] = Array(watch, 1, name="Consumer heartbeat time")
+        for index, (kind, access, value, name) in _OBJECTS.items():
+            objects[index] = Variable(kind, access, value, name=name)
+        for index, members in _RECORDS.items():
+            record = Record(name=f"Record {index:04X}")
+            for sub, (kind, access, value, name) in enumerate(members, start=1):
+                record[sub] = Variable(kind, access, value, name=name)
+            objects[index] = record
+        objects.update_callbacks[(0x6040, 0)].add(self._obey)
+        objects.update_callbacks[(0x6060, 0)].add(lambda mode: objects.write(0x6061, 0, mode))
+
+    def _obey(self, controlword: int) -> None:
+        if self.state == "FAULT":
+            commands = [State402.CW_SWITCH_ON_DISABLED] if controlword & 0x80 else []
+        else:
+            commands = [c for mask, bits, c in _COMMANDS if controlword & mask == bits]
+        for (before, after), command in State402.TRANSITIONTABLE.items():
+            if before == self.state and command in commands:
+                self._enter(after)
+                return
+
+    def _enter(self, state: str) -> None:
+        self.states.append(state)
+        self.objects.write(0x6041, 0, _STATUS[state])
+
+    def _hear_master(self, _: int, __: bytes) -> None:
+        self._heard_s = self._now_s
+
+    def _show(self, index: int, value: float) -> None:
+        self.objects.write(index, 1 if index in _RECORDS else 0, round(value))
