@@ -44,6 +44,7 @@ class Following:
         self._next = 0
         self._in_row = np.zeros(n, dtype=np.int64)
         self._too_slow, self._too_fast = np.zeros((2, n), dtype=np.bool_)
+        self._off = np.zeros(n)
 
     def restart(self) -> None:
         """The motors stand, and were told to."""
@@ -64,9 +65,14 @@ class Following:
             return np.zeros(len(velocity), dtype=np.bool_)
         slower = self._told.min(axis=0) - velocity
         faster = velocity - self._told.max(axis=0)
+        np.maximum(slower, faster, out=self._off)
         np.logical_and(slower > deviation, current < self._pressing, out=self._too_slow)
         np.logical_and(faster > deviation, current > -self._pressing, out=self._too_fast)
         self._in_row += 1
         self._in_row *= self._too_slow | self._too_fast
         astray: NDArray[np.bool_] = self._in_row >= TICKS
         return astray
+
+    def figures(self, joint: int) -> str:
+        """By how much a joint that is astray differs from the nearest of its setpoints."""
+        return f"by {self._off[joint]:.3f} rad/s, at most {self._bounds.deviation[joint]:.3f}"

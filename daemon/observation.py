@@ -184,5 +184,6 @@ class Observer:
             yield Finding(doubt.condition, self._names[doubt.joint], doubt.figures)
         if mode in SENSING:
             astray = self._following.astray(samples.motor_velocity, samples.current)
-            if astray.any():
-                yield Finding(Condition.NOT_FOLLOWING, self._named(astray))
+            for joint in np.flatnonzero(astray).tolist():
+                figures = self._following.figures(joint)
+                yield Finding(Condition.NOT_FOLLOWING, self._names[joint], figures)

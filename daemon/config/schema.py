@@ -137,7 +137,7 @@ class SupervisorSettings(Settings, frozen=True):
     position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, a bent gear, a push [rad]
     speed_margin: Annotated[float, Meta(gt=1, le=10)] = 2.0  # times limits.velocity
     # What a motor may differ from its setpoints while its drive does not press: times
-    # limits.velocity.
+    # limits.velocity. A soft velocity loop needs more (porting.md, step 8).
     following_margin: Annotated[float, Meta(gt=0, le=10)] = 0.2
     residual_margin: Annotated[float, Meta(gt=1, le=100)] = 4.0  # times thresholds.collision
 

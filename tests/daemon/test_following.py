@@ -110,3 +110,13 @@ def test_every_joint_by_itself() -> None:
         astray = following.astray(np.array([-0.21, 0.31]), np.zeros(2))
     assert astray.tolist() == [True, True]
     assert following.astray(np.array([0.0, 0.31]), np.zeros(2)).tolist() == [False, True]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_figures_are_from_the_nearest_setpoint_that_it_may_still_obey(sign: int) -> None:
+    following = Following(FollowingBounds(DEVIATION, CURRENT, LAG), T)
+    for told in (0.0, 0.05, 0.02):
+        following.tell(np.full(2, sign * told))
+    following.astray(np.array([sign * 0.3, -sign * 0.4]), np.zeros(2))
+    assert following.figures(0) == "by 0.250 rad/s, at most 0.200"
+    assert following.figures(1) == "by 0.400 rad/s, at most 0.300"

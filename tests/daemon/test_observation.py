@@ -250,6 +250,21 @@ def test_a_motor_that_does_not_follow_is_named_where_it_should(observer: Observe
     assert ticks(Mode.HOLDING, 1) == [astray]
 
 
+def test_every_motor_that_does_not_follow_is_named_with_its_figures(observer: Observer) -> None:
+    for _ in range(TICKS + 5):
+        found = observer.findings(
+            samples(),
+            Mode.TRACKING,
+            setpoint=np.array([0.3, -0.5]),
+            residual=np.zeros(2),
+            interval_s=T,
+        )
+    assert [str(finding) for finding in found] == [
+        "drive does not follow: shoulder (by 0.300 rad/s, at most 0.200)",
+        "drive does not follow: elbow (by 0.500 rad/s, at most 0.200)",
+    ]
+
+
 def test_after_a_reset_what_is_now_is_believed(observer: Observer) -> None:
     def at(q: float, mode: Mode) -> list[tuple[Condition, str]]:
         return observe(observer, samples(q=(q, 0.0)), mode, residual=np.zeros(2), interval_s=T)
