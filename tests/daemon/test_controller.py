@@ -246,19 +246,6 @@ def test_enable_is_refused_while_something_asks_for_a_quick_stop(
     assert reasons == ([f"{condition}: x"] if refused else [])
 
 
-def test_a_joint_that_was_not_heard_of_has_moved_on() -> None:
-    """Before a limit it is the slower for it."""
-    speeds = []
-    for age_s in (None, np.array([0.1, 0.0])):
-        motion = ideal_arm().controller.motion
-        push, q = np.array([2.0, 2.0]), np.array([0.98, 0.98])
-        for _ in range(100):
-            motion.step(Mode.ADMITTANCE, q, age_s, push, T)
-        speeds.append(motion.velocity.tolist())
-    (heard, other), (old, still) = speeds
-    assert 0.0 < old < heard == other == still
-
-
 def test_drives_that_do_not_follow_time_out() -> None:
     bench = ideal_arm()
     bench.step(energised=False)

@@ -1,0 +1,43 @@
+"""Setpoints of single modes, near the limits."""
+
+import numpy as np
+import pytest
+
+from bench.ideal_arm import MANNER, T, ideal_arm
+from daemon.modes import Mode
+
+
+def test_a_joint_that_was_not_heard_of_has_moved_on() -> None:
+    """Before a limit it is the slower for it."""
+    speeds = []
+    for age_s in (None, np.array([0.1, 0.0])):
+        motion = ideal_arm().controller.motion
+        push, q = np.array([2.0, 2.0]), np.array([0.98, 0.98])
+        for _ in range(100):
+            motion.step(Mode.ADMITTANCE, q, age_s, push, T)
+        speeds.append(motion.velocity.tolist())
+    (heard, other), (old, still) = speeds
+    assert 0.0 < old < heard == other == still
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_link_that_can_fall_past_its_limit_is_led_back_while_it_is_pushed(sign: float) -> None:
+    """The first joint can fall 0.03 rad past the limit at which both stand, the second cannot."""
+    q, can_fall, cannot = np.full(2, sign * 0.98), [0.05, 0.0], [0.0, 0.05]
+    play = np.array((cannot, can_fall) if sign > 0 else (can_fall, cannot))
+    motion = ideal_arm().controller.motion
+    for _ in range(100):
+        motion.step(Mode.ADMITTANCE, q, None, np.full(2, sign * 2.0), T, play)
+    back, on = sign * motion.velocity
+    assert back == pytest.approx(-0.03 * MANNER.position_gain)
+    assert on > 0.0
+
+
+def test_a_link_that_can_fall_past_its_limit_is_not_led_further_while_it_holds() -> None:
+    play = np.array(([0.0, 0.05], [0.05, 0.0]))
+    motion = ideal_arm().controller.motion
+    motion.hold(np.ones(2))
+    for _ in range(100):
+        motion.step(Mode.HOLDING, np.full(2, 0.98), None, np.zeros(2), T, play)
+    assert motion.velocity[0] == 0.0
+    assert motion.velocity[1] > 0.0
