@@ -88,14 +88,8 @@ class Arm:
         self._answers = Answers(joints, profiles, self.counters, self._tell)
         self._setpoints = Setpoints(joints, profiles)
         self._quick_stops = [*self._setpoints.quick_stops, SYNC_FRAME]
-        self._drives = [
-            _Drive(
-                HeartbeatWatch(wiring.node, PATIENCE * profiles[wiring.profile].heartbeat_ms / 1e3),
-                ObedienceWatch(wiring.node),
-            )
-            for _, wiring in joints
-        ]
-        self._by_node = dict(zip(self.nodes, self._drives, strict=True))
+        self._heartbeats_s = [profiles[wiring.profile].heartbeat_ms / 1e3 for _, wiring in joints]
+        self._watch_from(0.0)
         self._backlog = False
         self._heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
         setpoint_ids = {cob_id for cob_id, _ in self._setpoints.frames}
@@ -118,11 +112,15 @@ class Arm:
         self._events.clear()
         self._heartbeat_at = now
         self.samples.age_ticks.fill(0)
-        for drive in self._drives:
-            drive.watch.begin(now)
-            drive.obedience = ObedienceWatch(drive.watch.node)
-            drive.emergency = 0
+        self._watch_from(now)
         self._send([self._heartbeat, *self._nmt(START_NODE)])
+
+    def _watch_from(self, now: float) -> None:
+        self._drives = [
+            _Drive(HeartbeatWatch(node, PATIENCE * every_s, now), ObedienceWatch(node))
+            for node, every_s in zip(self.nodes, self._heartbeats_s, strict=True)
+        ]
+        self._by_node = dict(zip(self.nodes, self._drives, strict=True))
 
     def listen_again(self, now: float) -> None:
         """After a pause in which nobody heard the drives: their silence in it is no news."""

@@ -14,21 +14,20 @@ PATIENCE: Final = 3
 
 @dataclass(slots=True)
 class HeartbeatWatch:
-    """Tells the loss of a heartbeat, and a drive that stops being operational, once each."""
+    """Tells the loss of a heartbeat, and a drive that stops being operational, once each.
+
+    Made when the drive has just been told to be operational, at `heard_at`.
+    """
 
     node: int
     timeout_s: float
-    heard_at: float = 0.0
+    heard_at: float
     lost: bool = False
     # Heartbeats of before NMT start may still be under way after it: no longer being operational
     # is news only of a drive that was heard to be.
     operational: bool = False
     # It has left NMT operational or started anew: it does not hold what it was told any more.
     forgot: bool = False
-
-    def begin(self, now: float) -> None:
-        """Watch from `now` on, when the drive has just been told to be operational."""
-        self.heard_at, self.lost, self.operational, self.forgot = now, False, False, False
 
     def excuse(self, now: float) -> None:
         """Nobody listened until `now`."""
