@@ -58,7 +58,7 @@ def write_robot(folder: Path, bus: dict[str, Any]) -> None:
     folder.mkdir()
     for name, source in ((c["urdf"], "single_joint"), ("drive.eds", "romeo_left_arm")):
         (folder / name).write_bytes((_CONFIGS / source / name).read_bytes())
-    drive.update(eds="drive.eds", heartbeat_ms=5000, master_timeout_ms=4000, sdo_timeout_ms=5000)
+    drive.update(eds="drive.eds", heartbeat_ms=20000, master_timeout_ms=4000, sdo_timeout_ms=5000)
     c.update(period_ms=100, bus=bus, trajectory={"sinusoids": {"joint": {"amplitude": 0.3}}})
     c["trajectory"]["sinusoids"]["joint"]["frequency_Hz"] = 0.1
     c["estimator"] = {**c.get("estimator", {}), "gain": 10.0}

@@ -72,4 +72,4 @@ def test_bus_off_latches_a_fault(can0: None, service: Service, simulator: Simula
             return service.status().mode == "faulted"
 
         wait_for(faulted, "the fault")
-    assert any("<3>[fault" in line and "bus-off" in line for line in service.log())
+    assert any("<3>[fault" in line and "bus off" in line for line in service.log())
