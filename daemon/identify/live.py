@@ -7,7 +7,7 @@ goes on with what it has, and live steps share all code behind with `--log`.
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -44,6 +44,26 @@ def stop_once() -> None:
 
 class InterruptedStepError(ContactdError):
     """A step was stopped; what was measured is kept."""
+
+
+def followed(
+    states: Iterable[State], each: Callable[[State], bool], say: Callable[[str], None]
+) -> str:
+    """Until the trajectory has come to its end, or `each`, which sees all of it, has enough. The
+    answer says what else ended it; contacts are told by `say` as they come."""
+    begun = False
+    for state in states:
+        for event in state.events:
+            if event.kind == "contact":
+                say(f"{event.text}: if that was you, hands off; it is discarded")
+        tracking = state.mode == Mode.TRACKING
+        begun = begun or tracking
+        if state.mode not in _OURS or (begun and not tracking):
+            over = state.mode == Mode.HOLDING and state.cause.endswith("came to its end")
+            return "" if over else f"the arm is {state.mode}: {state.cause}"
+        if tracking and each(state):
+            return ""
+    return "the daemon ended"
 
 
 @dataclass(slots=True)
@@ -121,10 +141,13 @@ class Session:
         number = len(self.parts(step)) + 1
         with self._recording(self.folder / f"{step}.part{number:02}.mcap"):
             try:
-                reply = self.client.start_loaded()
-                if not reply.ok:
-                    raise ControlError("; ".join([reply.message, *reply.reasons]))
-                ended = self._follow(each)
+                with Client(self.socket) as reader:
+                    # Before the start, so that no State of it is missed.
+                    _, states = reader.subscribe()
+                    reply = self.client.start_loaded()
+                    if not reply.ok:
+                        raise ControlError("; ".join([reply.message, *reply.reasons]))
+                    ended = followed(states, each, self.say)
             except KeyboardInterrupt:
                 ended = "stopped by you"
             except UnreachableError as error:
@@ -136,25 +159,6 @@ class Session:
             raise InterruptedStepError(
                 f"{ended}. What was measured is kept: the same command goes on from there"
             )
-
-    def _follow(self, each: Callable[[State], bool]) -> str:
-        """Until the trajectory has come to its end, `each` has enough, or something ended it: the
-        answer says what."""
-        with Client(self.socket) as reader:
-            _, states = reader.subscribe()
-            begun = False
-            for state in states:
-                for event in state.events:
-                    if event.kind == "contact":
-                        self.say(f"{event.text}: if that was you, hands off; it is discarded")
-                tracking = state.mode == Mode.TRACKING
-                begun = begun or tracking
-                if state.mode not in _OURS or (begun and not tracking):
-                    over = state.mode == Mode.HOLDING and state.cause.endswith("came to its end")
-                    return "" if over else f"the arm is {state.mode}: {state.cause}"
-                if tracking and each(state):
-                    return ""
-        return "the daemon ended"
 
     @contextmanager
     def _recording(self, path: Path) -> Iterator[None]:

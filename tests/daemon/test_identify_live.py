@@ -6,9 +6,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import pytest
 from click.testing import CliRunner, Result
 
@@ -18,8 +19,10 @@ from bench.lockstep import SINGLE_JOINT
 from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot
+from daemon.identify.live import followed
 from daemon.identify.logs import read_measured
 from daemon.identify.steps import merged
+from daemon.messages import State
 from daemon.modes import Mode
 
 MOTION_S = 3.0
@@ -84,9 +87,9 @@ class Typed:
         return self._results[0].exit_code, " ".join(self._results[0].output.split())
 
 
-def stopped(house: House, *words: str) -> tuple[int, str]:
+def stopped(house: House, *words: str, after_s: float = MOTION_S) -> tuple[int, str]:
     typed = Typed(house, *words)
-    typed.moves()
+    typed.moves(after_s)
     typed.ctrl_c()
     return typed.ends()
 
@@ -145,10 +148,51 @@ def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
 
 
 def test_friction_goes_on_from_where_it_was_stopped(arm: Arm, house: House) -> None:
-    stopped(house, "friction", "--seconds", "20")
-    _, said = stopped(house, "friction", "--seconds", "20")
-    assert "going on: 3 s of 20 s are measured already" in said
-    assert len(list((arm.folder / "identify").glob("friction.part*.mcap"))) == 2
+    """20 s are three periods of the excitation; of what remains after 5 s there are two."""
+    stopped(house, "friction", "--seconds", "20", after_s=5.0)
+    typed = Typed(house, "friction", "--seconds", "20")
+    status, said = typed.ends()
+    assert status == 0, said
+    assert "going on: 5 s of 20 s are measured already" in said
+    assert typed.ticks_in_motion < 2300
+    lengths = [
+        read_measured([part], ["joint"]).log.duration_s
+        for part in sorted((arm.folder / "identify").glob("friction-*.mcap"))
+    ]
+    assert lengths == pytest.approx([5.0, typed.ticks_in_motion / 100], abs=0.6)
+
+
+ENDED = "identify friction came to its end"
+
+
+@pytest.mark.parametrize(
+    ("modes", "answer", "seen"),
+    [
+        (["holding", "tracking", "tracking", f"holding:{ENDED}"], "", 2),
+        (["tracking", "tracking", "tracking", "tracking"], "", 3),  # `each` has enough
+        (["holding", "tracking", "holding:paused"], "the arm is holding: paused", 1),
+        (["holding", "tracking", "stopping:touch", "holding"], "the arm is stopping: touch", 1),
+        # A fault in the tick of the start: it never tracked.
+        (["holding", "faulted:drive lost", "faulted"], "the arm is faulted: drive lost", 0),
+        ([f"holding:{ENDED}", "tracking"], "the daemon ended", 1),  # that was another
+    ],
+)
+def test_how_a_motion_ends(
+    make_state: Callable[..., State], modes: list[str], answer: str, seen: int
+) -> None:
+    def states() -> Iterator[State]:
+        for tick, mode in enumerate(modes):
+            name, _, cause = mode.partition(":")
+            yield msgspec.structs.replace(make_state(tick), mode=name, cause=cause)
+
+    saw: list[State] = []
+
+    def each(state: State) -> bool:
+        saw.append(state)
+        return len(saw) == 3
+
+    assert followed(states(), each, pytest.fail) == answer
+    assert len(saw) == seen
 
 
 def test_a_lost_drive_ends_the_step_and_is_named(arm: Arm, house: House) -> None:
