@@ -1,8 +1,9 @@
 """Many arms in one plant, without a bus: contact-free motions of arms that all differ, quickly.
 
-The links of all arms are branches of one pinocchio model, so that numpy and pinocchio integrate the
-whole fleet at little more than the price of one arm. Servos, sensors, friction and gaps are those
-of the simulator.
+The links of all arms are branches of one pinocchio model, so that a handful of arms costs hardly
+more than one: their vectors are so short that numpy's calls are what takes time. Many more cost
+more, for the plant's products grow with the square of their number. Servos, sensors, friction and
+gaps are those of the simulator.
 """
 
 from collections.abc import Callable, Sequence
