@@ -40,7 +40,9 @@ TURNS = 4
 GRAVITY_TOLERANCE = 0.3
 _ROUNDS = 3
 _MOST_CUT = 0.05
-_SURE = 3.0  # standard errors from zero at which friction seen in the gap is believed
+_SURE = 6.0
+"""Standard errors from zero at which friction seen in the gap is believed: they are those of noise,
+and it was up to four of them off the truth."""
 
 
 class Verdict(StrEnum):

@@ -54,6 +54,11 @@ class Intervals:
     ends: Matrix
     """(N, 5, n) at the end: `ALIGNED`, theta 0 where it was not measured"""
 
+    @property
+    def period_s(self) -> float:
+        """Median interval [s]."""
+        return float(np.median(self.dt))
+
 
 def intervals(log: MotionLog, model: Model, settings: EstimatorSettings) -> Intervals:
     """Bring the samples to common instants, and take differences and means.
@@ -175,13 +180,13 @@ def _judged(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> tu
 
 def around(rows: Intervals, marked: Mask, seconds: float) -> Mask:
     """(N,) rows that lie within so many seconds of a marked one."""
-    width = 2 * round(seconds / float(np.median(rows.dt))) + 1
+    width = 2 * round(seconds / rows.period_s) + 1
     return np.convolve(marked, np.ones(width), mode="same") > 0.5
 
 
 def memory(rows: Intervals, gain: float) -> float:
     """What the filter (13) keeps of its output from row to row: (2 - T K) / (2 + T K)."""
-    TK = gain * float(np.median(rows.dt))
+    TK = gain * rows.period_s
     return (2.0 - TK) / (2.0 + TK)
 
 

@@ -15,6 +15,7 @@ from estimator.identification.intervals import (
 )
 from estimator.identification.sticking import sticking_share
 from estimator.identification.touches import touches
+from estimator.link_velocity import SAMPLES
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
 from estimator.types import Matrix, Vector
 
@@ -154,8 +155,11 @@ def _weights(rows: Intervals, i: int, where: Located, cut: Mask, rest: Vector) -
     filter remembers any of these."""
     gap = where.gap[:, i]
     met = where.unclear[:, i] | np.diff(gap, prepend=gap[0])
+    # The link's velocity is a difference of positions: it spreads an impact, beside which friction
+    # in the gap is nothing, as far as it reaches.
+    spread = around(rows, met, (SAMPLES - 1) * rows.period_s)
     shaken = around(rows, met, IMPACT_S) & ~gap
-    doubt = np.maximum(rest, met | shaken | cut | rows.first)
+    doubt = np.maximum(rest, spread | shaken | cut | rows.first)
     # doubt[k] = max(doubt[k], memory * doubt[k - 1]), in logarithms.
     forgotten = np.log(max(memory(rows, GAIN), 1e-3)) * np.arange(len(doubt))
     with np.errstate(divide="ignore"):

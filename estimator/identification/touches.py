@@ -20,7 +20,7 @@ def touches(rows: Intervals, left: Vector, weight: Vector, coulomb: float) -> Ma
     if not counts.any():
         return counts
     scatter = 1.4826 * float(np.median(np.abs(left[counts])))
-    width = max(1, round(SUSTAINED_S / float(np.median(rows.dt))))
+    width = max(1, round(SUSTAINED_S / rows.period_s))
     window = np.ones(width)
     enough = np.convolve(weight, window, mode="same")
     mean = np.convolve(left * weight, window, mode="same") / np.maximum(enough, 0.5 * width)

@@ -79,9 +79,11 @@ def test_friction_that_sticks_is_no_touch_and_spoils_no_coefficient(sticking, id
 
 @pytest.mark.parametrize("joint", [1, 6])
 def test_link_friction_shows_in_the_gap(fitted, moved, joint):
-    """Where a joint carries little, the middle of its gap must be found from phi itself."""
-    fits, _ = fitted[0]
-    assert fits[joint].values["K_q_s"] == pytest.approx(moved.arms[0].coulomb[joint], rel=0.25)
+    """Where a joint carries little, the middle of its gap must be found from phi itself, and what
+    impacts leave in a difference of positions is no viscous friction."""
+    values, true = fitted[0][0][joint].values, moved.arms[0]
+    assert values["K_q_s"] == pytest.approx(true.coulomb[joint], rel=0.25)
+    assert values["K_q_v"] == pytest.approx(true.viscous[joint], rel=0.4)
 
 
 def test_held_out_motion_is_explained_where_the_inertias_are_right(fitted):
@@ -96,6 +98,21 @@ def test_standard_errors_are_no_decoration(fitted, moved):
     sums = moved.arms[0].coulomb.reshape(2, -1).sum(axis=0)
     for fit, true in zip(fits, sums, strict=True):
         assert 0.0 < fit.errors["K_theta_s"] < 0.05 * true
+
+
+def test_a_touch_at_a_reversal_is_no_friction_that_sticks(moved, identify, arm):
+    """Half a second of 4 Nm that the motor gives and nothing moves by, as if a hand held against it
+    just where the joint turns round."""
+    log, true = moved.filtered[0].select(slice(0, 1700)), moved.arms[0]
+    calm, _ = identify(log, true.half_gap)
+    turns = 500 + np.flatnonzero(np.diff(np.sign(log.motor_velocity[500:1500, 0])))[0]
+    current = log.current.copy()
+    current[turns - 25 : turns + 25, 0] -= 4.0 / arm.transmission.torque_constant[0]
+    touched, shown = identify(replace(log, current=current), true.half_gap)
+    assert shown.touched == ("LShoulderPitch",)
+    assert touched[0].stiction == pytest.approx(calm[0].stiction, abs=0.02)
+    assert touched[0].values["K_theta_s"] == pytest.approx(calm[0].values["K_theta_s"], rel=0.01)
+    assert touched[0].values["B"] == pytest.approx(calm[0].values["B"], rel=0.02)
 
 
 def test_what_is_wrong_is_named_and_keeps_its_values(moved, identify, arm):
