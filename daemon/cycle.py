@@ -7,7 +7,6 @@ SYNC in between. Times come from the caller.
 import time
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from daemon.controller import Controller, Decision, Observed
@@ -150,7 +149,7 @@ class Cycle:
         if self._updated:
             self._interval_s = self._time_s - self._sampled_s
             self._sampled_s = self._time_s
-            estimate = self.estimator.step(
+            self._estimate = self.estimator.step(
                 samples.current,
                 samples.link_position,
                 samples.motor_velocity,
@@ -158,13 +157,6 @@ class Cycle:
                 self._interval_s,
                 time_s=self._time_s,
             )
-            if all_finite(estimate.residual) and all_finite(estimate.theta):
-                self._estimate = estimate
-            else:
-                # Nothing of it may be used or published, and it would never become a number again.
-                self.estimator.restart()
-                self._updated = self._finite = False
-                self._estimate = self._estimate and invalid(self._estimate)
         if self._estimate is not None and Flag.INVALID in self._estimate.flags:
             self._finite = False
         if self._decision is not None and not all_finite(self._decision.reference):
@@ -290,11 +282,6 @@ class Cycle:
                 missed=wakeup.missed,
             ),
         )
-
-
-def invalid(estimate: Estimate) -> Estimate:
-    """The estimate that holds while there is no new one that could be used."""
-    return msgspec.structs.replace(estimate, contacts=(), flags=Flag.INVALID)
 
 
 def finite_list(values: np.ndarray) -> Vector:

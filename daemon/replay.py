@@ -8,16 +8,14 @@ import numpy as np
 
 from daemon.assembly import build_estimator
 from daemon.config.load import parse_configuration
-from daemon.cycle import SIDE_NAMES, invalid
+from daemon.cycle import SIDE_NAMES
 from daemon.messages import Snapshot, State
 from daemon.modes import Mode
 from daemon.prearm import FLAG_NAMES
 from daemon.recorder import read_log
 from errors import LogError
-from estimator.estimate import Estimate, Flag
+from estimator.estimate import Estimate
 from estimator.estimator import Estimator
-
-INVALID = FLAG_NAMES[Flag.INVALID]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,9 +100,6 @@ class _Run:
                 state.interval_s,
                 time_s=state.time_s,
             )
-        elif self._estimate is not None and INVALID in state.flags:
-            self._estimator.restart()
-            self._estimate = invalid(self._estimate)
         # As the tick does when the arm begins to hold.
         if self._mode == Mode.ENABLING and state.mode == Mode.HOLDING:
             self._estimator.reset()

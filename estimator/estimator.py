@@ -37,6 +37,7 @@ _TURNED = {"integrated": {"velocity": 1.0}, "measured": {"position": 1.0}}
 _ROTOR = {"rotor": 1.0}
 _TRANSMITTED = {"motor": 1.0, "rotor": -1.0, "motor_rub": -1.0}
 _OWN_FORMS = 3
+_INPUTS = ("current", "link_position", "motor_velocity")
 
 # Rows of the rubbing terms, and at which of theta_dot, q_dot and phi_dot each of them rubs.
 _RUBBING = slice(ROW["motor_rub"], ROW["gap_rub"] + 1)
@@ -99,6 +100,7 @@ class Estimator:
         # What a fit adds to tau_M while engaged, for the variants that know of engagement.
         self._corrected = np.array([[v.kind == "backlash"] for v in variants], dtype=np.float64)
         self._correcting = bool(np.any(t.contact_stiffness) or np.any(t.contact_damping))
+        self._shape = (n,)
         # current, motor velocity, motor position (zero where it is not used), link position
         self._samples: Matrix = np.zeros((4, n))
         self._ones = np.ones(4 * n)
@@ -132,16 +134,24 @@ class Estimator:
 
         dt: true interval since the samples before [s], by default the period. time_s: only for the
         contacts' time; by default the sum of all dt.
+
+        Samples that are not finite are not used; finite ones of which the arithmetic makes what is
+        not finite start everything anew. Either way the last good values come back, flagged
+        INVALID. Raises ModelError for arrays of another shape.
         """
         dt = self.period_s if dt is None else dt
+        for name, values in zip(_INPUTS, (current, link_position, motor_velocity), strict=True):
+            self._check_shape(name, values)
         samples = self._samples
         samples[0], samples[1], samples[3] = current, motor_velocity, link_position
         if self._measured:
+            if motor_position is not None:
+                self._check_shape("motor_position", motor_position)
             samples[2] = np.nan if motor_position is None else motor_position
         # One sum tells: whatever is not finite makes it so.
         if not (math.isfinite(samples.ravel() @ self._ones) and 0.0 < dt < math.inf):
             self.pending += dt if 0.0 < dt < math.inf else self.period_s
-            return replace(self._last, contacts=(), flags=Flag.INVALID)
+            return self._invalid()
 
         dt, self.pending = dt + self.pending, 0.0
         self.elapsed += dt
@@ -151,7 +161,13 @@ class Estimator:
             self.restart()
         self.alignment.push(samples, dt)
         if self.alignment.ready:
-            self._last = self._advance(dt, flags, self.elapsed if time_s is None else time_s)
+            made = self._advance(dt, flags, self.elapsed if time_s is None else time_s)
+            if not self._is_finite(made):
+                # It would never become a number again.
+                self.restart()
+                self._still(self._last.q, Flag.STARTING)
+                return self._invalid()
+            self._last = made
         else:
             self._last = self._still(link_position, flags | Flag.STARTING)
         return self._last
@@ -166,6 +182,7 @@ class Estimator:
         """Forget all samples, and with them where the rotors are in their gaps."""
         self.reset()
         self.alignment.restart()
+        self.interval.restart()
         self.stiction.restart()
         self._started = False
 
@@ -182,6 +199,23 @@ class Estimator:
         for name in self._PARTS:
             getattr(self, name).restore(state[name])
         self._last = self._estimate((), Flag(0))
+
+    def _check_shape(self, name: str, values: Vector) -> None:
+        """numpy would stretch one number over all joints."""
+        if getattr(values, "shape", None) != self._shape:
+            given = getattr(values, "shape", type(values).__name__)
+            raise ModelError(f"{name} is {given}; it must be an array of shape {self._shape}")
+
+    def _is_finite(self, made: Estimate) -> bool:
+        """One sum tells, again; inf and -inf make NaN. phi is q and theta."""
+        shown = made.qd + made.tau_M
+        shown += made.phi
+        shown += made.sigma_phi
+        shown += made.threshold
+        return math.isfinite(shown.sum() + self.residual.values.sum())
+
+    def _invalid(self) -> Estimate:
+        return replace(self._last, contacts=(), flags=Flag.INVALID)
 
     def _advance(self, dt: float, flags: Flag, time_s: float) -> Estimate:
         t, (q, qd, current, theta_dot, theta) = self.transmission, self._aligned

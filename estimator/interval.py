@@ -66,6 +66,10 @@ class Interval:
         np.add(self._weights, self._fixed, out=self._weights)
         return np.dot(self._weights, self._ends, out=self.impulses)
 
+    def restart(self) -> None:
+        """Forget both ends."""
+        self._ends[:] = 0.0
+
     def memory(self) -> dict[str, Any]:
         return memory.dump(self, self._MEMORY)
 

@@ -250,6 +250,29 @@ def test_what_is_not_a_number_never_gets_in(make_estimator, sine_motion, bad, si
     assert Flag.LATE in sine_motion.replay(estimator, slice(301, 302))[0].flags
 
 
+@pytest.mark.parametrize("huge", [1e200, -1e300])
+def test_what_the_arithmetic_makes_no_number_of_never_gets_out(make_estimator, huge: float) -> None:
+    samples = {
+        "current": np.full(7, 0.1), "link_position": np.full(7, 0.3), "motor_velocity": np.zeros(7)
+    }  # fmt: skip
+    estimator = make_estimator(beside=VARIANTS)
+    for _ in range(20):
+        before = estimator.step(**samples)
+    assert np.abs(before.residual).max() > 0.1
+    wrong = samples["link_position"].copy()
+    wrong[2] = huge
+    with np.errstate(all="ignore"):
+        estimate = estimator.step(**{**samples, "link_position": wrong})
+    assert estimate.flags == Flag.INVALID
+    for field in ("q", "qd", "theta", "phi", "sigma_phi", "residual", "threshold", "thresholded"):
+        np.testing.assert_array_equal(getattr(estimate, field), getattr(before, field))
+    # What it remembers is fit to be read back, and it starts anew.
+    make_estimator(beside=VARIANTS).restore(estimator.memory())
+    flags = [estimator.step(**samples).flags for _ in range(5)]
+    assert flags == [Flag.STARTING] * 3 + [Flag(0)] * 2
+    assert np.isfinite(estimator.step(**samples).residual).all()
+
+
 @pytest.mark.parametrize("dt", [0.0, -0.01, np.nan, np.inf])
 def test_an_interval_that_is_none(make_estimator, sine_motion, dt: float) -> None:
     estimator = make_estimator()
@@ -261,6 +284,19 @@ def test_a_motor_position_that_is_missing(make_estimator, sine_motion) -> None:
     estimator = make_estimator(motor_position="measured")
     row = (sine_motion.current[0], sine_motion.q[0], sine_motion.theta_dot[0], None)
     assert estimator.step(*row, T).flags == Flag.INVALID
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (6,), (8,), (7, 1), (1, 7)])
+@pytest.mark.parametrize("name", ["current", "link_position", "motor_velocity", "motor_position"])
+def test_wrong_shapes_are_refused_by_name(make_estimator, name: str, shape: tuple) -> None:
+    estimator = make_estimator(motor_position="measured")
+    names = ("current", "link_position", "motor_velocity", "motor_position")
+    samples = {each: np.zeros(7) for each in names} | {name: np.zeros(shape)}
+    with pytest.raises(ModelError, match=f"^{name} is .*it must be an array of shape \\(7,\\)"):
+        estimator.step(**samples)
+    with pytest.raises(ModelError, match=f"^{name} is float"):
+        estimator.step(**{**samples, name: 0.5})
+    assert estimator.step(**{**samples, name: np.zeros(7)}).flags == Flag.STARTING
 
 
 # Estimates
