@@ -17,42 +17,54 @@ from drivers.drive_setup import lacks
 from drivers.settings import DriveProfile, Quantity
 
 QUANTITY_UNITS = {
-    "current": "of the rated current",
-    "torque": "of the rated torque",
-    "link_position": "rad at the link",
-    "motor_velocity": "rad/s of the motor",
-    "motor_position": "rad of the motor",
-    "target_velocity": "rad/s of the motor",
-    "quick_stop_deceleration": "rad/s2 of the motor",
-    "max_motor_speed": "rad/s of the motor",
+    "current": "of rated",
+    "torque": "of rated",
+    "link_position": "rad",
+    "motor_velocity": "rad/s",
+    "motor_position": "rad",
+    "target_velocity": "rad/s",
+    "quick_stop_deceleration": "rad/s2",
+    "max_motor_speed": "rad/s",
 }
+FORMULA = "value = sign * (offset + scale * counts); link_position at link, else at motor"
 # What is done where a drive profile does not have it.
 WITHOUT = {
-    "motor_position": "not sent: integrated from the velocity",
+    "motor_position": "integrated from the velocity",
     "max_motor_speed": "the drive's own speed limit is left as it is",
 }
+FOR_PIPES = 120
+FOLDED = "mapping"  # the column that needs not be on one line
 
 
 def print_check(config: Path) -> None:
     """Check and describe. Raises ConfigurationError with everything that is wrong."""
     robot = load_robot(config)
     c = robot.configuration
-    # Nothing is folded away for a file or a pipe.
-    console = Console() if sys.stdout.isatty() else Console(width=120)
+    console = Console() if sys.stdout.isatty() else Console(width=FOR_PIPES)
+    wiring, joints, travels = _wiring(c), _joints(c), _travels(c)
+    quantities = {name: _quantities(name, profile) for name, profile in c.drives.items()}
+    tables = [wiring, joints, travels, *quantities.values()]
+    # On a narrow terminal a line that goes on in the next can still be read, a cut figure cannot.
+    endless = console.options.update(width=1000)
+    console.width = max(
+        console.width, *(console.measure(t, options=endless).maximum for t in tables)
+    )
     console.print(f"[bold]{c.name}[/bold]: {len(c.joints)} joints, every {c.period_ms} ms")
     setups = {setup.wiring.profile: setup for setup in build_setups(robot)}
     for name, profile in c.drives.items():
-        console.print(_quantities(name, profile))
-        console.print("value = sign * (offset + scale * counts)", style="dim", highlight=False)
+        console.print(quantities[name])
+        console.print(FORMULA, style="dim", highlight=False)
+        for field, instead in WITHOUT.items():
+            if getattr(profile, field) is None:
+                console.print(f"  without {field}: {instead}", highlight=False)
         console.print(_pdos(profile))
         for lack in lacks(setups[name], c.period_ms, c.bus.master_node):
             console.print(f"  {lack}", highlight=False)
-    console.print(_joints(c))
-    console.print(_travels(c))
-    joints = [(joint.name, joint.wiring) for joint in c.joints]
-    frames = frame_table(joints, c.drives, c.period_s, c.bus.master_node)
+    console.print(wiring, joints, travels)
+    wired = [(joint.name, joint.wiring) for joint in c.joints]
+    frames = frame_table(wired, c.drives, c.period_s, c.bus.master_node)
     console.print(_frames(frames))
-    load = bus_load(joints, c.drives, c.period_s, c.bus.bitrate)
+    load = bus_load(wired, c.drives, c.period_s, c.bus.bitrate)
     exchange_ms = 1000.0 * sum(f.bits for f in frames if f.every_tick) / c.bus.bitrate
     console.print(
         f"bus load at worst {load:.1%} of {c.bus.bitrate} bit/s (allowed {HIGHEST_LOAD:.0%}); "
@@ -62,38 +74,38 @@ def print_check(config: Path) -> None:
     click.echo(f"{robot.path}: good")
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+def _table(title: str, *columns: str, gap: int = 2) -> Table:
+    table = Table(
+        title=title, title_justify="left", box=None, pad_edge=False, padding=(0, gap, 0, 0)
+    )
     for column in columns:
-        table.add_column(column, no_wrap=True)
+        table.add_column(column, no_wrap=column != FOLDED)
     return table
 
 
 def _quantities(name: str, profile: DriveProfile) -> Table:
     table = _table(
         f"\ndrive profile {name} ({profile.eds})",
-        *("quantity", "object", "sub", "type", "scale", "sign", "offset", "unit"),
+        *("quantity", "object", "type", "scale", "sign", "offset", "unit"),
+        gap=1,
     )
     for field, unit in QUANTITY_UNITS.items():
         where: Quantity | None = getattr(profile, field)
         if where is not None:
             table.add_row(
                 field,
-                f"0x{where.object:04X}",
-                f"{where.subindex}",
+                f"0x{where.object:04X}:{where.subindex:02X}",
                 where.type,
                 f"{where.scale:.6g}",
                 f"{where.sign:+d}",
                 f"{where.offset:g}",
                 unit,
             )
-        elif field in WITHOUT:
-            table.add_row(field, "-", "", "", "", "", "", WITHOUT[field])
     return table
 
 
 def _pdos(profile: DriveProfile) -> Table:
-    table = _table("", "PDO", "COB-ID", "bytes", "mapping")
+    table = _table("", "PDO", "COB-ID", "bytes", FOLDED)
     for kind, pdos in (("TPDO", transmit_pdos(profile, 0)), ("RPDO", receive_pdos(profile, 0))):
         for pdo in pdos:
             mapping = ", ".join(
@@ -105,29 +117,26 @@ def _pdos(profile: DriveProfile) -> Table:
     return table
 
 
-def _joints(c: Configuration) -> Table:
-    table = _table(
-        "\njoints",
-        "joint",
-        "node",
-        "gear",
-        "A rated max",
-        "signs m l",
-        "zero rad",
-        "K_c Nm/A",
-        "gap mrad",
-        "level Nm",
-        "limits rad",
-        "end",
-    )
+def _wiring(c: Configuration) -> Table:
+    table = _table("\nwiring", "joint", "node", "gear", "A rated", "A max", "signs m l", "zero rad")
     for joint in c.joints:
         table.add_row(
             joint.name,
             str(joint.wiring.node),
             f"{joint.wiring.gear:g}",
-            f"{joint.wiring.rated_current_A:g} {joint.wiring.max_current_A:g}",
+            f"{joint.wiring.rated_current_A:g}",
+            f"{joint.wiring.max_current_A:g}",
             f"{joint.wiring.motor_sign:+d} {joint.wiring.link_sign:+d}",
             f"{joint.wiring.link_offset:g}",
+        )
+    return table
+
+
+def _joints(c: Configuration) -> Table:
+    table = _table("\njoints", "joint", "K_c Nm/A", "gap mrad", "level Nm", "limits rad", "end")
+    for joint in c.joints:
+        table.add_row(
+            joint.name,
             f"{joint.torque_constant:g}",
             f"{joint.half_gap * 1000:g}",
             f"{joint.thresholds.contact:g}",
@@ -139,12 +148,8 @@ def _joints(c: Configuration) -> Table:
 
 def _travels(c: Configuration) -> Table:
     table = _table(
-        "\nat worst after the daemon's death",
-        "joint",
-        "rad/s",
-        "patience ms",
-        "rad/s2",
-        "travel rad",
+        "\ntravel at worst, if the daemon dies at full speed",
+        *("joint", "rad/s", "patience ms", "rad/s2", "unaware rad", "braking rad", "in all rad"),
     )
     for joint in c.joints:
         profile = c.drives[joint.wiring.profile]
@@ -154,7 +159,9 @@ def _travels(c: Configuration) -> Table:
             f"{joint.limits.velocity:g}",
             str(profile.master_timeout_ms),
             f"{joint.limits.quick_stop:g}",
-            f"{travel.total:.3f} = {travel.unaware:.3f} unaware + {travel.braking:.3f} braking",
+            f"{travel.unaware:.3f}",
+            f"{travel.braking:.3f}",
+            f"{travel.total:.3f}",
         )
     return table
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from bench.lockstep import DESK_ARM
+from bench.lockstep import DESK_ARM, ROMEO
+from daemon.commands.check import print_check
 from daemon.commands.contactd import main
 
 
@@ -16,11 +17,11 @@ def check(folder: Path):
 def test_the_table_of_quantities():
     lines = [line.split() for line in check(DESK_ARM).output.splitlines()]
     for row in (
-        "torque 0x6077 0 INTEGER16 0.001 -1 0 of the rated torque",
-        "link_position 0x6064 0 INTEGER32 2.39684e-05 -1 -1.24636 rad at the link",
-        "motor_velocity 0x6069 0 INTEGER16 0.10472 +1 0 rad/s of the motor",
-        "motor_position - not sent: integrated from the velocity",
-        "max_motor_speed 0x607F 0 UNSIGNED32 0.00628319 +1 0 rad/s of the motor",
+        "torque 0x6077:00 INTEGER16 0.001 -1 0 of rated",
+        "link_position 0x6064:00 INTEGER32 2.39684e-05 -1 -1.24636 rad",
+        "motor_velocity 0x6069:00 INTEGER16 0.10472 +1 0 rad/s",
+        "without motor_position: integrated from the velocity",
+        "max_motor_speed 0x607F:00 UNSIGNED32 0.00628319 +1 0 rad/s",
         "TPDO1 0x180 + node 4 statusword 0x6041:00/16, torque 0x6077:00/16",
         "RPDO2 0x300 + node 4 target_velocity 0x60FF:00/32",
         "without object 0x6073:00 (current limit, per mille of rated): it has no current limit of "
@@ -52,3 +53,17 @@ def test_what_does_not_fit_the_bitrate_is_refused(tmp_path, bitrate):
     assert f"bus.bitrate: bus load {1.7275 * 50_000 / bitrate:.0%} at {bitrate} bit/s" in (
         result.output
     )
+
+
+@pytest.mark.parametrize("columns", [40, 80, 200])
+def test_no_figure_is_cut_on_a_narrow_terminal(columns, monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", str(columns))
+    print_check(ROMEO)
+    printed = capsys.readouterr().out
+    assert "…" not in printed
+    for row in (
+        "quick_stop_deceleration 0x6085:00 UNSIGNED32 0.010472    +1   0      rad/s2",
+        "LElbowRoll      1.2    100          12      0.120        0.060        0.180",
+    ):
+        assert row in printed

@@ -52,5 +52,5 @@ def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
 def test_check_prints_it(capsys) -> None:
     print_check(ROMEO)
     printed = capsys.readouterr().out
-    assert "at worst after the daemon's death" in printed
-    assert "LElbowRoll      1.2    100          12      0.180 = 0.120 unaware + 0.060" in printed
+    assert "travel at worst, if the daemon dies at full speed" in printed
+    assert "LElbowRoll      1.2    100          12      0.120        0.060        0.180" in printed
