@@ -15,7 +15,7 @@ import msgspec
 from daemon.control import MAX_REQUEST_BYTES
 from daemon.control_path import GROUP, default_socket_path
 from daemon.lease import LONGEST_S
-from daemon.messages import Command, Header, Reply, Request, Snapshot, State
+from daemon.messages import Command, Header, Reply, Request, Snapshot, State, printable
 from daemon.trajectory_file import PLAUSIBLE, refuse_shapes, rows_of, slopes
 from errors import ControlError, TrajectoryError, UnreachableError
 
@@ -135,7 +135,7 @@ class Client:
             if not all(abs(x) <= PLAUSIBLE for x in numbers):
                 raise TrajectoryError(f"{numbers} cannot be followed by an arm", row=i)
         header = Header(
-            name=name[-64:],
+            name=printable(name)[-64:],
             joints=list(joints),
             from_here=from_here,
             motors_only=motors_only,

@@ -29,11 +29,21 @@ AWAITED: frozenset[Command] = frozenset({"enable", "start", "arm"})
 
 Vector = list[float]
 
+# What may stand in a line of the log: nothing that begins another line, speaks to a terminal (C0,
+# C1), or turns around what stands beside it (embeddings and isolates of bidirectional text).
+ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]*\Z"
+
+
+def printable(text: str) -> str:
+    """`text`, for people: a question mark for each character that is not to be printed, such as a
+    file's name, or what stands in the file, may hold. Passes ONE_LINE."""
+    return "".join(character if character.isprintable() else "?" for character in text)
+
 
 class Header(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the rows of a trajectory mean: [t, q of each joint, q_dot of each joint]."""
 
-    name: Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
+    name: Annotated[str, msgspec.Meta(min_length=1, max_length=64, pattern=ONE_LINE)]
     joints: Annotated[list[str], msgspec.Meta(max_length=32)]  # all others hold
     from_here: bool = False  # may begin from any pose, run as displacements
     motors_only: bool = False  # by the motors' velocity alone, whatever the links do

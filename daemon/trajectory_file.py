@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from daemon.messages import printable
 from errors import TrajectoryError
 
 if TYPE_CHECKING:
@@ -66,9 +67,9 @@ def refuse_columns(columns: Sequence[str], joints: Sequence[str]) -> None:
     """Raises TrajectoryError unless `columns` are some of `joints`, each once."""
     for i, column in enumerate(columns):
         if column not in joints:
-            raise TrajectoryError(f"no joint `{column}`; there are: {', '.join(joints)}")
+            raise TrajectoryError(f"no joint `{printable(column)}`; there are: {', '.join(joints)}")
         if column in columns[:i]:
-            raise TrajectoryError(f"two columns `{column}`")
+            raise TrajectoryError(f"two columns `{printable(column)}`")
     if not columns:
         raise TrajectoryError("no joint is named: nothing would move")
 
@@ -170,7 +171,8 @@ def _lines(path: Path, reader: "Reader") -> Iterator[tuple[int, list[str]]]:
 def _joints(header: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
     if header.count(TIME) != 1:
         found = "two columns" if TIME in header else "no column"
-        raise TrajectoryError(f"{found} `{TIME}` among: {', '.join(header)} (separated by commas)")
+        columns = printable(", ".join(header))
+        raise TrajectoryError(f"{found} `{TIME}` among: {columns} (separated by commas)")
     joints = tuple(column for column in header if column != TIME)
     refuse_columns(joints, known)
     return joints
@@ -180,7 +182,9 @@ def _number(path: Path, line: int, column: str, cell: str) -> float:
     try:
         value = float(cell)
     except ValueError:
-        raise TrajectoryError(f"{path}:{line}: {column}: `{cell[:40]}` is no number") from None
+        raise TrajectoryError(
+            f"{path}:{line}: {column}: `{printable(cell[:40])}` is no number"
+        ) from None
     if not abs(value) <= PLAUSIBLE:  # nor NaN
         raise TrajectoryError(
             f"{path}:{line}: {column}: {cell[:40]} is no number that an arm can follow"

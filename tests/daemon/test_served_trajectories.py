@@ -69,6 +69,17 @@ def test_a_file_is_run_to_its_end(house: House, tmp_path: Path) -> None:
     assert house.rig.cycle.controller.machine.cause == "move.csv came to its end"
 
 
+def test_the_name_of_a_file_forges_no_line(house: House, tmp_path: Path) -> None:
+    house.rig.enable()
+    forged = "\x1b[2Jmove\n[fault tick=7] heartbeat lost.csv"
+    path = csv(tmp_path, swing(house)).rename(tmp_path / forged)
+    result = house.contactctl("start", str(path))
+    assert result.exit_code == 0, result.stderr
+    machine = house.rig.cycle.controller.machine
+    assert machine.cause.startswith("start of ?[2Jmove?[fault tick=7] heartbeat lost.csv by uid ")
+    assert "\x1b" not in house.contactctl("status").stdout
+
+
 def test_it_is_paused_and_goes_on(house: House, tmp_path: Path) -> None:
     house.rig.enable()
     assert house.contactctl("start", str(csv(tmp_path, swing(house)))).exit_code == 0

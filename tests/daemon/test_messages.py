@@ -1,0 +1,54 @@
+"""What the doors let in: no name of a client's begins a line, or speaks to a terminal."""
+
+import json
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daemon.messages import Header, Request, printable
+
+
+def load(name: str) -> bytes:
+    """A request to load a trajectory of this name, as any program could send it."""
+    return json.dumps({"command": "load", "header": {"name": name, "joints": []}}).encode()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "move.csv\n[fault tick=7] heartbeat lost: node 3",
+        "move.csv\n",
+        "\rmove.csv",
+        "\x1b[2Jmove.csv",
+        "move\x00.csv",
+        "move\x7f.csv",
+        "move\x9b31m.csv",
+        "move\x85.csv",
+        "move\u2028.csv",
+        "move.csv\u2029",
+        "move\u202ecsv.",
+        "move\u2067.csv",
+        "",
+        65 * "m",
+    ],
+)
+def test_a_name_that_is_not_one_line_is_refused(name: str) -> None:
+    with pytest.raises(msgspec.ValidationError, match=r"\$\.header\.name"):
+        msgspec.json.decode(load(name), type=Request)
+
+
+@pytest.mark.parametrize("name", ["move.csv", "a swing, 2 (soft).csv", "Bewegung früh.csv", "動き"])
+def test_other_names_are_taken_as_they_are(name: str) -> None:
+    request = msgspec.json.decode(load(name), type=Request)
+    assert request.header is not None
+    assert request.header.name == name == printable(name)
+
+
+@given(st.text(st.characters(), min_size=1, max_size=64))
+def test_what_is_made_printable_is_taken(text: str) -> None:
+    """Also lone surrogates, as which Python reads the names of files that are not UTF-8."""
+    header = Header(name=printable(text), joints=[])
+    packet = msgspec.json.encode(Request("load", header=header))
+    assert msgspec.json.decode(packet, type=Request).header == header
