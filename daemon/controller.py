@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daemon.admittance import MAX_GAIN, Allowance, GuidedBounds
-from daemon.modes import ARMABLE, GUIDED, REFUSALS, SENSING, Change, Event, Mode, ModeMachine
+from daemon.modes import ARMABLE, GUIDED, SENSING, Change, Event, Mode, ModeMachine, refusal
 from daemon.motion import Motion
 from daemon.prearm import Objection
 from daemon.reactions import ATTENTIVE, AfterQuiet, Reactions
@@ -140,7 +140,7 @@ class Controller:
         if self._observed is None:
             return "no samples of the drives yet"
         mode = self.machine.mode
-        return "" if mode in ARMABLE else REFUSALS[mode]
+        return "" if mode in ARMABLE else refusal(mode, "arm")
 
     @property
     def objections(self) -> tuple[Objection, ...]:
@@ -162,7 +162,7 @@ class Controller:
     def _refusals(self, event: Event, place: Place) -> list[str]:
         mode, observed = self.machine.mode, self._observed
         if not self.machine.can(event):
-            return [f"cannot {event.value}: {REFUSALS[mode]}"]
+            return [f"cannot {event.value}: {refusal(mode, event.value)}"]
         if event in (Event.ENABLE, Event.START, Event.RESET) and observed is None:
             return ["no samples of the drives yet"]
         if event is Event.START and self.motion.blind and not place.path.motors_only:

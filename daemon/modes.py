@@ -152,18 +152,37 @@ HALTING = frozenset({_E.PAUSE, _E.SETTLE, _E.HALT})
 # ...and after which it begins anew.
 FORGETTING = frozenset({_E.STOP, _E.DISABLE, _E.TIMEOUT, _E.FAULT, _E.RESET})
 
-# Why a command is refused in a mode, and what to do about it.
+# Why a command is refused in a mode...
 REFUSALS: dict[Mode, str] = {
-    _M.OFF: "the drives are off (`contactctl enable` first)",
+    _M.OFF: "the drives are off",
     _M.ENABLING: "the drives are still being enabled",
     _M.HOLDING: "the arm is holding",
-    _M.TRACKING: "the trajectory is running (`contactctl pause` or `stop` first)",
-    _M.ADMITTANCE: "somebody is guiding the arm (`contactctl stop` first)",
-    _M.RETRACTING: "the arm is backing away from a contact (`contactctl stop` first)",
-    _M.RETURNING: "the arm is going back to its trajectory (`contactctl stop` first)",
+    _M.TRACKING: "the trajectory is running",
+    _M.ADMITTANCE: "somebody is guiding the arm",
+    _M.RETRACTING: "the arm is backing away from a contact",
+    _M.RETURNING: "the arm is going back to its trajectory",
     _M.STOPPING: "the arm is still stopping",
-    _M.FAULTED: "a fault is latched (`contactctl reset` first)",
+    _M.FAULTED: "a fault is latched",
 }
+# ...and what leads from there to where the arm can be started or armed.
+ADVICE: dict[Mode, str] = {
+    _M.OFF: "`contactctl enable` first",
+    _M.TRACKING: "`contactctl pause` or `stop` first",
+    _M.ADMITTANCE: "`contactctl stop` first",
+    _M.RETRACTING: "`contactctl stop` first",
+    _M.RETURNING: "`contactctl stop` first",
+    _M.FAULTED: "`contactctl reset` first",
+}
+_ADVISED = frozenset({"start", "arm"})
+
+
+def refusal(mode: Mode, command: str) -> str:
+    """Why `command` is refused in this mode, and what to do about it where that helps."""
+    if command == _E.RESET:
+        return "no fault is latched"
+    # A latched fault is in the way of everything; what leads to holding, of start and arm alone.
+    advised = mode in ADVICE and (command in _ADVISED or mode is _M.FAULTED)
+    return f"{REFUSALS[mode]} ({ADVICE[mode]})" if advised else REFUSALS[mode]
 
 
 def next_mode(mode: Mode, event: Event) -> Mode | None:

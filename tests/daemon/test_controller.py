@@ -9,7 +9,7 @@ import pytest
 from bench.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
 from daemon.admittance import GuidedBounds
 from daemon.controller import Observed
-from daemon.modes import REFUSALS, TRANSITIONS, Event, Mode
+from daemon.modes import ADVICE, TRANSITIONS, Event, Mode, refusal
 from daemon.prearm import Objection
 from daemon.reactions import AfterQuiet, Reaction, Reactions
 from daemon.sampled_path import PathBuilder, SampledPath
@@ -89,15 +89,56 @@ def test_every_command_in_every_mode(mode: Mode, command: str) -> None:
         assert reasons == []
         assert arm.mode is after
     else:
-        assert reasons == [f"cannot {command}: {REFUSALS[mode]}"]
+        assert reasons == [f"cannot {command}: {refusal(mode, command)}"]
         assert arm.mode is mode
         assert (arm.armed, arm.controller.machine.moving) == (armed, moving)
+
+
+@pytest.mark.parametrize(
+    ("mode", "command"),
+    [(m, c) for m, c in product(Mode, ("start", "arm", "enable", "pause", "disable", "reset"))],
+)
+def test_advice_is_given_only_where_it_leads_to_what_was_asked(mode: Mode, command: str) -> None:
+    """Whoever does what a refusal says is not refused in the same way again."""
+
+    def ask() -> list[str]:
+        return arm.controller.arm("me") if command == "arm" else arm.request(Event(command))
+
+    arm = arm_in(mode)
+    arm.controller.machine.armed = False
+    said = " ".join(ask())
+    advice = ADVICE.get(mode, "")
+    if not advice or advice not in said:
+        assert "contactctl" not in said
+        return
+    words = advice.split("`")[1].removeprefix("contactctl ")
+    assert arm.request(Event(words)) == []
+    arm.run(1.0)
+    assert advice not in " ".join(ask())
+    if mode is not Mode.FAULTED:
+        assert arm.mode is Mode.TRACKING if command == "start" else arm.armed
+
+
+@pytest.mark.parametrize(
+    ("mode", "command", "said"),
+    [
+        (Mode.OFF, "start", "the drives are off (`contactctl enable` first)"),
+        (Mode.OFF, "pause", "the drives are off"),
+        (Mode.OFF, "reset", "no fault is latched"),
+        (Mode.HOLDING, "enable", "the arm is holding"),
+        (Mode.TRACKING, "enable", "the trajectory is running"),
+        (Mode.TRACKING, "start", "the trajectory is running (`contactctl pause` or `stop` first)"),
+        (Mode.FAULTED, "disable", "a fault is latched (`contactctl reset` first)"),
+    ],
+)
+def test_a_refusal_in_words(mode: Mode, command: str, said: str) -> None:
+    assert arm_in(mode).request(Event(command)) == [f"cannot {command}: {said}"]
 
 
 @pytest.mark.parametrize("mode", sorted(set(Mode) - {Mode.HOLDING, Mode.TRACKING}))
 def test_arming_is_refused_in_every_mode_that_is_not_calm(mode: Mode) -> None:
     arm = arm_in(mode)
-    assert REFUSALS[mode] in arm.controller.arm("another")
+    assert refusal(mode, "arm") in arm.controller.arm("another")
 
 
 def test_armed_a_contact_leads_to_admittance(tracking: IdealArm) -> None:
