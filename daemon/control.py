@@ -38,12 +38,11 @@ SEND_BUFFER_BYTES = 1 << 20  # the kernel grants what net.core.wmem_max allows
 
 @dataclass(slots=True)
 class Connection:
-    """One client; `lost` counts the States that it was too slow to take."""
+    """One client."""
 
     socket: socket.socket
     peer: Peer
     reads: bool = False
-    lost: int = 0
 
 
 Handler = Callable[[Request, Peer], Reply]
@@ -128,12 +127,9 @@ class ControlSocket:
                 encoded = True
             try:
                 connection.socket.send(self._packet)
-            except BlockingIOError:
-                connection.lost += 1
             except OSError as error:
-                if error.errno == errno.EMSGSIZE:
-                    connection.lost += 1
-                else:
+                # Too slow, or with too little room: it misses this one, and sees so by its tick.
+                if error.errno not in (errno.EAGAIN, errno.EMSGSIZE):
                     dead = [*(dead or []), connection]
         for connection in dead or ():
             self._drop(connection)
