@@ -131,7 +131,9 @@ class SupervisorSettings(Settings, frozen=True):
     overrun_ticks: Ticks = 5  # deadlines missed in a row
     # Until every drive is in operation, else off.
     enable_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0
-    stop_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0  # until the arm stands, else a fault
+    # Until the arm stands, else a fault. An ending daemon waits so long, and two seconds for the
+    # drives, and must be through before systemd kills it (TimeoutStopSec=30).
+    stop_timeout_s: Annotated[float, Meta(gt=0, le=25)] = 3.0
     saturated_ticks: Ticks = 20  # ticks in a row at the current limit
     # What the measurements are believed beyond what the joint can do by itself.
     position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, a bent gear, a push [rad]

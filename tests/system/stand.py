@@ -67,7 +67,7 @@ def write_robot(folder: Path, bus: dict[str, Any]) -> None:
         "stale_ticks": 20,
         "overrun_ticks": 200,
         "enable_timeout_s": 60.0,
-        "stop_timeout_s": 60.0,
+        "stop_timeout_s": 25.0,
     }
     (folder / "config.yaml").write_text(yaml.safe_dump(c, sort_keys=False))
     robot = load_robot(folder)
