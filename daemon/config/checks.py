@@ -165,11 +165,14 @@ def _trajectory(c: Configuration) -> Iterator[Finding]:
             yield Finding(
                 keys, where, f"its speed of {peak:.3g} rad/s is above the limit {limits.velocity:g}"
             )
-        if (peak := wave.amplitude * omega**2) > limits.acceleration:
+        # A w^2 |sin| with A w |cos| / ramp of a soft start, which may fall on any phase.
+        peak = wave.amplitude * omega * math.hypot(omega, 1.0 / c.trajectory.ramp_s)
+        if peak > limits.acceleration:
             yield Finding(
                 keys,
                 where,
-                f"its acceleration of {peak:.3g} rad/s2 is above the limit {limits.acceleration:g}",
+                f"its acceleration of {peak:.3g} rad/s2 (a soft start included) is above the limit "
+                f"{limits.acceleration:g}",
             )
         if 2 * wave.amplitude > limits.upper - limits.lower:
             yield Finding(

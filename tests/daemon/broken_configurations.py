@@ -220,6 +220,27 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "trajectory.sinusoids.LShoulderPitch",
         ("speed of 1.1 rad/s", "above the limit 1"),
     ),
+    "trajectory that turns too fast": (
+        "{amplitude: 0.35, frequency_Hz: 0.15}",
+        "{amplitude: 0.05, frequency_Hz: 1.43}",
+        "frequency_Hz: 1.43",
+        "trajectory.sinusoids.LShoulderPitch",
+        ("acceleration of 4.04 rad/s2", "above the limit 4"),
+    ),
+    "trajectory that starts too fast": (
+        "ramp_s: 2.0\n  sinusoids:\n    LShoulderPitch: {amplitude: 0.35, frequency_Hz: 0.15}",
+        "ramp_s: 0.1\n  sinusoids:\n    LShoulderPitch: {amplitude: 0.5, frequency_Hz: 0.15}",
+        "frequency_Hz: 0.15",
+        "trajectory.sinusoids.LShoulderPitch",
+        ("acceleration of 4.73 rad/s2 (a soft start included)", "above the limit 4"),
+    ),
+    "an end that systemd would cut short": (
+        "stop_timeout_s: 3.0",
+        "stop_timeout_s: 26.0",
+        "stop_timeout_s: 26.0",
+        "supervisor.stop_timeout_s",
+        ("26.0", "<= 25"),
+    ),
     "trajectory that does not fit": (
         "    LShoulderPitch: {amplitude: 0.35, frequency_Hz: 0.15}",
         "    LWristYaw: {amplitude: 0.41, frequency_Hz: 0.1}",
