@@ -1,12 +1,16 @@
 """`make install` below another root, without its environment; and `make uninstall`."""
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from daemon.config.load import load_robot
+from daemon.config.schema import SupervisorSettings
+from daemon.winding_down import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -42,6 +46,25 @@ def test_the_example_arm_is_installed_on_can0(installed: Path) -> None:
     assert (bus.interface, bus.channel) == ("socketcan", "can0")
     network = (installed / "usr/local/lib/systemd/network/can0.network").read_text()
     assert f"BitRate={bus.bitrate}\n" in network
+
+
+def test_the_end_of_the_daemon_fits_before_systemd_kills_it(installed: Path) -> None:
+    unit = (installed / "usr/local/lib/systemd/system/contactd.service").read_text()
+    (patience_s,) = re.findall(r"^TimeoutStopSec=(\d+)$", unit, re.MULTILINE)
+    fields = msgspec.inspect.type_info(SupervisorSettings).fields
+    longest = next(field.type.le for field in fields if field.name == "stop_timeout_s")
+    # Stopping, and the drives' states after it; what is left over is for telling them that we go.
+    assert longest + 2 * PATIENCE_S < float(patience_s)
+
+
+@pytest.mark.parametrize("name", ["contactd.service.d/bus.conf", "examples/bus-serial.conf"])
+def test_another_interface_is_waited_for_as_the_head_of_its_file_says(name: str) -> None:
+    """docs/installing.md leaves it to the head, from which the device is copied into a shell."""
+    head, _, body = (ROOT / "systemd" / name).read_text().partition("\n[Unit]\n")
+    (told,) = re.findall(r"^#   systemctl add-wants (\S+) contactd\.service$", head, re.MULTILINE)
+    (bound,) = re.findall(r"^BindsTo=(\S+)$", body, re.MULTILINE)
+    assert told == bound.replace("can0", "can1")
+    assert re.search(r"^#   systemctl daemon-reload$", head, re.MULTILINE)
 
 
 def test_an_edited_configuration_is_never_touched(installed: Path) -> None:
