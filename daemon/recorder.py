@@ -58,8 +58,10 @@ def record(
     *,
     seconds: float | None = None,
     stop: Callable[[], bool] = lambda: False,
+    begun: Callable[[], None] = lambda: None,
 ) -> Recording:
     """Write the daemon's stream to `path` until `stop()`, `seconds` have passed, or it ends.
+    `begun` is told once it does.
 
     Where ticks are missing, it subscribes anew and writes a new snapshot. Whatever ends it, the
     file is finished properly. Raises LogError if `path` exists or cannot be written, ControlError
@@ -73,6 +75,7 @@ def record(
         try:
             with path.open("xb") as stream:
                 log = _LogWriter(stream, snapshot)
+                begun()
                 try:
                     ended = _follow(client, connect, log, seconds, stop)
                 finally:

@@ -36,9 +36,11 @@ def record_trajectory(
     *,
     seconds: float | None = None,
     stop: Callable[[], bool] = lambda: False,
+    begun: Callable[[], None] = lambda: None,
 ) -> Recorded:
     """Write motor positions, at the link [rad], of all joints to a new CSV file until `stop()`,
-    `seconds` have passed, it is as long as a trajectory may be, or the daemon ends.
+    `seconds` have passed, it is as long as a trajectory may be, or the daemon ends. `begun` is told
+    once it begins.
 
     Raises LogError if `path` exists or cannot be written, ControlError if there is no daemon to
     begin with.
@@ -52,6 +54,7 @@ def record_trajectory(
             with path.open("x", newline="", encoding="utf-8") as stream:
                 writer = csv.writer(stream, lineterminator="\n")
                 writer.writerow([TIME, *snapshot.joints])
+                begun()
                 window: list[State] = []
                 for state in states:
                     window.append(state)

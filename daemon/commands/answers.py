@@ -25,14 +25,16 @@ GOALS: dict[str, frozenset[str]] = {
     "disable": frozenset({"off"}),
 }
 RESTING = frozenset({"off", "holding", "faulted"})  # nothing leaves these by itself
+YIELDING = frozenset({"admittance", "retracting"})  # until nobody touches the arm any more
 
 
 def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
-    """Ask for `command`, wait where it takes a while, and say where it ended; exit 1 if not."""
+    """Ask for `command`, wait where it takes a while, and say where it ended; exit 1 if not. Where
+    there is nothing to wait for, the daemon's answer says it."""
     with options.connect() as client:
         reply = client.request(command)
-        if wait and reply.ok:
-            reply = wait_for(client, reply, GOALS[command])
+        if wait and reply.ok and reply.mode not in GOALS[command]:
+            reply = wait_for(client, reply, GOALS[command], yields=command == "pause")
     answer(options, reply)
 
 
@@ -52,8 +54,11 @@ def answer(options: Options, reply: "Reply") -> None:
         sys.exit(1)
 
 
-def wait_for(client: "Client", first: "Reply", goal: frozenset[str]) -> "Reply":
-    """Poll until the mode is in `goal`, comes to rest elsewhere, or WAIT_S have passed."""
+def wait_for(
+    client: "Client", first: "Reply", goal: frozenset[str], *, yields: bool = False
+) -> "Reply":
+    """Poll until the mode is in `goal`, comes to rest elsewhere, or WAIT_S have passed; with
+    `yields` also while somebody has the arm, who may keep it for minutes."""
     from daemon.messages import Reply
 
     deadline = time.monotonic() + WAIT_S
@@ -62,14 +67,19 @@ def wait_for(client: "Client", first: "Reply", goal: frozenset[str]) -> "Reply":
         now = status_of(client)
         left = left or now.mode != first.mode
         late = time.monotonic() > deadline
-        if now.mode in goal or late or (left and now.mode in RESTING):
+        guided = yields and now.mode in YIELDING
+        if now.mode in goal or guided or late or (left and now.mode in RESTING):
             break
         time.sleep(POLL_S)
     text = f"{now.mode}{', armed' if now.armed else ''}: {now.cause}"
-    if now.mode not in goal:
+    if guided:
+        paused = now.trajectory.state == "paused"
+        what = "the trajectory is paused" if paused else "no trajectory goes on"
+        text = f"{now.mode}: {what}; the arm holds once nobody touches it"
+    elif now.mode not in goal:
         expected = "holding" if "holding" in goal else "off"
         text = f"not {expected} {f'after {WAIT_S:.0f} s' if late else 'but'} {text}"
-    return Reply(ok=now.mode in goal, message=text, mode=now.mode, armed=now.armed)
+    return Reply(ok=guided or now.mode in goal, message=text, mode=now.mode, armed=now.armed)
 
 
 def status_of(client: "Client") -> "Status":

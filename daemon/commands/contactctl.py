@@ -12,6 +12,7 @@ from pathlib import Path
 import click
 
 from daemon.commands.answers import answer, carry_out, print_json, status_of
+from daemon.commands.ranges import Range
 from daemon.commands.session_options import Group, Options, json_option, socket_option
 from daemon.commands.streams import record_csv, record_states, show_live, stream_json
 from daemon.lease import LONGEST_S, PERSON_S
@@ -28,10 +29,11 @@ from errors import TrajectoryError, UnreachableError
 def main(ctx: click.Context, socket: Path | None, as_json: bool) -> None:
     """Talk to contactd, the daemon that lets a robot arm feel.
 
-    A session usually is: enable, start, arm; then pause or stop; then disable. The program is no
+    A session usually is: enable, arm, start; then pause or stop; then disable. The program is no
     certified safety function: keep the hardware emergency stop within reach.
 
-    The exit status is 0 when it was done, 1 when the daemon refused, 69 when it cannot be reached.
+    Exit status: 0 done, 1 refused or not done, 2 usage, 65 a file is bad or cannot be written,
+    69 the daemon cannot be reached.
     """
     ctx.obj = Options(socket, as_json)
 
@@ -48,6 +50,28 @@ def enable(options: Options, no_wait: bool) -> None:
 
 
 @main.command()
+@click.option(
+    "--lease",
+    "lease_s",
+    type=Range(min=0, max=LONGEST_S, min_open=True),
+    default=PERSON_S,
+    show_default=True,
+    metavar="S",
+    help="How long it stays armed, in seconds, unless you arm again.",
+)
+@click.pass_obj
+def arm(options: Options, lease_s: float) -> None:
+    """Let the arm yield to contact. Refused, with every reason, while it cannot be trusted.
+
+    Shows each check as passed or failed. Arming again renews the lease; while somebody else holds
+    it, it is refused. When the lease runs out the arm is disarmed, and holds if it is being guided.
+    """
+    with options.connect() as client:
+        reply = client.arm(lease_s, detached=True)
+    answer(options, reply)
+
+
+@main.command()
 @click.argument("file", required=False, type=click.Path(path_type=Path), metavar="[FILE.csv]")
 @click.option(
     "--from-here",
@@ -56,9 +80,10 @@ def enable(options: Options, no_wait: bool) -> None:
 )
 @click.option(
     "--speed",
-    type=click.FloatRange(min=0, max=1, min_open=True),
+    type=Range(min=0.01, max=1),
     default=1.0,
     show_default=True,
+    metavar="X",
     help="Run the file slower, at this share of its speed.",
 )
 @click.pass_obj
@@ -97,30 +122,6 @@ def start(options: Options, file: Path | None, from_here: bool, speed: float) ->
 def pause(options: Options, no_wait: bool) -> None:
     """Halt the trajectory; the arm stays armed. `start` goes on with it, `stop` forgets it."""
     carry_out(options, "pause", wait=not no_wait)
-
-
-@main.command()
-@click.option(
-    "--lease",
-    "lease_s",
-    type=click.FloatRange(min=0, max=LONGEST_S, min_open=True),
-    default=PERSON_S,
-    show_default=True,
-    metavar="S",
-    help="How long it stays armed, in seconds, unless you arm again.",
-)
-@click.pass_obj
-def arm(options: Options, lease_s: float) -> None:
-    """Let the arm yield to contact. Refused, with every reason, while it cannot be trusted.
-
-    Shows each check as passed or failed. Arming again renews the lease; while somebody else holds
-    it, it is refused. When the lease runs out the arm is disarmed, and holds if it is being guided.
-    """
-    if math.isnan(lease_s):
-        raise click.BadParameter("nan is not a time", param_hint="--lease")
-    with options.connect() as client:
-        reply = client.arm(lease_s, detached=True)
-    answer(options, reply)
 
 
 @main.command()
@@ -163,18 +164,19 @@ def gain(options: Options, joint: str | None, value: float | None) -> None:
     The joint gets there within half a second, also in somebody's hand. The configuration is not
     changed: the next start of the daemon begins from it.
     """
-    from daemon.messages import Request
+    from daemon.messages import Reply, Request
 
     if value is not None and not math.isfinite(value):
         raise click.UsageError(f"{value:g} is not a gain")  # nor is it a number in JSON
     with options.connect() as client:
+        found = status_of(client)
+        gains = dict(zip(found.joints, found.gain, strict=True))
+        if joint is not None and joint not in gains:
+            reasons = [f"no joint {joint!r}; there are: {', '.join(gains)}"]
+            answer(options, Reply(ok=False, message="gain: refused", reasons=reasons))
         if joint is not None and value is not None:
             answer(options, client.ask(Request("gain", joint=joint, gain=value)))
             return
-        found = status_of(client)
-    gains = dict(zip(found.joints, found.gain, strict=True))
-    if joint is not None and joint not in gains:
-        raise click.UsageError(f"no joint {joint!r}; there are: {', '.join(gains)}")
     shown = gains if joint is None else {joint: gains[joint]}
     if options.json:
         print_json(shown)
@@ -217,7 +219,8 @@ def watch(options: Options) -> None:
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
 @click.option(
     "--seconds",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Range(min=0, min_open=True),
+    metavar="S",
     help="End after so many seconds; without it, Ctrl-C ends the recording.",
 )
 @click.pass_obj
@@ -230,8 +233,6 @@ def record(options: Options, file: Path, seconds: float | None) -> None:
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: signals.append(received))
-    if not options.json and seconds is None:
-        click.echo(f"recording to {file}; Ctrl-C ends it", err=True)
     as_csv = file.suffix.lower() == ".csv"
     ended = (record_csv if as_csv else record_states)(options, file, seconds, lambda: bool(signals))
     if ended:

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from daemon.commands.ranges import Range
 from errors import ContactdError
 
 CONFIG = click.argument("config", type=click.Path(path_type=Path))
@@ -122,7 +123,7 @@ def simulate(
 @click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON at the end.")
 @click.option(
     "--seconds",
-    type=click.FloatRange(min=25, max=600),
+    type=Range(min=25, max=600),
     default=32.0,
     show_default=True,
     help="Length of the demonstration.",
@@ -225,7 +226,7 @@ def gap(joints: tuple[str, ...], **asked: Any) -> None:
 
 
 @identify.command()
-@click.option("--seconds", default=60.0, show_default=True, type=click.FloatRange(20, 600))
+@click.option("--seconds", default=60.0, show_default=True, type=Range(20, 600))
 @_identification
 def friction(seconds: float, **asked: Any) -> None:
     """Move all joints, without contact: friction and rotor inertia."""
@@ -234,8 +235,8 @@ def friction(seconds: float, **asked: Any) -> None:
 
 
 @identify.command()
-@click.option("--seconds", default=120.0, show_default=True, type=click.FloatRange(40, 7200))
-@click.option("--per-hour", default=1.0, show_default=True, type=click.FloatRange(1e-3, 1000),
+@click.option("--seconds", default=120.0, show_default=True, type=Range(40, 7200))
+@click.option("--per-hour", default=1.0, show_default=True, type=Range(1e-3, 1000),
               help="False contacts per joint and hour that are bearable.")  # fmt: skip
 @_identification
 def thresholds(seconds: float, per_hour: float, **asked: Any) -> None:

@@ -56,7 +56,8 @@ def record_states(
     """Every state, as MCAP; returns why it ended early, or nothing."""
     from daemon.recorder import record
 
-    made = record(options.connect, file, seconds=seconds, stop=stop)
+    begun = _announcement(options, file, seconds)
+    made = record(options.connect, file, seconds=seconds, stop=stop, begun=begun)
     if options.json:
         print_json(made)
     else:
@@ -73,9 +74,20 @@ def record_csv(
     """Where the joints go, as CSV; returns why it ended early, or nothing."""
     from daemon.trajectory_recorder import record_trajectory
 
-    made = record_trajectory(options.connect, file, seconds=seconds, stop=stop)
+    begun = _announcement(options, file, seconds)
+    made = record_trajectory(options.connect, file, seconds=seconds, stop=stop, begun=begun)
     if options.json:
         print_json(made)
     else:
         click.echo(f"{file}: {made.duration_s:.1f} s, {made.samples} samples")
     return made.ended
+
+
+def _announcement(options: Options, file: Path, seconds: float | None) -> Callable[[], None]:
+    """What is said when a recording has begun; nothing to programs, nor where its end is known."""
+
+    def announce() -> None:
+        if not options.json and seconds is None:
+            click.echo(f"recording to {file}; Ctrl-C ends it", err=True)
+
+    return announce

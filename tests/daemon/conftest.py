@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -113,6 +114,7 @@ class FakeDaemon:
     states: Callable[[int], State | None] = state_at  # None: publishes nothing in that tick
     snapshot_ahead: int = 0  # ticks between the last State and what a snapshot says
     mode: str = "off"
+    trajectory: Any = "ready"
     tick: int = 0
     seen: list[tuple[str, Peer]] = field(default_factory=list)
     ready: threading.Event = field(default_factory=threading.Event)
@@ -143,7 +145,9 @@ class FakeDaemon:
             mode=self.mode,
             armed=False,
             cause=f"because of {self.mode}",
-            trajectory=Trajectory(name="sinusoids", state="ready", time_s=0.0, duration_s=None),
+            trajectory=Trajectory(
+                name="sinusoids", state=self.trajectory, time_s=0.0, duration_s=None
+            ),
             checks=[
                 Check(name="mode", passed=False, text="the drives are off"),
                 Check(name="samples", passed=True, text="all fresh in this tick"),

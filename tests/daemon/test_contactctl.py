@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import re
 import select
 import signal
 import subprocess
@@ -71,10 +72,17 @@ def test_refusal_lists_every_reason(run: Run, fake_daemon: Any, command: str) ->
         ("disable", "tracking", ["tracking", "stopping", "off"], 0, "off: because of off"),
         ("disable", "tracking", ["stopping", "faulted"], 1, "not off but faulted"),
         ("stop", "tracking", ["tracking", "stopping", "holding"], 0, "holding"),
-        ("stop", "faulted", ["faulted"], 0, "faulted: because of faulted"),
-        ("stop", "off", ["off"], 0, "off"),
-        ("pause", "tracking", ["stopping", "holding"], 0, "holding"),
-        ("pause", "admittance", ["admittance"], 1, "not holding after 0 s admittance"),
+        ("pause", "tracking", ["stopping", "holding"], 0, "holding: because of holding"),
+        # What is so already, the answer to the command says.
+        ("stop", "faulted", ["faulted"], 0, "stop done\n"),
+        ("stop", "off", ["off"], 0, "stop done\n"),
+        ("disable", "off", ["off"], 0, "disable done\n"),
+        ("pause", "holding", ["holding"], 0, "pause done\n"),
+        # Whoever guides the arm may do so for minutes.
+        ("pause", "admittance", ["admittance"], 0, "admittance: the trajectory is paused; the arm"),
+        ("pause", "retracting", ["retracting"], 0, "retracting: the trajectory is paused; the arm"),
+        ("pause", "tracking", ["stopping", "admittance"], 0, "paused; the arm holds once nobody"),
+        ("stop", "admittance", ["stopping", "admittance"], 1, "not holding after 0 s admittance"),
     ],
 )
 def test_waits_until_it_is_done(
@@ -86,12 +94,21 @@ def test_waits_until_it_is_done(
     exit_code: int,
     said: str,
 ) -> None:
-    fake_daemon.mode = before
+    fake_daemon.mode, fake_daemon.trajectory = before, "paused"
     fake_daemon.modes[command] = modes
     result = run(command)
     assert result.exit_code == exit_code
     assert said in (result.stderr if exit_code else result.stdout)
     assert fake_daemon.mode == modes[-1]
+
+
+def test_pause_while_guided_without_a_trajectory(run: Run, fake_daemon: Any) -> None:
+    fake_daemon.mode = "admittance"
+    result = run("pause")
+    assert (result.exit_code, result.stdout) == (
+        0,
+        "admittance: no trajectory goes on; the arm holds once nobody touches it\n",
+    )
 
 
 @pytest.mark.parametrize("command", ["enable", "pause", "stop", "disable"])
@@ -134,11 +151,12 @@ def test_refused_status(run: Run, fake_daemon: Any) -> None:
 
 
 def test_no_daemon(tmp_path: Path) -> None:
-    for command in (["stop"], ["status"], ["record", str(tmp_path / "x.mcap"), "--seconds", "1"]):
+    for command in (["stop"], ["status"], ["record", str(tmp_path / "x.mcap")]):
         arguments = ["--socket", str(tmp_path / "nothing"), *command]
         result = CliRunner().invoke(contactctl.main, arguments)
         assert result.exit_code == 69
         assert result.stderr.startswith("contactctl: no contactd serves ")
+        assert result.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
@@ -146,6 +164,61 @@ def test_no_daemon(tmp_path: Path) -> None:
 )
 def test_usage(run: Run, arguments: list[str]) -> None:
     assert run(*arguments).exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "option", "values", "allowed"),
+    [
+        (["start", "move.csv"], "--speed", ["nan", "inf", "1e-300", "0", "1.01"], "0.01<=x<=1"),
+        (["arm"], "--lease", ["nan", "inf", "0", "86401"], "0<x<=86400"),
+        (["record", "x.csv"], "--seconds", ["nan", "0", "-1"], "x>0"),
+    ],
+)
+def test_a_number_out_of_range_is_refused_at_its_option(
+    run: Run, fake_daemon: Any, arguments: list[str], option: str, values: list[str], allowed: str
+) -> None:
+    for value in values:
+        result = run(*arguments, option, value)
+        assert result.exit_code == 2
+        assert f"Invalid value for '{option}': {float(value)} is not in the range" in result.stderr
+        assert allowed in result.stderr
+    assert not fake_daemon.seen
+
+
+def test_gain_of_no_joint(run: Run, fake_daemon: Any) -> None:
+    for value in ([], ["0.1"]):
+        result = run("gain", "NoSuch\udcff", *value)
+        assert (result.exit_code, result.stdout) == (1, "")
+        refused, reason = result.stderr.splitlines()
+        assert refused == "contactctl: gain: refused"
+        assert reason.startswith("  - no joint 'NoSuch\\udcff'; there are: LShoulderPitch, LSh")
+        assert json.loads(run("--json", "gain", "NoSuch", *value).stdout)["ok"] is False
+    assert {command for command, _ in fake_daemon.seen} == {"status"}
+
+
+def test_help_lists_every_exit_status() -> None:
+    text = " ".join(CliRunner().invoke(contactctl.main, ["--help"]).stdout.split())
+    listed = text.split("Exit status: ")[1].split(".")[0]
+    assert re.findall(r"\b[0-9]+\b", listed) == ["0", "1", "2", "65", "69"]
+
+
+SESSIONS = {
+    "README.md": r"^    \.venv/bin/contactctl (\w+)",
+    "docs/operating.md": r"^    contactctl (\w+)",
+    "docs/operating.md, the table": r"^\| `(\w+)[ `]",
+    "contactctl --help": r"(?<=[:;,] )(?:then )?(\w+)(?=[,;.]| or)",
+}
+
+
+@pytest.mark.parametrize("page", SESSIONS)
+def test_a_session_has_one_order_everywhere(page: str) -> None:
+    order = list(contactctl.main.commands)
+    path = ROOT / page.split(",", maxsplit=1)[0]
+    text = path.read_text() if path.exists() else str(contactctl.main.help).split("\n\n")[1]
+    told = [word for word in re.findall(SESSIONS[page], text, re.MULTILINE) if word in order]
+    told = [word for word in told if word not in ("status", "watch")]
+    assert told[:3] == ["enable", "arm", "start"]
+    assert told == sorted(told, key=order.index)
 
 
 def test_help_is_sentences() -> None:
