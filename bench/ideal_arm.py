@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from daemon.admittance import AdmittanceLaw, Gains, GuidedBounds
 from daemon.controller import Controller, Decision, Observed, Tuning
 from daemon.limits import Limits
-from daemon.modes import Event, Mode
+from daemon.modes import ENERGISED, Event, Mode
 from daemon.motion import Manner, Motion
 from daemon.reactions import AfterQuiet, Reactions
 from daemon.trajectory import Follower, Place, Sinusoids
@@ -64,7 +64,9 @@ class IdealArm:
     def step(self, **seen: Any) -> Decision:
         """One tick."""
         before = self.decisions[-1].velocity if self.decisions else np.zeros(2)
-        calm = Observed(self.q.copy(), before, np.zeros(2), "", "", True, (), tuple)
+        # Its drives come on with the mode, and go off with it.
+        on = (self.mode in ENERGISED,) * 2
+        calm = Observed(self.q.copy(), before, np.zeros(2), "", "", on, (), tuple)
         decision = self.controller.step(self.time_s, T, replace(calm, **seen))
         self.q = self.q + decision.velocity * T
         self.tick += 1
@@ -119,7 +121,7 @@ def ideal_arm(**changes: Any) -> IdealArm:
 def holding_arm(**changes: Any) -> IdealArm:
     """Energised and holding."""
     arm = ideal_arm(**changes)
-    arm.step(energised=False)
+    arm.step()
     assert arm.request(Event.ENABLE) == []
     arm.step()
     assert arm.mode is Mode.HOLDING

@@ -31,7 +31,9 @@ def main(hz: int | None, seconds: int, load: bool, as_json: bool) -> None:
         at = f"{run.joints} {'joint' if run.joints == 1 else 'joints'} at {run.hz} Hz: "
         targets = [
             # A loop that counted its periods from its own wake-ups would lose whole periods.
-            Target(at + "drift over the run", run.drift_us, 0.1 * 1e6 / run.hz, "us", "lower")
+            Target(at + "drift over the run", run.drift_us, 0.1 * 1e6 / run.hz, "us", "lower"),
+            # A tick of an arm in fault is another tick.
+            Target(at + "tracking at the end", float(run.mode == "tracking"), 1.0, "", "higher"),
         ]
         if run.joints > 1:
             cpu = run.cpu_us.at(50) / 1e3

@@ -91,17 +91,24 @@ class Client:
         return self._decode(self._replies, answer)
 
     def arm(self, lease_s: float | None = None, *, detached: bool = False) -> Reply:
-        """Arm, or renew what this connection armed; the answer may be a refusal.
+        """Arm; the answer may be a refusal.
 
-        The arm stays armed for `lease_s` [s], 0.5 s unless given: ask again well before. It ends
-        at once when this connection does. `detached` is for people at a command line: the lease
-        (600 s) outlives the connection, and every process of the same user may renew it.
+        The arm stays armed for `lease_s` [s], 0.5 s unless given: `renew` well before. It ends at
+        once when this connection does. `detached` is for people at a command line: the lease
+        (600 s) outlives the connection, and every process of the same user prolongs it by arming
+        again.
 
         Raises ControlError unless 0 < lease_s <= 86400.
         """
-        if lease_s is not None and not 0.0 < lease_s <= LONGEST_S:  # nor NaN
-            raise ControlError(f"{lease_s} is not a lease: more than 0, at most {LONGEST_S:g} s")
-        return self.ask(Request("arm", lease_s=lease_s, detached=detached))
+        return self.ask(Request("arm", lease_s=_a_lease(lease_s), detached=detached))
+
+    def renew(self, lease_s: float | None = None) -> Reply:
+        """Keep what this connection armed for another `lease_s` [s], 0.5 s unless given.
+
+        Refused once the arm is not armed any more, whoever or whatever disarmed it. Raises
+        ControlError unless 0 < lease_s <= 86400.
+        """
+        return self.ask(Request("renew", lease_s=_a_lease(lease_s)))
 
     def load_trajectory(
         self,
@@ -208,6 +215,12 @@ def _chunks(rows: Sequence[list[float]]) -> Iterator[list[list[float]]]:
         chunk.append(short)
         room -= size
     yield chunk
+
+
+def _a_lease(lease_s: float | None) -> float | None:
+    if lease_s is not None and not 0.0 < lease_s <= LONGEST_S:  # nor NaN
+        raise ControlError(f"{lease_s} is not a lease: more than 0, at most {LONGEST_S:g} s")
+    return lease_s
 
 
 def _connect(path: Path, timeout_s: float) -> socket.socket:

@@ -38,7 +38,7 @@ class Observed:
     thresholded: Vector  # thresholded residual [Nm]
     touched: str  # the contact that lasts, in words; empty without one
     hit: str  # the collision that began in this tick, likewise
-    energised: bool  # every drive is in operation enabled
+    operating: tuple[bool, ...]  # which drives are in operation enabled
     findings: tuple[Finding, ...]
     objections: Callable[[], tuple[Objection, ...]]  # asked when somebody would arm
     age_s: Vector | None = None  # of q; None where every sample came in time
@@ -171,7 +171,7 @@ class Controller:
         if event is Event.START and observed is not None:
             return not_startable(joints, observed.q, limits, place)
         if event is Event.ENABLE and observed is not None:
-            return not_energisable(joints, self._tuning.ends, observed.q, limits, observed.findings)
+            return not_energisable(joints, self._tuning.ends, limits, observed)
         return []
 
     # --- one tick ---------------------------------------------------------------------------
@@ -225,7 +225,7 @@ class Controller:
             return
         self._allowance.recover(dt)
         if mode is Mode.ENABLING:
-            if observed.energised:
+            if all(observed.operating):
                 self._apply(Event.ENERGISED, "drives enabled", time_s)
             elif elapsed > self._tuning.enable_timeout_s:
                 text = f"the drives were not enabled within {self._tuning.enable_timeout_s:g} s"

@@ -183,7 +183,7 @@ class Cycle:
             thresholded=estimate.thresholded,
             touched=touched,
             hit=hit,
-            energised=samples.states.count(DriveState.OPERATION_ENABLED) == len(samples.states),
+            operating=tuple(state is DriveState.OPERATION_ENABLED for state in samples.states),
             findings=findings,
             objections=self._objections,
             age_s=None if self._updated else np.multiply(samples.age_ticks, self._period_s),

@@ -15,6 +15,7 @@ Command = Literal[
     "start",
     "pause",
     "arm",
+    "renew",
     "disarm",
     "stop",
     "disable",
@@ -56,9 +57,9 @@ class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     header: Header | None = None  # `load`: begin a trajectory
     rows: list[list[float]] | None = None  # `load`: more of it
     loaded: bool = False  # `start`: run what this connection has loaded
-    # `arm`: for how long, unless renewed by another `arm`; 0.5 s, or 600 s if detached.
+    # `arm`, `renew`: for how long from now, unless renewed; 0.5 s, or 600 s if detached.
     lease_s: Annotated[float, msgspec.Meta(gt=0, le=86_400)] | None = None
-    # `arm`: the lease outlives this connection, and any process of this user may renew it.
+    # `arm`: the lease outlives this connection, and any process of this user may arm again.
     detached: bool = False
     joint: str | None = None  # `gain`: of which joint
     gain: float | None = None  # `gain`: its K_a from now on [rad/s per Nm]

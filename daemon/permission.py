@@ -11,11 +11,11 @@ from daemon.peers import Peer
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """To `arm`: every reason why not, each check as passed or failed, and for how long [s]."""
+    """To `arm` or `renew`: every reason why not, for how long [s], each check passed or failed."""
 
     reasons: Sequence[str]
-    checks: Sequence[Check]
     duration_s: float
+    checks: Sequence[Check] = ()
 
 
 @dataclass(slots=True)
@@ -32,19 +32,45 @@ class Permission:
         return self._lease.owner.connection if self._lease else 0
 
     def arm(self, request: Request, peer: Peer, time_s: float) -> Answer:
-        """Arm, or renew: whoever holds the lease need not pass the checks again."""
+        """Arm an arm that is not armed. A person who has armed it, and who wants it longer, says so
+        with another `arm`; a program says `renew`."""
         owner = Owner(peer.uid, peer.pid, 0 if request.detached else peer.connection)
         duration_s = request.lease_s or (PERSON_S if request.detached else PROGRAM_S)
+        held = self._held(time_s)
+        if held is not None:
+            refusal = held.refusal(owner, time_s)
+            if not refusal and owner.connection:
+                refusal = "this connection has armed it already: `renew` it"
+            return self._grant(owner, duration_s, time_s, [refusal] if refusal else [])
+        checks = self.checks()
+        reasons = self.controller.arm(f"{owner}, for {in_words(duration_s)}")
+        return self._grant(owner, duration_s, time_s, reasons, checks)
+
+    def renew(self, request: Request, peer: Peer, time_s: float) -> Answer:
+        """Prolong what this connection holds. Never arms: a program that renews every moment must
+        not undo somebody else's `disarm`, or a fault."""
+        owner = Owner(peer.uid, peer.pid, peer.connection)
+        held = self._held(time_s)
+        refusal = held.refusal(owner, time_s) if held else "not armed any more: `arm` it anew"
+        duration_s = request.lease_s or PROGRAM_S
+        return self._grant(owner, duration_s, time_s, [refusal] if refusal else [])
+
+    def _held(self, time_s: float) -> Lease | None:
         # What has run out since the last tick is nobody's: there is nothing to take over.
         self.expire(time_s)
-        held = self._lease if self.controller.machine.armed else None
-        if held and (refusal := held.refusal(owner, time_s)):
-            return Answer([refusal], [], duration_s)
-        checks = [] if held else self.checks()
-        reasons = [] if held else self.controller.arm(f"{owner}, for {in_words(duration_s)}")
+        return self._lease if self.controller.machine.armed else None
+
+    def _grant(
+        self,
+        owner: Owner,
+        duration_s: float,
+        time_s: float,
+        reasons: Sequence[str],
+        checks: Sequence[Check] = (),
+    ) -> Answer:
         if not reasons:
             self._lease = Lease(owner, time_s + duration_s)
-        return Answer(reasons, checks, duration_s)
+        return Answer(reasons, duration_s, checks)
 
     def expire(self, time_s: float, closed: int = 0) -> None:
         """End what has run out, or was held by connection number `closed`."""

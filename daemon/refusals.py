@@ -1,6 +1,7 @@
 """Why the arm may not be energised, or not run a trajectory, from where it stands. Pure."""
 
 from collections.abc import Sequence
+from typing import Protocol
 
 from daemon.limits import Limits, Vector
 from daemon.supervisor import Finding, Reaction
@@ -18,17 +19,35 @@ WAY_BACK = {
 }
 
 
+class Standing(Protocol):
+    """As much of an arm as `enable` looks at."""
+
+    @property
+    def q(self) -> Vector:
+        """Link positions (n,) [rad]."""
+
+    @property
+    def operating(self) -> Sequence[bool]:
+        """Which drives are in operation enabled."""
+
+    @property
+    def findings(self) -> Sequence[Finding]:
+        """Of the supervisor."""
+
+
 def not_energisable(
-    joints: Sequence[str],
-    ends: Sequence[str],
-    q: Vector,
-    limits: Limits,
-    findings: Sequence[Finding],
+    joints: Sequence[str], ends: Sequence[str], limits: Limits, arm: Standing
 ) -> list[str]:
-    """Before `enable`: what asks for a quick stop, and joints that stand further outside their
-    limits at q (n,) [rad] than the arm would lead them back by itself."""
+    """Before `enable`: what asks for a quick stop, drives that were switched off and have not got
+    there, and joints that stand further outside their limits than the arm would lead them back by
+    itself."""
+    reasons = [str(f) for f in arm.findings if f.reaction >= Reaction.QUICK_STOP]
+    if late := [name for name, on in zip(joints, arm.operating, strict=True) if on]:
+        # Taken for enabled drives in the next tick, and then for drives that have dropped out.
+        reasons.append(f"still on their way off: {', '.join(late)}")
+    q = arm.q
     outside = limits.outside(q)
-    return [str(f) for f in findings if f.reaction >= Reaction.QUICK_STOP] + [
+    return reasons + [
         f"{name} stands at {q[i]:.3f} rad, more than {limits.tolerance:g} outside its limits "
         f"[{limits.lower[i]:g}, {limits.upper[i]:g}]: {WAY_BACK[ends[i]]}"
         for i, name in enumerate(joints)

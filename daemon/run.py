@@ -19,6 +19,7 @@ from daemon.drives import Drives
 from daemon.journal import log_to_stderr
 from daemon.last_resort import stop_on_error
 from daemon.loop import Clock, Loop
+from daemon.modes import Mode
 from daemon.notify import Notifier, notifier_of
 from daemon.realtime import go_realtime
 from daemon.service import Service
@@ -84,13 +85,14 @@ def _serve(
     with stop_on_error(cycle.arm, c.period_s):
         loop.run(service.doors, lambda: not (signals.received or cycle.fatal))
         why = signals.received or str(cycle.fatal)
+        service.ending = True
         notifier.stopping(f"stopping: {why}")
         stragglers = (
             [] if cycle.fatal else wind_down(loop, service.doors, c.supervisor.stop_timeout_s, why)
         )
     if cycle.fatal:
         raise BusError(f"{cycle.fatal}; the drives stop by themselves")
-    if not stragglers and not cycle.controller.faulted:
+    if not stragglers and cycle.controller.machine.mode is Mode.OFF:
         # At rest for good, the drives need not miss us.
         drives.let_go()
     cycle.arm.end()

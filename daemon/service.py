@@ -36,6 +36,8 @@ EVENT_OF_COMMAND = {
     "disable": Event.DISABLE,
     "reset": Event.RESET,
 }
+# What the daemon still does for anybody once it is on its way out: nothing that moves or energises.
+AT_THE_END = frozenset({"status", "subscribe", "disarm", "stop", "disable"})
 # Share of the period after which no more requests are begun in a tick.
 DOORS_SHARE = 0.1
 
@@ -46,18 +48,18 @@ _log = logging.getLogger("contactd")
 def _misplaced(request: Request) -> list[str]:
     """What was said beside a command that takes no such thing."""
     takers = {
-        "header": "load",
-        "rows": "load",
-        "loaded": "start",
-        "lease_s": "arm",
-        "detached": "arm",
-        "joint": "gain",
-        "gain": "gain",
+        "header": ("load",),
+        "rows": ("load",),
+        "loaded": ("start",),
+        "lease_s": ("arm", "renew"),
+        "detached": ("arm",),
+        "joint": ("gain",),
+        "gain": ("gain",),
     }
     return [
-        f"`{field}` belongs to {command}"
-        for field, command in takers.items()
-        if getattr(request, field) not in (None, False) and request.command != command
+        f"`{field}` belongs to {' and '.join(commands)}"
+        for field, commands in takers.items()
+        if getattr(request, field) not in (None, False) and request.command not in commands
     ]
 
 
@@ -78,6 +80,7 @@ class Service:
     serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
     drives: Drives | None = None  # None: they cannot be set up again from here
     on_fault: Callable[[str], None] = lambda text: None
+    ending: bool = False  # the arm is being brought to rest for good
     dock: LoadingDock = field(init=False)
     permission: Permission = field(init=False)
     _limit: LogLimit = field(default_factory=LogLimit)
@@ -123,6 +126,8 @@ class Service:
         """Carry out one request; a refusal gives every reason."""
         if misplaced := _misplaced(request):
             return self._reply(request, misplaced)
+        if self.ending and request.command not in AT_THE_END:
+            return self._reply(request, ["the daemon is ending"])
         controller = self.loop.cycle.controller
         who = str(Owner(peer.uid, peer.pid))
         match request.command:
@@ -136,6 +141,8 @@ class Service:
                 reply = self._gain(request, who)
             case "arm":
                 reply = self._arm(request, peer)
+            case "renew":
+                reply = self._renew(request, peer)
             case command:
                 path = self.dock.take(peer.connection) if request.loaded else None
                 event = EVENT_OF_COMMAND[command]
@@ -175,6 +182,10 @@ class Service:
         self.control.spare = self.permission.connection
         more = f" for {in_words(answer.duration_s)}"
         return self._reply(request, answer.reasons, checks=answer.checks, more=more)
+
+    def _renew(self, request: Request, peer: Peer) -> Reply:
+        answer = self.permission.renew(request, peer, self.loop.time_s)
+        return self._reply(request, answer.reasons, more=f" for {in_words(answer.duration_s)}")
 
     def _on_close(self, peer: Peer) -> None:
         self.dock.release(peer.connection)

@@ -27,9 +27,10 @@ def wind_down(loop: Loop, doors: Callable[[], None], stop_timeout_s: float, why:
         loop.run(doors, lambda: not done() and loop.time_s < end)
 
     cycle.controller.request(Event.DISABLE, why, loop.time_s)
-    # A joint that does not stop in time becomes a fault, and then a quick stop.
-    resting = (Mode.OFF, Mode.FAULTED)
-    tick_until(lambda: machine.mode in resting, stop_timeout_s + PATIENCE_S)
+    # A joint that does not stop in time becomes a fault, and then a quick stop. An arm that holds
+    # is off at once, but the next tick tells the drives so, and the SYNC after it makes them hear.
+    resting, heard = (Mode.OFF, Mode.FAULTED), cycle.tick + 2
+    tick_until(lambda: machine.mode in resting and cycle.tick >= heard, stop_timeout_s + PATIENCE_S)
     tick_until(lambda: not _stragglers(cycle), PATIENCE_S)
     return _stragglers(cycle)
 

@@ -15,7 +15,7 @@ from bench.soak.record import Part
 from daemon.config.schema import Configuration
 from daemon.control import MAX_CONNECTIONS
 from daemon.lease import PERSON_S, PROGRAM_S
-from daemon.messages import Header, Reply, Request
+from daemon.messages import COMMANDS, Command, Header, Reply, Request
 from daemon.modes import Mode
 
 
@@ -40,7 +40,9 @@ class Step:
 Person = Generator[Step, View, None]
 
 NOTHING = ""
-STRAY = ("enable", "start", "pause", "arm", "disarm", "stop", "disable", "reset", "gain", "status")
+STRAY = [command for command in COMMANDS if command not in ("load", "subscribe")]
+# What a lease begins or goes on with.
+LEASED = ("arm", "renew")
 # What a person wishes for in each mode, and how much more often than something else.
 WISHES: dict[Mode, dict[str, float]] = {
     Mode.OFF: {"enable": 8, "stray": 1},
@@ -78,10 +80,12 @@ def program(rng: Random, c: Configuration) -> Person:
             continue
         lease_s = rng.choice((None, 0.3, 1.0, 2.0))
         pace_s = 0.3 * (lease_s or 0.5)
+        command: Command = "arm"
         for _ in range(rng.randrange(1, 40)):
-            view = yield Step((Request("arm", lease_s=lease_s),), hang_up=False, wait_s=pace_s)
+            view = yield Step((Request(command, lease_s=lease_s),), hang_up=False, wait_s=pace_s)
             if not view.armed:
                 break
+            command = "renew"
         end = rng.choice(("forgets", "disarms", "dies"))
         if end == "forgets":
             view = yield Step(hang_up=False, wait_s=2.0)
@@ -171,14 +175,14 @@ class Leases:
         return math.inf if self._asked else self._until_s
 
     def asked(self, request: Request, connection: int) -> None:
-        """An `arm` may be granted before its answer is read."""
-        if request.command == "arm":
+        """A lease may be granted before its answer is read."""
+        if request.command in LEASED:
             self._asked[connection] = request
 
     def answered(self, request: Request, reply: Reply, connection: int, time_s: float) -> None:
-        """An `arm` that was granted counts from when its answer is there."""
+        """A lease that was granted counts from when its answer is there."""
         self._asked.pop(connection, None)
-        if request.command == "arm" and reply.ok:
+        if request.command in LEASED and reply.ok:
             self._until_s, self.ticks = time_s + _duration_s(request), LAPSES_TICKS
             self._holder = 0 if request.detached else connection
 

@@ -51,12 +51,12 @@ def arm_in(mode: Mode) -> IdealArm:
     """Brought there by what a person does and the arm feels."""
     backing = Reactions(Reaction.ADMITTANCE, Reaction.RETRACT)
     arm = ideal_arm(reactions=backing, after_quiet=AfterQuiet.RETURN)
-    arm.step(energised=False)
+    arm.step()
     if mode is Mode.OFF:
         return arm
     arm.request(Event.ENABLE)
     if mode is Mode.ENABLING:
-        arm.step(energised=False)
+        arm.step(operating=(True, False))
         return arm
     arm.step()
     if mode is Mode.HOLDING:
@@ -277,9 +277,8 @@ def test_enable_is_refused_while_something_asks_for_a_quick_stop(
 ) -> None:
     off = ideal_arm()
     off.step()
-    observed = Observed(
-        off.q, np.zeros(2), np.zeros(2), "", "", False, (Finding(condition, "x"),), tuple
-    )
+    findings, on = (Finding(condition, "x"),), (False, False)
+    observed = Observed(off.q, np.zeros(2), np.zeros(2), "", "", on, findings, tuple)
     off.controller.machine.mode = Mode.FAULTED  # which the finding would lead to
     off.controller.step(off.time_s, T, observed)
     off.controller.machine.mode = Mode.OFF
@@ -287,13 +286,23 @@ def test_enable_is_refused_while_something_asks_for_a_quick_stop(
     assert reasons == ([f"{condition}: x"] if refused else [])
 
 
+def test_enable_waits_for_drives_that_are_still_on_their_way_off(holding: IdealArm) -> None:
+    """Else they would be taken for enabled at once, and then for drives that dropped out."""
+    assert holding.request(Event.DISABLE) == []
+    holding.step(operating=(True, False))
+    assert holding.request(Event.ENABLE) == ["still on their way off: a"]
+    assert holding.mode is Mode.OFF
+    holding.step()
+    assert holding.request(Event.ENABLE) == []
+
+
 def test_drives_that_do_not_follow_time_out() -> None:
     bench = ideal_arm()
-    bench.step(energised=False)
+    bench.step()
     bench.request(Event.ENABLE)
-    bench.run(2.9, energised=False)
+    bench.run(2.9, operating=(True, False))
     assert bench.mode is Mode.ENABLING
-    bench.run(0.2, energised=False)
+    bench.run(0.2, operating=(True, False))
     assert bench.mode is Mode.OFF
 
 

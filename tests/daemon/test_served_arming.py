@@ -13,6 +13,7 @@ from daemon.client import Client
 from daemon.messages import Request
 from daemon.modes import Mode
 from daemon.peers import Peer
+from errors import ControlError
 
 
 @pytest.fixture
@@ -94,10 +95,12 @@ def test_arming_again_renews(house: House) -> None:
 
 def test_a_program_holds_its_lease_by_renewing(house: House, client: Client) -> None:
     house.rig.enable()
+    assert house.until(client.arm).ok
     for _ in range(3):
-        assert house.until(client.arm).ok
         house.run(0.4)
-        assert armed(house)
+        assert house.until(client.renew).ok
+    house.run(0.4)
+    assert armed(house)
     took, cause = until_disarmed(house, 1.0)
     assert took < 0.115  # what is left of half a second, and a tick
     assert "ran out" in cause
@@ -124,8 +127,39 @@ def test_while_guided_the_owner_renews(house: House, client: Client) -> None:
     house.rig.arm.external_torque[0] = 3.0
     for _ in range(4):
         house.run(0.3)
-        assert house.until(client.arm).ok
+        assert house.until(client.renew).ok
     assert house.rig.mode is Mode.ADMITTANCE
+
+
+def test_renewing_never_arms(house: House, client: Client) -> None:
+    """Nor does a program that goes on asking undo what somebody else has done."""
+    house.rig.enable()
+    nothing = house.until(client.renew)
+    assert nothing.reasons == ["not armed any more: `arm` it anew"]
+    assert house.until(lambda: client.arm(60.0)).ok
+    again = house.until(client.arm)
+    assert again.reasons == ["this connection has armed it already: `renew` it"]
+    assert house.until(lambda: client.renew(2.0)).message == "renew: holding, armed for 2.0 s"
+    assert house.contactctl("disarm").exit_code == 0
+    assert not house.until(client.renew).ok
+    assert not armed(house)
+
+
+def test_only_who_armed_renews(house: House, client: Client) -> None:
+    house.rig.enable()
+    assert house.contactctl("arm", "--lease", "60").exit_code == 0
+    refused = house.until(client.renew)
+    assert "only they renew it" in refused.reasons[0]
+    with Client(house.path) as another:
+        assert house.contactctl("disarm").exit_code == 0
+        assert house.until(another.arm).ok
+        assert not house.until(client.renew).ok
+
+
+@pytest.mark.parametrize("lease_s", [0.0, -1.0, 86_401.0, float("nan")])
+def test_renewing_takes_no_impossible_lease(house: House, client: Client, lease_s: float) -> None:
+    with pytest.raises(ControlError, match="is not a lease"):
+        client.renew(lease_s)
 
 
 def test_another_owner_is_refused_and_everybody_disarms(house: House, client: Client) -> None:

@@ -115,7 +115,7 @@ def test_a_gain_is_shown_changed_and_told(house: House) -> None:
         (["joint", "-0.1"], 1, "-0.1 is not a gain"),
         (["joint", "nan"], 2, "nan is not a gain"),
         (["joint", "soft"], 2, "'soft' is not a valid float"),
-        (["knee"], 2, "no joint 'knee'; there are: joint"),
+        (["knee"], 1, "no joint 'knee'; there are: joint"),
     ],
 )
 def test_what_is_no_gain_is_refused(

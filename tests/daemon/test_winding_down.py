@@ -1,0 +1,165 @@
+"""How the program ends: from every mode to an arm at rest, each joint as configured."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import pytest
+
+from bench.house import House, open_house
+from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from daemon.client import Client
+from daemon.config.schema import Configuration
+from daemon.loop import Clock, Loop
+from daemon.messages import COMMANDS, Command
+from daemon.modes import Event, Mode
+from daemon.service import AT_THE_END
+from daemon.winding_down import wind_down
+from simulator.state_machine import State
+
+End = Literal["hold", "brake", "limp"]
+WHY = "SIGTERM"
+
+
+@dataclass(slots=True)
+class Wound:
+    """A loop on a clock that only waiting moves, over drives that answer every SYNC."""
+
+    rig: Rig
+    now_s: float = 0.0
+    loop: Loop = field(init=False)
+
+    def __post_init__(self) -> None:
+        begin = self.rig.cycle.begin
+
+        def answered(time_s: float) -> None:
+            begin(time_s)
+            self.rig.lockstep.pump()
+
+        self.rig.cycle.begin = answered  # type: ignore[method-assign]
+        period_s = self.rig.robot.configuration.period_s
+        self.loop = Loop(self.rig.cycle, Clock(lambda: self.now_s, self.wait), period_s)
+
+    def wait(self, until_s: float) -> None:
+        self.now_s = max(self.now_s, until_s)
+
+    def run(self, seconds: float) -> None:
+        end = self.now_s + seconds
+        self.loop.run(lambda: None, lambda: self.now_s < end)
+
+    def request(self, event: Event) -> None:
+        assert self.rig.cycle.controller.request(event, "the test", self.loop.time_s) == []
+
+    def bring_to(self, mode: Mode) -> None:
+        self.run(0.2)
+        if mode is Mode.OFF:
+            return
+        self.request(Event.ENABLE)
+        if mode is Mode.ENABLING:
+            return
+        self.run(0.5)
+        if mode is not Mode.HOLDING:
+            self.request(Event.START)
+            self.run(1.5)
+        if mode is Mode.ADMITTANCE:
+            assert self.rig.cycle.controller.arm("the test") == []
+            self.rig.arm.external_torque[0] = 3.0
+            self.run(0.3)
+            self.rig.arm.external_torque[0] = 0.0
+        elif mode is Mode.STOPPING:
+            self.request(Event.STOP)
+        elif mode is Mode.FAULTED:
+            self.rig.arm.drives[0].fault(0x8611, "the test")
+            self.run(0.1)
+
+    def wind_down(self) -> list[str]:
+        timeout_s = self.rig.robot.configuration.supervisor.stop_timeout_s
+        return wind_down(self.loop, lambda: None, timeout_s, WHY)
+
+    @property
+    def drive(self) -> State:
+        return self.rig.arm.drives[0].state
+
+
+@contextmanager
+def wound(mode: Mode, end: End) -> Iterator[Wound]:
+    def configure(c: Configuration) -> Configuration:
+        joints = [msgspec.structs.replace(joint, end=end) for joint in c.joints]
+        return msgspec.structs.replace(c, joints=joints)
+
+    with lockstep_rig(SINGLE_JOINT, configure=configure) as rig:
+        brought = Wound(rig)
+        brought.bring_to(mode)
+        assert rig.mode is mode
+        yield brought
+
+
+ENDS: dict[End, State] = {
+    "hold": State.QUICK_STOP_ACTIVE,
+    "brake": State.SWITCH_ON_DISABLED,
+    "limp": State.SWITCH_ON_DISABLED,
+}
+
+
+@pytest.mark.parametrize("end", list(ENDS))
+@pytest.mark.parametrize("mode", [Mode.HOLDING, Mode.TRACKING, Mode.ADMITTANCE, Mode.STOPPING])
+def test_an_energised_arm_ends_as_configured(mode: Mode, end: End) -> None:
+    with wound(mode, end) as arm:
+        assert arm.drive is State.OPERATION_ENABLED
+        assert arm.wind_down() == []
+        assert arm.drive is ENDS[end]
+        assert arm.rig.mode is Mode.OFF
+        # Without a brake of its own the joint begins to sag then, as it is meant to.
+        assert abs(arm.rig.arm.plant.theta_dot[0]) < (0.02 if end == "hold" else 0.1)
+
+
+@pytest.mark.parametrize("ticks", range(1, 6))
+def test_a_drive_on_its_way_up_is_not_at_its_end(ticks: int) -> None:
+    with wound(Mode.ENABLING, "brake") as arm:
+        arm.run(0.01 * ticks - 0.005)
+        assert arm.wind_down() == []
+        assert arm.drive in (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON)
+        arm.run(0.1)
+        assert arm.drive in (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON)
+
+
+def test_what_is_off_stays_off() -> None:
+    with wound(Mode.OFF, "hold") as arm:
+        ticks = arm.rig.cycle.tick
+        assert arm.wind_down() == []
+        assert arm.drive is State.SWITCH_ON_DISABLED
+        assert arm.rig.cycle.tick - ticks <= 2
+
+
+def test_a_faulted_arm_stays_faulted() -> None:
+    with wound(Mode.FAULTED, "hold") as arm:
+        assert arm.wind_down() == []
+        assert arm.rig.mode is Mode.FAULTED
+
+
+def test_a_drive_that_does_not_obey_is_named() -> None:
+    with wound(Mode.HOLDING, "brake") as arm:
+        listen = arm.rig.arm.receive
+        deaf = {pdo.cob_id for pdo in arm.rig.arm.drives[0].receive_pdos}
+        arm.rig.arm.receive = lambda m: None if m.arbitration_id in deaf else listen(m)  # type: ignore[method-assign]
+        assert arm.wind_down() == ["joint"]
+
+
+@pytest.fixture
+def house(tmp_path: Path) -> Iterator[House]:
+    with open_house(tmp_path) as opened:
+        yield opened
+
+
+# What `load`, `start` and `gain` take is beside the point.
+@pytest.mark.parametrize("command", COMMANDS)
+def test_at_the_end_nobody_energises_or_moves_the_arm(house: House, command: Command) -> None:
+    house.service.ending = True
+    with Client(house.path) as client:
+        reply = house.ask(client, command)
+    assert reply.ok == (command in AT_THE_END)
+    assert reply.reasons == ([] if reply.ok else ["the daemon is ending"])
+    assert house.rig.mode is Mode.OFF
