@@ -18,11 +18,12 @@ from estimator.identification.ramps import from_ramps
 from estimator.types import Vector
 
 _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
+_PAUSE_S = 1.0  # after which the motor may stand elsewhere, and an encoder have another zero
 
 
 def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> Gap:
-    """By the method that fits what moved in the log."""
-    q, theta = log.link_position[:, joint], _theta(log, joint)
+    """By the method that fits what moved in the log, which may be that of several sittings."""
+    q, theta = _positions(log, joint)
     moved_q, moved_theta = spread(q), spread(theta)
     name = log.joints[joint]
     if max(moved_q, moved_theta) < SMALLEST:
@@ -45,14 +46,28 @@ def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> Gap:
     return from_plateaus(name, log.time_s, q, theta, mean_velocity, torque)
 
 
-def _theta(log: MotionLog, joint: int) -> Vector:
+def _positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
+    """Of link and motor. Each sitting after a pause begins with the motor at zero and with the
+    middle of its own phi there, so that sittings can be compared."""
+    q, theta = log.link_position[:, joint].copy(), np.empty_like(log.time_s)
+    sittings = log.stretches(_PAUSE_S)
+    for rows in sittings:
+        theta[rows] = _theta(log, rows, joint)
+        if len(sittings) > 1:
+            low, high = np.percentile(q[rows] - theta[rows], [2.0, 98.0])
+            q[rows] -= theta[rows.start] + 0.5 * (low + high)
+            theta[rows] -= theta[rows.start]
+    return q, theta
+
+
+def _theta(log: MotionLog, rows: slice, joint: int) -> Vector:
     """Measured, or integrated; with the mean velocity taken out where the motor was to stand, for
     an uncalibrated bias adds 15 mrad in 40 s."""
     if log.motor_position is not None:
-        return log.motor_position[:, joint]
-    velocity = log.motor_velocity[:, joint]
-    steps = np.diff(log.time_s, prepend=log.time_s[0])
+        return log.motor_position[rows, joint]
+    velocity, time_s = log.motor_velocity[rows, joint], log.time_s[rows]
+    steps = np.diff(time_s, prepend=time_s[0])
     middle = 0.5 * (velocity + np.concatenate([velocity[:1], velocity[:-1]]))
     theta: Vector = np.cumsum(middle * steps)
-    without_mean = theta - velocity.mean() * (log.time_s - log.time_s[0])
+    without_mean = theta - velocity.mean() * (time_s - time_s[0])
     return without_mean if spread(without_mean) < _SHAKEN else theta

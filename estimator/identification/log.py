@@ -86,8 +86,9 @@ class MotionLog:
             motor_position=position,
         )
 
-    def stretches(self) -> list[slice]:
-        """Runs without a missing sample (an interval beyond two periods)."""
-        cuts = np.flatnonzero(np.diff(self.time_s) > 2.0 * self.period_s) + 1
+    def stretches(self, pause_s: float = 0.0) -> list[slice]:
+        """Runs without a missing sample (an interval beyond two periods), or without a pause."""
+        longest = max(pause_s, 2.0 * self.period_s)
+        cuts = np.flatnonzero(np.diff(self.time_s) > longest) + 1
         edges = [0, *cuts.tolist(), len(self.time_s)]
         return [slice(a, b) for a, b in itertools.pairwise(edges)]

@@ -51,7 +51,8 @@ def find_plateaus(time_s: Vector, q: Vector, phi: Vector) -> Plateaus:
         if uppers and uppers[-1] == upper:
             levels[-1] = np.concatenate([levels[-1], phi[run]])
             continue
-        times.append(float(time_s[run].mean()))
+        # That of a sample: the mean may lie in a pause of the log.
+        times.append(float(time_s[(run.start + run.stop) // 2]))
         levels.append(phi[run])
         uppers.append(upper)
     level = np.array([np.median(values) for values in levels])

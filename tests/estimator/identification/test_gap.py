@@ -57,6 +57,31 @@ def test_a_drifting_integral_changes_nothing():
     assert gap.half_gap == pytest.approx(0.02, abs=1e-4)
 
 
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_second_sitting_adds_to_the_first_wherever_the_motor_stands_by_then(measured):
+    """Neither alone has crossings enough; between them motor and zeros moved, and somebody leaned on
+    the same border at the end of the one and at the beginning of the other."""
+    first, second = visits(0.02, 11), visits(0.02, 12)[50:]
+    phi = np.concatenate([first, second])
+    after = np.arange(len(phi)) >= len(first)
+    t = T * np.arange(len(phi)) + 10.0 * after
+    theta = 0.3 * after + 0.001 * np.random.default_rng(0).standard_normal(len(phi)) * T
+    velocity = np.full((len(phi), 1), 0.001)
+    log = MotionLog(
+        ("j",),
+        t,
+        np.sign(-phi)[:, None],
+        (1.1 * theta + phi)[:, None],
+        velocity,
+        theta[:, None] if measured else None,
+    )
+    assert identify_gap(log.select(slice(0, len(first))), 0, 1.0).verdict is GapVerdict.FEW
+    gap = identify_gap(log, 0, 1.0)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.crossings == 21
+    assert gap.half_gap == pytest.approx(0.02, abs=2e-4)
+
+
 @pytest.mark.parametrize(
     ("phi", "mean_velocity", "verdict"),
     [
