@@ -59,7 +59,7 @@ def test_a_drifting_integral_changes_nothing():
 
 @pytest.mark.parametrize("measured", [True, False])
 def test_a_second_sitting_adds_to_the_first_wherever_the_motor_stands_by_then(measured):
-    """Neither alone has crossings enough; between them motor and zeros moved, and somebody leaned on
+    """Neither alone has crossings enough; between them motor and zeros moved, and a hand leaned on
     the same border at the end of the one and at the beginning of the other."""
     first, second = visits(0.02, 11), visits(0.02, 12)[50:]
     phi = np.concatenate([first, second])
