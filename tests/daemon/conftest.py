@@ -1,4 +1,4 @@
-"""Made-up messages, and a daemon that is nothing but a polled ControlSocket."""
+"""Made-up messages, a daemon that is only a polled ControlSocket, and a whole one in lockstep."""
 
 import math
 import socket
@@ -10,7 +10,11 @@ from typing import Any
 
 import msgspec
 import pytest
+from click.testing import CliRunner, Result
 
+from bench.house import House, open_house
+from daemon.client import Client
+from daemon.commands import answers, contactctl
 from daemon.control import ControlSocket
 from daemon.messages import (
     Check,
@@ -193,6 +197,31 @@ def fake_daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
     yield daemon
     daemon.stopped.set()
     thread.join()
+
+
+@pytest.fixture
+def run(fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
+    """Runs contactctl against the fake daemon; 0.3 s are long enough to wait."""
+    monkeypatch.setattr(answers, "WAIT_S", 0.3)
+
+    def call(*arguments: str) -> Result:
+        return CliRunner().invoke(
+            contactctl.main, ["--socket", str(fake_daemon.path), *arguments], catch_exceptions=False
+        )
+
+    return call
+
+
+@pytest.fixture
+def house(tmp_path: Path) -> Iterator[House]:
+    with open_house(tmp_path) as opened:
+        yield opened
+
+
+@pytest.fixture
+def client(house: House) -> Iterator[Client]:
+    with Client(house.path) as connected:
+        yield connected
 
 
 @pytest.fixture

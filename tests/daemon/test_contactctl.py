@@ -12,24 +12,11 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from daemon.commands import answers, contactctl
+from daemon.commands import contactctl
 from daemon.messages import COMMANDS
 
 ROOT = Path(contactctl.__file__).parents[2]
 Run = Callable[..., Result]
-
-
-@pytest.fixture
-def run(fake_daemon: Any, monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Runs contactctl against the fake daemon; 0.3 s are long enough to wait."""
-    monkeypatch.setattr(answers, "WAIT_S", 0.3)
-
-    def call(*arguments: str) -> Result:
-        return CliRunner().invoke(
-            contactctl.main, ["--socket", str(fake_daemon.path), *arguments], catch_exceptions=False
-        )
-
-    return call
 
 
 @pytest.mark.parametrize("command", ["start", "arm", "disarm", "reset"])

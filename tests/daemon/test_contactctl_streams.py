@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
-from daemon.commands import answers, contactctl
+from daemon.commands import contactctl
 from daemon.messages import State
 from daemon.recorder import read_log
 
@@ -37,19 +37,6 @@ def read_until(descriptor: int, word: bytes) -> bytes:
         if select.select([descriptor], [], [], 0.1)[0]:
             seen += os.read(descriptor, 1 << 16)
     return seen
-
-
-@pytest.fixture
-def run(fake_daemon: Any, monkeypatch: pytest.MonkeyPatch) -> Run:
-    """Runs contactctl against the fake daemon; 0.3 s are long enough to wait."""
-    monkeypatch.setattr(answers, "WAIT_S", 0.3)
-
-    def call(*arguments: str) -> Result:
-        return CliRunner().invoke(
-            contactctl.main, ["--socket", str(fake_daemon.path), *arguments], catch_exceptions=False
-        )
-
-    return call
 
 
 @pytest.fixture

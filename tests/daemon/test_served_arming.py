@@ -3,29 +3,15 @@
 import json
 import os
 import socket
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-from bench.house import House, open_house
+from bench.house import House
 from daemon.client import Client
 from daemon.messages import Request
 from daemon.modes import Mode
 from daemon.peers import Peer
 from errors import ControlError
-
-
-@pytest.fixture
-def house(tmp_path: Path) -> Iterator[House]:
-    with open_house(tmp_path) as opened:
-        yield opened
-
-
-@pytest.fixture
-def client(house: House) -> Iterator[Client]:
-    with Client(house.path) as connected:
-        yield connected
 
 
 def armed(house: House) -> bool:

@@ -3,31 +3,18 @@
 import json
 import socket
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from bench.house import House, open_house
+from bench.house import House
 from daemon.client import Client
 from daemon.modes import Mode
 from daemon.trajectory_file import read_trajectory
 from daemon.trajectory_recorder import Recorded, record_trajectory
 from errors import ControlError, LogError, TrajectoryError
-
-
-@pytest.fixture
-def house(tmp_path: Path) -> Iterator[House]:
-    with open_house(tmp_path) as opened:
-        yield opened
-
-
-@pytest.fixture
-def client(house: House) -> Iterator[Client]:
-    with Client(house.path) as connected:
-        yield connected
 
 
 def stands(house: House) -> float:

@@ -9,23 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.house import House, open_house
+from bench.house import House
 from daemon.client import Client
 from daemon.messages import Reply, Request
 from daemon.modes import Mode
-
-
-@pytest.fixture
-def house(tmp_path: Path) -> Iterator[House]:
-    with open_house(tmp_path) as opened:
-        yield opened
-
-
-@pytest.fixture
-def client(house: House) -> Iterator[Client]:
-    with Client(house.path) as connected:
-        yield connected
-
 
 # --- clients that are rude ----------------------------------------------------------------------
 

@@ -3,13 +3,12 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
 
 import msgspec
 import pytest
 
-from bench.house import House, open_house
+from bench.house import House
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.client import Client
 from daemon.config.schema import Configuration
@@ -146,12 +145,6 @@ def test_a_drive_that_does_not_obey_is_named() -> None:
         deaf = {pdo.cob_id for pdo in arm.rig.arm.drives[0].receive_pdos}
         arm.rig.arm.receive = lambda m: None if m.arbitration_id in deaf else listen(m)  # type: ignore[method-assign]
         assert arm.wind_down() == ["joint"]
-
-
-@pytest.fixture
-def house(tmp_path: Path) -> Iterator[House]:
-    with open_house(tmp_path) as opened:
-        yield opened
 
 
 # What `load`, `start` and `gain` take is beside the point.
