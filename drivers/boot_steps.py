@@ -16,6 +16,10 @@ from errors import DriveError
 _ENTER_PRE_OPERATIONAL: Final = 128
 _RESET_COMMUNICATION: Final = 130
 _LOOK_S: Final = 0.01
+#: A drive may go on showing the mode it had until its own cycle has taken the new one over.
+_MODE_S: Final = 0.3
+# Some drives show a mode only when they are in operation: 0 until then.
+_MODES_SHOWN: Final = (0, CYCLIC_SYNCHRONOUS_VELOCITY)
 
 
 @dataclass(slots=True)
@@ -37,10 +41,7 @@ class BootingDrive:
         for row in self.wanted:
             if row.group != group or (row.without and not self.access.has(*_place(row))):
                 continue
-            if self.access.writable(*_place(row)):
-                self.access.write(*_place(row), row.value, row.where)
-            else:
-                self.access.compare(*_place(row), row.value, row.where)
+            self.access.hold(*_place(row), row.value, row.where)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,14 +87,16 @@ def _leave_operational(drive: BootingDrive) -> None:
 
 def _choose_mode(drive: BootingDrive) -> None:
     drive.write("mode")
-    # Some drives show a mode only when they are in operation: 0 until then.
-    if drive.access.has(0x6061):
-        shown = drive.access.read(0x6061)
-        if shown not in (0, CYCLIC_SYNCHRONOUS_VELOCITY):
+    if not drive.access.has(0x6061):
+        return
+    give_up = time.monotonic() + _MODE_S
+    while (shown := drive.access.read(0x6061)) not in _MODES_SHOWN:
+        if time.monotonic() > give_up:
             raise DriveError(
                 f"{drive.setup}: object 0x6060:00 was written {CYCLIC_SYNCHRONOUS_VELOCITY}, but "
                 f"the drive shows mode {shown} (0x6061)"
             )
+        time.sleep(_LOOK_S)
 
 
 def _map_pdos(drive: BootingDrive) -> None:

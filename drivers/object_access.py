@@ -139,6 +139,13 @@ class ObjectAccess:
         self.write_only(index, subindex, value)
         self.compare(index, subindex, value, name, "was written")
 
+    def hold(self, index: int, subindex: int, value: int, name: str = "") -> None:
+        """Write and read back what the EDS lets be written, and only compare the rest."""
+        if self.writable(index, subindex):
+            self.write(index, subindex, value, name)
+        else:
+            self.compare(index, subindex, value, name)
+
     def compare(
         self, index: int, subindex: int, value: int, name: str = "", verb: str = "must be"
     ) -> None:

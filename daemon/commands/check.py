@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
 
 from daemon.assembly import build_setups
@@ -56,10 +57,10 @@ def print_check(config: Path) -> None:
         console.print(FORMULA, style="dim", highlight=False)
         for field, instead in WITHOUT.items():
             if getattr(profile, field) is None:
-                console.print(f"  without {field}: {instead}", highlight=False)
+                _remark(console, f"without {field}: {instead}")
         console.print(_pdos(profile))
         for lack in lacks(setups[name], c.period_ms, c.bus.master_node):
-            console.print(f"  {lack}", highlight=False)
+            _remark(console, lack)
     console.print(wiring, joints, travels)
     wired = [(joint.name, joint.wiring) for joint in c.joints]
     frames = frame_table(wired, c.drives, c.period_s, c.bus.master_node)
@@ -72,6 +73,11 @@ def print_check(config: Path) -> None:
         highlight=False,
     )
     click.echo(f"{robot.path}: good")
+
+
+def _remark(console: Console, text: str) -> None:
+    """Indented, however many lines it takes."""
+    console.print(Padding(text, (0, 0, 0, 2), expand=False), highlight=False)
 
 
 def _table(title: str, *columns: str, gap: int = 2) -> Table:

@@ -175,6 +175,20 @@ def test_a_drive_in_another_mode(bench, setups):
         bench.boot_up(setups)
 
 
+def test_a_drive_that_shows_its_mode_late(bench, setups):
+    drive = bench.simulated.drives[2]
+    read, shown = drive.objects.read, iter([8, 8, 8])
+
+    def late(index, subindex):
+        if index == 0x6061:
+            drive.objects.values[key(0x6061)] = next(shown, 9)
+        return read(index, subindex)
+
+    drive.objects.read = late
+    bench.boot_up(setups)
+    assert next(shown, None) is None, "it was asked until it showed the mode"
+
+
 def test_a_refusal_in_words(bench, setups):
     profile = msgspec.structs.replace(setups[2].profile, fault_reaction=1)
     with pytest.raises(
@@ -219,6 +233,48 @@ def test_what_cannot_be_written_must_be_so(bench, setups):
         bench.boot_up([replace(setup, data_sheet=sheet)])
     bench.simulated.drives[2].objects.values[key(0x6007)] = 3
     bench.boot_up([replace(setup, data_sheet=sheet)])
+
+
+def fixed_pdos(setup):
+    """The setup with an EDS that lets nobody change a PDO."""
+    sheet = copy.deepcopy(setup.data_sheet)
+    for index in (0x1400, 0x1600, 0x1800, 0x1801, 0x1A00, 0x1A01):
+        for member in sheet[index].values():
+            member.access_type = "const"
+    return replace(setup, data_sheet=sheet)
+
+
+def test_a_drive_whose_pdos_are_fixed_comes_up_if_they_are_ours(bench, setups):
+    bench.boot_up(setups)
+    drive = bench.simulated.drives[2]
+    written = []
+    write = drive.objects.write
+    drive.objects.write = lambda *where: (written.append(where[0]), write(*where))
+    setup = fixed_pdos(setups[2])
+    bench.boot_up([setup])
+    assert [index for index in written if index in (0x1400, 0x1801, 0x1A00)] == []
+    assert 0x1401 in written, "what is left over and can be written is disabled"
+    for where, value, says in (
+        ((0x1A00, 2), 0x60770010, "0x1A00:02 must be 1618477072, reads 1618411536"),
+        ((0x1600, 0), 1, "0x1600:00 must be 2, reads 1"),
+        ((0x1800, 2), 254, "0x1800:02 must be 1, reads 254"),
+        ((0x1400, 1), 0x80000203, "0x1400:01 must be 0x00000203, reads 0x80000203"),
+    ):
+        kept = drive.objects.values[key(*where)]
+        drive.objects.values[key(*where)] = value
+        with pytest.raises(DriveError, match=f"{says}; step `PDO mapping`"):
+            bench.boot_up([setup])
+        drive.objects.values[key(*where)] = kept
+
+
+def test_a_left_over_pdo_that_nobody_can_disable_is_refused_unless_it_is_off(bench, setups):
+    bench.boot_up(setups)
+    setup = fixed_pdos(setups[2])
+    setup.data_sheet[0x1803][1].access_type = "ro"
+    bench.boot_up([setup])
+    bench.simulated.drives[2].objects.values[key(0x1803, 1)] = 0x483
+    with pytest.raises(DriveError, match="0x1803:01 reads 0x00000483: the PDO stays enabled"):
+        bench.boot_up([setup])
 
 
 def test_the_black_box_has_what_was_said(bench, setups, tmp_path):
