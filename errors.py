@@ -71,3 +71,7 @@ class LogError(ContactdError):
     """A recording is damaged, incomplete or not ours."""
 
     exit_code = 65
+
+
+class ShortLogError(LogError):
+    """There is too little in a recording; more may be added to it."""

@@ -51,10 +51,10 @@ def lines(data: dict[str, Any]) -> Iterator[str]:
 
     def row(name: str, one: dict[str, list[float | None]]) -> str:
         pairs = zip(one["median"], one["p95"], strict=True)
-        cells = (f"{m:.2g}/{p:.2g}" if m is not None else "-" for m, p in pairs)
-        return f"  {name:14}" + "".join(f"{cell:>11}" for cell in cells)
+        cells = (f"{m:.2f}/{p:.2f}" if m is not None else "-" for m, p in pairs)
+        return f"  {name:14}" + "".join(f"{cell:>13}" for cell in cells)
 
-    heads = "".join(f"{i:>11}" for i in range(1, len(data["joints"]) + 1))
+    heads = "".join(f"{i:>13}" for i in range(1, len(data["joints"]) + 1))
     for case, by_coefficient in data["errors_percent"].items():
         yield f"\n{case}: size of the errors over {data['arms']} arms, median/95 %"
         yield f"  {'joint':14}{heads}"

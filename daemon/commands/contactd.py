@@ -193,7 +193,7 @@ def _identification(step: Any) -> Any:
                      metavar="FILE",
                      help="Learn from a recording (.mcap, may be repeated) or a .csv, "
                      "instead of moving the arm."),
-        click.option("--dry-run", is_flag=True, help="Write nothing."),
+        click.option("--dry-run", is_flag=True, help="Write no results and no pictures."),
         SOCKET,
     ]  # fmt: skip
     for option in reversed(options):

@@ -2,8 +2,11 @@
 
 import sys
 import threading
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -11,6 +14,7 @@ from rich.console import Console
 
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot
+from daemon.config.schema import Configuration
 from daemon.identify.live import stop_once
 from daemon.identify.live_source import LiveArm, open_session
 from daemon.identify.logs import Measured, read_measured
@@ -56,8 +60,8 @@ class Source(Protocol):
 class Recorded:
     """Logs, all of them for whichever step."""
 
-    def __init__(self, paths: tuple[Path, ...], joints: list[str]) -> None:
-        self._paths, self._joints = paths, joints
+    def __init__(self, paths: tuple[Path, ...], configuration: Configuration) -> None:
+        self._paths, self._configuration = paths, configuration
 
     def wiring(self, joint: str) -> Measured:
         return self._read()
@@ -79,7 +83,7 @@ class Recorded:
         """Nothing is open."""
 
     def _read(self) -> Measured:
-        return read_measured(self._paths, self._joints)
+        return read_measured(self._paths, self._configuration)
 
 
 class Identification:
@@ -88,10 +92,20 @@ class Identification:
     def __init__(self, robot: Robot, source: Source, console: Console, *, dry: bool) -> None:
         self._robot, self._source, self._console, self._dry = robot, source, console, dry
         self._folder = robot.folder / "identify"
+        self._written: list[str] = []
+        self._missed: list[str] = []
 
     def close(self) -> None:
-        """Hang up."""
+        """Hang up, also where a step was stopped; what it wrote is in force only later."""
         self._source.close()
+        path = self._robot.folder / self._robot.configuration.identified
+        if not self._written:
+            self._tell(f"nothing written to {path}")
+            return
+        self._tell(f"written to {path}: {', '.join(self._written)}")
+        if self._missed:
+            self._tell(f"not written: {', '.join(self._missed)}")
+        self._tell("the daemon takes it up when it is started again")
 
     def joints(self, named: tuple[str, ...]) -> list[str]:
         """The named joints, or all. Raises ConfigurationError for one that is not there."""
@@ -116,22 +130,22 @@ class Identification:
             measured = self._source.gap(name)
             outcome = gap_step(self._robot, measured, [name], now())
             i = self._robot.configuration.joint_names.index(name)
-            self._folder.mkdir(exist_ok=True)
             picture = self._folder / f"gap-{name}.png"
-            plotted = plot_gap(measured.log, i, outcome.gaps[0].half_gap, picture)
-            pictures = [plotted] if plotted else []
+            found = outcome.gaps[0]
             # Too few crossings are a beginning: the next ones are added to them.
-            more = outcome.gaps[0].verdict is GapVerdict.FEW
-            outcomes.append(self._conclude("gap", f"gap-{name}", outcome, pictures, more=more))
+            more = found.verdict is GapVerdict.FEW
+            outcomes.append(self._conclude("gap", f"gap-{name}", outcome, more=more))
+            self._draw(partial(plot_gap, measured.log, i, found.half_gap, picture))
         return all(outcomes)
 
     def friction(self, seconds: float) -> bool:
         """Friction and rotor inertia of all joints."""
         measured = self._source.friction(seconds)
         outcome = friction_step(self._robot, measured, now())
-        shown = outcome.shown
-        pictures = plot_friction(measured.log, shown, self._folder) if shown else []
-        return self._conclude("friction", "friction", outcome, pictures)
+        good = self._conclude("friction", "friction", outcome)
+        if outcome.shown is not None:
+            self._draw(partial(plot_friction, measured.log, outcome.shown, self._folder))
+        return good
 
     def thresholds(self, seconds: float, per_hour: float) -> bool:
         """Two levels per joint."""
@@ -143,25 +157,29 @@ class Identification:
         step: str,
         name: str,
         outcome: Outcome,
-        pictures: list[Path] | None = None,
         *,
         more: bool = False,
     ) -> bool:
-        print_outcome(self._console, outcome, f"{step} of {self._robot.configuration.name}")
-        for picture in pictures or []:
-            self._tell(f"picture: {picture}")
+        width = max(len(name) for name in self._robot.configuration.joint_names)
+        print_outcome(self._console, outcome, width)
         if outcome.entries and not self._dry:
-            path = self._robot.folder / self._robot.configuration.identified
             found = merged(self._robot, step, outcome.entries, self._source.serials())
-            write_identified(path, found)
+            write_identified(self._robot.folder / self._robot.configuration.identified, found)
             self._robot = replace(self._robot, identified=found)
-            self._tell(f"written to {path}: {', '.join(outcome.entries)}")
-            self._tell("the daemon takes it up when it is started again")
-        else:
-            self._tell("nothing written")
+            self._written += outcome.entries
+        self._missed += [line.joint for line in outcome.lines if not line.good]
         if not more:
             self._source.conclude(name, now())
         return all(line.good for line in outcome.lines)
+
+    def _draw(self, draw: Callable[[], list[Path]]) -> None:
+        if self._dry:
+            return
+        try:
+            for picture in draw():
+                self._tell(f"picture: {picture}")
+        except OSError as error:
+            self._tell(f"no picture: {error}")
 
     def _tell(self, text: str) -> None:
         self._console.print(text, markup=False, highlight=False, soft_wrap=True)
@@ -176,17 +194,19 @@ def identification(
         if config is None:
             raise ConfigurationError("--log needs --config: the folder that results go to")
         robot = load_robot(config)
-        return Identification(
-            robot, Recorded(logs, robot.configuration.joint_names), console, dry=dry
-        )
+        return Identification(robot, Recorded(logs, robot.configuration), console, dry=dry)
     if threading.current_thread() is threading.main_thread():
         stop_once()
     session = open_session(socket, console)
-    robot = load_robot(Path(session.status().configuration))
-    if config is not None and load_robot(config).path.resolve() != robot.path.resolve():
-        raise ConfigurationError(f"the running daemon is that of {robot.path}, not of {config}")
-    session.folder = robot.folder / "identify"
-    return Identification(robot, LiveArm(robot, session, console), console, dry=dry)
+    with ExitStack() as refused:
+        refused.callback(session.client.close)
+        robot = load_robot(Path(session.status().configuration))
+        if config is not None and load_robot(config).path.resolve() != robot.path.resolve():
+            raise ConfigurationError(f"the running daemon is that of {robot.path}, not of {config}")
+        session.folder = robot.folder / "identify"
+        arm = LiveArm(robot, session, console)
+        refused.pop_all()
+    return Identification(robot, arm, console, dry=dry)
 
 
 def terminal() -> Console:

@@ -89,6 +89,28 @@ def fingerprint(c: Configuration, urdf: str) -> str:
     return hashlib.sha256(msgspec.json.encode(about, order="sorted")).hexdigest()
 
 
+def samples_alike(a: Configuration, b: Configuration) -> bool:
+    """Whether samples mean the same with either: drives, wiring and period."""
+
+    def about(c: Configuration) -> object:
+        return c.drives, [(j.name, j.wiring) for j in c.joints], c.period_ms
+
+    return about(a) == about(b)
+
+
+def residuals_alike(a: Configuration, b: Configuration) -> bool:
+    """Whether residuals do: the estimator, and what it believes of the joints, too."""
+
+    def about(c: Configuration) -> object:
+        joints = [
+            (j.torque_constant, j.rotor_inertia, j.half_gap, j.friction, j.gap_spring)
+            for j in c.joints
+        ]
+        return c.estimator, joints
+
+    return samples_alike(a, b) and about(a) == about(b)
+
+
 def applied(c: Configuration, found: Identified) -> Configuration:
     """The configuration with what was identified in the place of what was written by hand."""
     return msgspec.structs.replace(

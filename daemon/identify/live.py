@@ -4,6 +4,7 @@ What is measured goes into recordings like those of `contactctl record`: a step 
 goes on with what it has, and live steps share all code behind with `--log`.
 """
 
+import itertools
 import signal
 import threading
 import time
@@ -17,9 +18,11 @@ import numpy as np
 
 from daemon import recorder
 from daemon.client import Client
+from daemon.config.schema import Configuration
+from daemon.identify.logs import configuration_of
 from daemon.messages import Command, State, Status
 from daemon.modes import Mode
-from errors import ContactdError, ControlError, UnreachableError
+from errors import ContactdError, ControlError, LogError, UnreachableError
 from estimator.types import Matrix
 
 _SETTLE_S = 6.0
@@ -85,6 +88,11 @@ class Session:
             raise ControlError("; ".join([reply.message or "no status", *reply.reasons]))
         return reply.status
 
+    def configuration(self) -> Configuration:
+        """That of the daemon as it runs, whatever its files say by now."""
+        with Client(self.socket) as reader:
+            return configuration_of(reader.subscribe()[0])
+
     def hold(self) -> Status:
         """Wait until the arm holds, disarmed. Raises ControlError where it does not: enabling is
         left to the person."""
@@ -127,19 +135,22 @@ class Session:
         each: Callable[[State], bool],
         *,
         motors_only: bool = False,
+        to_go_on: str = "What was measured is kept: the same command goes on from there",
     ) -> None:
         """Run link positions (N, n) and record them; `each` sees every State of it and may end it.
 
-        Raises InterruptedStepError for Ctrl-C and for whatever else ends it; ControlError and
-        TrajectoryError where it cannot begin. The arm holds afterwards if it still can.
+        Raises InterruptedStepError for Ctrl-C and for whatever else ends it, with what `to_go_on`
+        says; ControlError and TrajectoryError where it cannot begin, LogError where it cannot be
+        recorded. The arm holds afterwards if it still can.
         """
         status = self.hold()
         times = (period_s * np.arange(len(path))).tolist()
         self.client.load_trajectory(
             status.joints, times, path.tolist(), name=f"identify {step}", motors_only=motors_only
         )
-        number = len(self.parts(step)) + 1
-        with self._recording(self.folder / f"{step}.part{number:02}.mcap"):
+        names = (f"{step}.part{number:02}.mcap" for number in itertools.count(1))
+        parts = (self.folder / name for name in names)
+        with self._recording(next(part for part in parts if not part.exists())):
             try:
                 with Client(self.socket) as reader:
                     # Before the start, so that no State of it is missed.
@@ -156,14 +167,15 @@ class Session:
                 mode = self.hold().mode
                 ended = ended and f"{ended}; the arm is {mode}"
         if ended:
-            raise InterruptedStepError(
-                f"{ended}. What was measured is kept: the same command goes on from there"
-            )
+            raise InterruptedStepError(f"{ended}. {to_go_on}")
 
     @contextmanager
     def _recording(self, path: Path) -> Iterator[None]:
-        """Record beside what the block does."""
-        self.folder.mkdir(exist_ok=True)
+        """Record beside what the block does; not at all if it could not begin."""
+        try:
+            self.folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise LogError(f"cannot record in {self.folder}: {error.strerror}") from error
         ended = threading.Event()
         failures: list[ContactdError] = []
 
@@ -180,10 +192,18 @@ class Session:
         deadline = time.monotonic() + 2.0
         while not path.exists() and thread.is_alive() and time.monotonic() < deadline:
             time.sleep(0.01)
+        if failures:
+            raise failures[0]
+        refused = False
         try:
             yield
+        except ControlError:
+            refused = True
+            raise
         finally:
             ended.set()
             thread.join()
+            if refused:
+                path.unlink(missing_ok=True)
         if failures:
             raise failures[0]

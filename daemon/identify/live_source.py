@@ -1,12 +1,14 @@
 """Measurements from a live arm: what a person does and sees at each step."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
 from daemon.identify.live import Session
 from daemon.identify.logs import Measured, read_measured
@@ -21,10 +23,10 @@ from daemon.identify.motions import (
 )
 from daemon.identify.show import histogram
 from daemon.messages import State
-from errors import LogError
+from errors import ConfigurationError, ShortLogError
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_answer import CROSSINGS, Gap
-from estimator.identification.log import MotionLog
+from estimator.identification.log import PAUSE_S, MotionLog
 from estimator.identification.wiring import follows_both_ways
 from estimator.model import Model
 from estimator.types import Matrix
@@ -44,6 +46,11 @@ class LiveArm:
         self._session, self._console = session, console
         self._c, self._names = robot.configuration, robot.configuration.joint_names
         self._model = Model(robot.urdf, self._names)
+        if not samples_alike(session.configuration(), self._c):
+            raise ConfigurationError(
+                f"drives, wiring or period in {robot.path} were changed since the daemon began: "
+                "start it again"
+            )
 
     def serials(self) -> dict[str, int | None]:
         """Of the drives, by joint."""
@@ -68,7 +75,9 @@ class LiveArm:
         while True:
             here = np.array(self._session.hold().position)
             path = wiring_motion(here, i, half_gap, period)
-            self._move(step, f"{joint} moves a little", path, motors_only=True)
+            again = f"What passed is kept: to go on, name {joint} and those that are left"
+            text = f"{joint} moves a little"
+            self._move(step, text, path, motors_only=True, to_go_on=again)
             measured = self._read(step)
             if follows_both_ways(measured.log, i) or half_gap >= WIDEST_GUESS:
                 return measured
@@ -87,6 +96,11 @@ class LiveArm:
 
     def thresholds(self, seconds: float) -> Measured:
         """Likewise, along another."""
+        if not residuals_alike(self._session.configuration(), self._c):
+            raise ConfigurationError(
+                "the daemon began before these values of the joints were there, and its residuals "
+                "are those of others: start it again"
+            )
         return self._excite("thresholds", seconds, seed=2)
 
     def gap(self, joint: str) -> Measured:
@@ -103,7 +117,7 @@ class LiveArm:
                 f"In this pose {abs(load):.1f} Nm of gravity hold it at one border: carry it, or "
                 "begin from a pose in which the joint hangs."
             )
-        hand = Hand(i, self._c.joints[i].torque_constant, joint)
+        hand = Hand(i, self._c.joints[i].torque_constant, joint, self._before(step))
         with Live(console=self._console, auto_refresh=False) as live:
 
             def each(state: State) -> bool:
@@ -112,24 +126,37 @@ class LiveArm:
                 return hand.done
 
             self._session.run(step, stand(here), HAND_S, each, motors_only=True)
+        if not self._console.is_terminal:
+            self._console.line()  # which `Live` owes a file
         return self._read(step)
 
     def _excite(self, step: str, seconds: float, seed: int) -> Measured:
-        try:
-            already = self._read(step).log.measured_s if self._session.parts(step) else 0.0
-        except LogError:
-            already = 0.0
-        if already > 0.0:
-            self._tell(f"going on: {already:.0f} s of {seconds:.0f} s are measured already")
+        motion = excitation(bounds_of(self._c), self._model, self._c.period_s, seed)
+        already = 0.0
+        if (before := self._before(step)) is not None:
+            # Each of them began with the way to the motion, on which little can be learned.
+            for rows in before.stretches(PAUSE_S):
+                here, t = before.link_position[rows.start], before.time_s[rows]
+                already += max(float(t[-1] - t[0]) - motion.approach_s(here), 0.0)
+            self._tell(f"{already:.0f} s of {seconds:.0f} s are measured already")
         if seconds - already > 1.0:
-            here = np.array(self._session.hold().position)
-            path = excitation(
-                bounds_of(self._c), self._model, here, seconds - already, self._c.period_s, seed
-            )
-            self._move(step, "all joints move, hands off", path, motors_only=False)
+            path = motion.path(np.array(self._session.hold().position), seconds - already)
+            self._move(step, "all joints move, hands off", path)
         return self._read(step)
 
-    def _move(self, step: str, text: str, path: Matrix, *, motors_only: bool) -> None:
+    def _before(self, step: str) -> MotionLog | None:
+        """What was measured until the step was stopped."""
+        parts = self._session.parts(step)
+        if not parts:
+            return None
+        files = ", ".join(str(part) for part in parts)
+        self._tell(f"going on with what was measured before; to begin anew, delete {files}")
+        try:
+            return self._read(step).log
+        except ShortLogError:
+            return None
+
+    def _move(self, step: str, text: str, path: Matrix, **how: Any) -> None:
         period = self._c.period_s
         columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
         progress = Progress(*columns, console=self._console)
@@ -141,13 +168,13 @@ class LiveArm:
             return False
 
         try:
-            self._session.run(step, path, period, each, motors_only=motors_only)
+            self._session.run(step, path, period, each, **how)
             progress.update(task, completed=len(path) * period)
         finally:
             progress.stop()
 
     def _read(self, step: str) -> Measured:
-        return read_measured(self._session.parts(step), self._names)
+        return read_measured(self._session.parts(step), self._c)
 
     def _tell(self, text: str) -> None:
         self._console.print(text, markup=False, highlight=False)
@@ -156,8 +183,10 @@ class LiveArm:
 class Hand:
     """phi of one joint as a hand moves it, and whether that is enough."""
 
-    def __init__(self, joint: int, torque_constant: float, name: str) -> None:
-        self._joint, self._constant, self._name = joint, torque_constant, name
+    def __init__(
+        self, joint: int, torque_constant: float, name: str, before: MotionLog | None = None
+    ) -> None:
+        self._joint, self._constant, self._name, self._before = joint, torque_constant, name, before
         self._rows: list[tuple[float, ...]] = []
         self._shown_s = self._judged_s = -1.0
         self.phi: list[float] = []
@@ -169,6 +198,8 @@ class Hand:
         if not state.updated:
             return False
         i, measured = self._joint, state.motor_position
+        if not self._rows and self._before is not None:
+            self._rows = rows_until(self._before, i, state.time_s - 2.0 * PAUSE_S)
         row = (state.time_s, state.current[i], state.link_position[i], state.motor_velocity[i])
         self._rows.append(row if measured is None else (*row, measured[i]))
         motor = state.motor if measured is None else measured
@@ -184,6 +215,17 @@ class Hand:
             return False
         self._shown_s = now
         return True
+
+
+def rows_until(log: MotionLog, joint: int, time_s: float) -> list[tuple[float, ...]]:
+    """Of one joint: time, current, link position, motor velocity and perhaps position, as if the
+    log had ended at a time."""
+    columns = [log.current, log.link_position, log.motor_velocity]
+    if log.motor_position is not None:
+        columns.append(log.motor_position)
+    times = log.time_s - log.time_s[-1] + time_s
+    rows = np.column_stack([times, *(column[:, joint] for column in columns)])
+    return [tuple(row) for row in rows.tolist()]
 
 
 def open_session(socket: Path | None, console: Console) -> Session:

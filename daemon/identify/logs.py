@@ -1,6 +1,7 @@
 """Measurements for the identification: from the daemon's stream, an MCAP recording or a CSV."""
 
 import csv
+import dataclasses
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -10,10 +11,13 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from daemon.messages import State
+from daemon.config.identified import residuals_alike, samples_alike
+from daemon.config.load import parse_configuration
+from daemon.config.schema import Configuration
+from daemon.messages import Snapshot, State
 from daemon.modes import SENSING
 from daemon.recorder import read_log
-from errors import LogError
+from errors import LogError, ShortLogError
 from estimator.identification.log import MotionLog
 from estimator.types import Matrix
 
@@ -32,45 +36,62 @@ class Measured:
     threshold: Matrix | None = None  # in force
     touched: NDArray[np.bool_] | None = None  # (N,) thresholded residual not zero
     notes: tuple[str, ...] = ()
+    outdated: str = ""  # the recording whose residuals are of other values than today's
 
 
-def read_measured(paths: Sequence[Path], joints: Sequence[str]) -> Measured:
-    """Recordings of `contactctl record`, one after another, or one CSV. Raises LogError."""
+def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
+    """Recordings of `contactctl record`, one after another, or one CSV. Raises LogError, also
+    where they were made with other drives or another wiring than `c` has."""
     if any(path.suffix == ".csv" for path in paths):
         if len(paths) > 1:
             raise LogError("one CSV at a time")
-        return from_csv(paths[0], joints)
+        return from_csv(paths[0], c.joint_names)
     states: list[State] = []
     notes: list[str] = []
+    outdated = ""
     for path in paths:
         later = states[-1].time_s + _APART_S if states else 0.0
-        found, broken = _states_of(path, joints)
+        found, broken, recorded = _states_of(path, c.joint_names)
+        if not samples_alike(recorded, c):
+            raise LogError(f"{path} was recorded with other drives, another wiring or another "
+                           "period than the configuration has now")  # fmt: skip
+        if not residuals_alike(recorded, c):
+            outdated = str(path)
         if broken:
             notes.append(f"{broken}; what is whole is used")
         begun = found[0].time_s
         states += [replace(s, time_s=s.time_s - begun + later) for s in found]
-    return from_states(states, joints, tuple(notes))
+    measured = from_states(states, c.joint_names, tuple(notes))
+    return dataclasses.replace(measured, outdated=outdated)
 
 
-def _states_of(path: Path, joints: Sequence[str]) -> tuple[list[State], str]:
-    """The States of a recording, and why it breaks off. Raises LogError where there are none."""
+def _states_of(path: Path, joints: Sequence[str]) -> tuple[list[State], str, Configuration]:
+    """The States of a recording, why it breaks off, and the configuration of then. Raises LogError
+    where there are none."""
     states: list[State] = []
-    other: list[str] = []
+    begun: Snapshot | None = None
     broken: LogError | None = None
     try:
         for message in read_log(path):
             if isinstance(message, State):
                 states.append(message)
-            elif message.joints != list(joints):
-                other = message.joints
+                continue
+            begun = message
+            if begun.joints != list(joints):
                 break
     except LogError as error:
         broken = error
-    if other:
-        raise LogError(f"{path} is of another arm, with the joints {', '.join(other)}")
-    if not states:
+    if begun is not None and begun.joints != list(joints):
+        raise LogError(f"{path} is of another arm, with the joints {', '.join(begun.joints)}")
+    if begun is None or not states:
         raise broken or LogError(f"{path}: there are no samples in it")
-    return states, str(broken or "")
+    return states, str(broken or ""), configuration_of(begun, path)
+
+
+def configuration_of(begun: Snapshot, path: Path | None = None) -> Configuration:
+    """That of the daemon which sent it. Raises ConfigurationError."""
+    name = f"{path}, recorded" if path else "the running daemon's configuration"
+    return parse_configuration(begun.configuration, name, begun.identified)
 
 
 def from_states(
@@ -79,7 +100,7 @@ def from_states(
     """Of ticks with complete samples in which the arm was energised. Raises LogError."""
     used = [s for s in states if s.updated and s.mode in _SENSING]
     if len(used) < 2:
-        raise LogError("the log is too short: the arm was never energised in it")
+        raise ShortLogError("the log is too short: the arm was never energised in it")
     columns = {
         name: np.array([getattr(s, name) for s in used], dtype=np.float64)
         for name in COLUMNS

@@ -1,9 +1,17 @@
 """The motions of `contactd identify`, as link positions (N, n) [rad] every period."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from daemon.config.schema import Configuration
-from estimator.identification.excitation import Bounds, fourier_within, trajectory
+from estimator.identification.excitation import (
+    Bounds,
+    Fourier,
+    fourier_within,
+    point_to_point,
+    trajectory,
+)
 from estimator.model import Model
 from estimator.types import Matrix, Vector
 
@@ -26,14 +34,29 @@ def bounds_of(c: Configuration) -> Bounds:
     return Bounds(*np.array(rows, dtype=np.float64).T)
 
 
-def excitation(
-    bounds: Bounds, model: Model, here: Vector, seconds: float, period_s: float, seed: int
-) -> Matrix:
-    """From here to a Fourier series for all joints, and along it."""
-    inner = bounds.shrunk(SHARE)
-    motion = fourier_within(inner, model, np.random.default_rng(seed))
+@dataclass(frozen=True, slots=True)
+class Excitation:
+    """A Fourier series for all joints, and how to get there from anywhere."""
+
+    motion: Fourier
+    slow: Bounds
+    period_s: float
+
+    def path(self, here: Vector, seconds: float) -> Matrix:
+        """From here to the series, and along it for so long."""
+        return trajectory(self.motion, here, self.slow, seconds, self.period_s)
+
+    def approach_s(self, here: Vector) -> float:
+        """How long it takes from here to the series."""
+        start = self.motion.at(np.zeros(1))[0][0]
+        return self.period_s * len(point_to_point(here, start, self.slow, self.period_s))
+
+
+def excitation(bounds: Bounds, model: Model, period_s: float, seed: int) -> Excitation:
+    """Within the bounds."""
+    motion = fourier_within(bounds.shrunk(SHARE), model, np.random.default_rng(seed))
     slow = Bounds(bounds.lower, bounds.upper, 0.3 * bounds.velocity, 0.3 * bounds.acceleration)
-    return trajectory(motion, here, slow, seconds, period_s)
+    return Excitation(motion, slow, period_s)
 
 
 def wiring_motion(here: Vector, joint: int, half_gap: float, period_s: float) -> Matrix:

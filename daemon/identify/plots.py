@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from estimator.identification.friction import Reconstruction
+from estimator.identification.gap import positions
 from estimator.identification.log import MotionLog
+from estimator.types import Vector
 
 
 def _figure(rows: int, columns: int) -> tuple[Any, Any, Any]:
@@ -21,22 +23,23 @@ def _figure(rows: int, columns: int) -> tuple[Any, Any, Any]:
     return plt, figure, axes
 
 
-def plot_gap(log: MotionLog, joint: int, half_gap: float, path: Path) -> Path | None:
+def _curve(axis: Any, time_s: Vector, values: Vector, *style: str, **more: Any) -> None:
+    """With no line through what is missing."""
+    steps = np.diff(time_s, prepend=time_s[0])
+    values = np.where(steps > 3.0 * np.median(steps), np.nan, values)
+    axis.plot(time_s - time_s[0], values, *style, lw=0.8, **more)
+
+
+def plot_gap(log: MotionLog, joint: int, half_gap: float, path: Path) -> list[Path]:
     """phi over time, and how long it was where (figure 5)."""
     try:
         plt, figure, axes = _figure(1, 2)
     except ImportError:
-        return None
-    position = log.motor_position
-    if position is None:
-        steps = np.diff(log.time_s, prepend=log.time_s[0])
-        velocity = log.motor_velocity[:, joint]
-        theta = np.cumsum((velocity - velocity.mean()) * steps)
-    else:
-        theta = position[:, joint]
-    phi = 1e3 * (log.link_position[:, joint] - theta)
+        return []
+    q, theta = positions(log, joint)
+    phi = 1e3 * (q - theta)
     left, right = axes[0]
-    left.plot(log.time_s - log.time_s[0], phi, lw=0.8)
+    _curve(left, log.time_s, phi)
     left.set(xlabel="time [s]", ylabel="phi = q - theta [mrad]", title=log.joints[joint])
     right.hist(phi, bins=80, orientation="horizontal")
     right.set(xlabel="samples")
@@ -45,25 +48,30 @@ def plot_gap(log: MotionLog, joint: int, half_gap: float, path: Path) -> Path | 
         for side in (-1, 1):
             for axis in (left, right):
                 axis.axhline(middle + side * 1e3 * half_gap, color="C3", lw=0.8)
-    return _saved(plt, figure, path)
+    return [_saved(plt, figure, path)]
 
 
 def plot_friction(log: MotionLog, shown: Reconstruction, folder: Path) -> list[Path]:
-    """The motion (figure 6), and r_nl with its reconstruction (figure 7), a row for each joint."""
-    try:
-        plt, figure, axes = _figure(log.n, 1)
-    except ImportError:
-        return []
-    for i, axis in enumerate(axes[:, 0]):
-        axis.plot(log.time_s - log.time_s[0], log.link_position[:, i], lw=0.8)
-        axis.set(ylabel="q [rad]", title=log.joints[i])
-    axes[-1, 0].set_xlabel("time [s]")
-    paths = [_saved(plt, figure, folder / "motion.png")]
+    """phi (figure 5), the motion (figure 6), and r_nl with its reconstruction (figure 7), a row for
+    each joint."""
+    paths = []
+    for name, label, time_s, values in (
+        ("phi.png", "phi [mrad]", shown.time_s, 1e3 * shown.phi),
+        ("motion.png", "q [rad]", log.time_s, log.link_position),
+    ):
+        try:
+            plt, figure, axes = _figure(log.n, 1)
+        except ImportError:
+            return []
+        for i, axis in enumerate(axes[:, 0]):
+            _curve(axis, time_s, values[:, i])
+            axis.set(ylabel=label, title=log.joints[i])
+        axes[-1, 0].set_xlabel("time [s]")
+        paths.append(_saved(plt, figure, folder / name))
     plt, figure, axes = _figure(log.n, 1)
     for i, axis in enumerate(axes[:, 0]):
-        time_s = shown.time_s - shown.time_s[0]
-        axis.plot(time_s, shown.r_nl[:, i], "C0", lw=0.8, label="r_nl")
-        axis.plot(time_s, shown.reconstructed[:, i], "C3", lw=0.8, label="reconstructed")
+        _curve(axis, shown.time_s, shown.r_nl[:, i], "C0", label="r_nl")
+        _curve(axis, shown.time_s, shown.reconstructed[:, i], "C3", label="reconstructed")
         axis.set(ylabel="[Nm]", title=log.joints[i])
     axes[0, 0].legend(fontsize=8)
     axes[-1, 0].set_xlabel("time [s]")

@@ -12,11 +12,12 @@ _BARS = " ▁▂▃▄▅▆▇█"
 _WIDTH = 64
 
 
-def print_outcome(console: Console, outcome: Outcome, title: str) -> None:
-    """One row for each joint; reasons under the table, which would not fit in it."""
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    for column in ("joint", "verdict", "figures"):
-        table.add_column(column, overflow="fold")
+def print_outcome(console: Console, outcome: Outcome, width: int) -> None:
+    """One row for each joint, names in `width` columns; reasons under the table, which would not
+    fit in it."""
+    table = Table(box=None, pad_edge=False, show_header=len(outcome.lines) > 1)
+    for column, least in (("joint", width), ("verdict", None), ("figures", None)):
+        table.add_column(column, overflow="fold", min_width=least)
     for line in outcome.lines:
         style = "green" if line.good else "red"
         table.add_row(line.joint, Text(line.verdict, style=style), line.figures)

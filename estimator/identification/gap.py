@@ -12,18 +12,17 @@ import numpy as np
 
 from estimator.identification.gap_answer import SMALLEST, Gap, GapVerdict, spread
 from estimator.identification.gap_in_motion import from_motion
-from estimator.identification.log import MotionLog
+from estimator.identification.log import PAUSE_S, MotionLog
 from estimator.identification.plateaus import from_plateaus
 from estimator.identification.ramps import from_ramps
 from estimator.types import Vector
 
 _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
-_PAUSE_S = 1.0  # after which the motor may stand elsewhere, and an encoder have another zero
 
 
 def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> Gap:
     """By the method that fits what moved in the log, which may be that of several sittings."""
-    q, theta = _positions(log, joint)
+    q, theta = positions(log, joint)
     moved_q, moved_theta = spread(q), spread(theta)
     name = log.joints[joint]
     if max(moved_q, moved_theta) < SMALLEST:
@@ -46,11 +45,11 @@ def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> Gap:
     return from_plateaus(name, log.time_s, q, theta, mean_velocity, torque)
 
 
-def _positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
+def positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
     """Of link and motor. Each sitting after a pause begins with the motor at zero and with the
     middle of its own phi there, so that sittings can be compared."""
     q, theta = log.link_position[:, joint].copy(), np.empty_like(log.time_s)
-    sittings = log.stretches(_PAUSE_S)
+    sittings = log.stretches(PAUSE_S)
     for rows in sittings:
         theta[rows] = _theta(log, rows, joint)
         if len(sittings) > 1:

@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from errors import LogError
+from errors import LogError, ShortLogError
 from estimator.types import Matrix, Vector
 
 SHORTEST = 100
 """Samples below which nothing can be said."""
+PAUSE_S = 1.0
+"""Between samples, after which the motor may stand elsewhere, and an encoder have another zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +37,9 @@ class MotionLog:
     def __post_init__(self) -> None:
         size, n = len(self.time_s), len(self.joints)
         if size < SHORTEST:
-            raise LogError(f"the log is too short: {size} samples, at least {SHORTEST} are needed")
+            raise ShortLogError(
+                f"the log is too short: {size} samples, at least {SHORTEST} are needed"
+            )
         for name in ("current", "link_position", "motor_velocity", "motor_position"):
             values = getattr(self, name)
             if values is None:

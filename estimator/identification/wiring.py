@@ -93,9 +93,8 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
             "torque_constant, link_offset, masses, or another joint than this one moved"
         )
     elif abs(gravity) < abs(friction):
-        look = ", or to find swapped drives: look whether it is this joint that moves"
-        notes.append(f"gravity ({gravity:.2g} Nm) is too small in this pose to check K_c by it"
-                     + look * (log.n > 1))  # fmt: skip
+        look = " or find swapped drives: did this joint move?"
+        notes.append(f"too little gravity in this pose to check K_c{look * (log.n > 1)}")
     return Wiring(joint=name, problems=tuple(problems), notes=tuple(notes), follows=follows,
                   friction=friction, held=held, gravity=gravity)  # fmt: skip
 

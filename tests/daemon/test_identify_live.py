@@ -1,6 +1,7 @@
 """`contactd identify` on a live arm, in lockstep: stopped, touched, and left by a drive."""
 
 import ctypes
+import itertools
 import signal
 import subprocess
 import sys
@@ -10,22 +11,28 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
 from bench.afternoon import Arm
 from bench.house import House
-from bench.lockstep import SINGLE_JOINT
+from bench.lockstep import ROMEO, SINGLE_JOINT
 from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot
 from daemon.identify.live import followed
+from daemon.identify.live_source import Hand
 from daemon.identify.logs import read_measured
 from daemon.identify.steps import merged
 from daemon.messages import State
 from daemon.modes import Mode
+from errors import LogError
+from estimator.identification.log import MotionLog
 
 MOTION_S = 3.0
+APPROACH_S = 0.9
+"""Of the single joint, from where it hangs to where its excitation begins."""
 
 
 @pytest.fixture
@@ -87,6 +94,11 @@ class Typed:
         return self._results[0].exit_code, " ".join(self._results[0].output.split())
 
 
+def recorded(part: Path) -> MotionLog:
+    """What is in it."""
+    return read_measured([part], load_robot(SINGLE_JOINT).configuration).log
+
+
 def stopped(house: House, *words: str, after_s: float = MOTION_S) -> tuple[int, str]:
     typed = Typed(house, *words)
     typed.moves(after_s)
@@ -108,7 +120,7 @@ def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
     assert (arm.folder / "identified.yaml").read_bytes() == before
     assert [path.name for path in arm.folder.glob(".identified*")] == []
     (part,) = (arm.folder / "identify").glob("*.part01.mcap")
-    assert read_measured([part], ["joint"]).log.duration_s > MOTION_S - 0.5
+    assert recorded(part).duration_s > MOTION_S - 0.5
 
 
 def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
@@ -144,22 +156,109 @@ def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
     assert "Traceback" not in said
     assert house.rig.mode is Mode.HOLDING
     (part,) = (arm.folder / "identify").glob("*.part01.mcap")
-    assert read_measured([part], ["joint"]).log.duration_s > MOTION_S - 0.5
+    assert recorded(part).duration_s > MOTION_S - 0.5
 
 
 def test_friction_goes_on_from_where_it_was_stopped(arm: Arm, house: House) -> None:
-    """20 s are three periods of the excitation; of what remains after 5 s there are two."""
-    stopped(house, "friction", "--seconds", "20", after_s=5.0)
+    """20 s are three periods of the excitation; of what remains after 5 s there are two. Before
+    both there is the way to where it begins."""
+    stopped(house, "friction", "--seconds", "20", after_s=5.0 + APPROACH_S)
     typed = Typed(house, "friction", "--seconds", "20")
     status, said = typed.ends()
     assert status == 0, said
-    assert "going on: 5 s of 20 s are measured already" in said
+    assert "part01.mcap 5 s of 20 s are measured already" in said
     assert typed.ticks_in_motion < 2300
     lengths = [
-        read_measured([part], ["joint"]).log.duration_s
+        recorded(part).duration_s
         for part in sorted((arm.folder / "identify").glob("friction-*.mcap"))
     ]
-    assert lengths == pytest.approx([5.0, typed.ticks_in_motion / 100], abs=0.6)
+    assert lengths == pytest.approx([5.0 + APPROACH_S, typed.ticks_in_motion / 100], abs=0.6)
+
+
+def test_a_hand_goes_on_with_the_borders_that_it_met_before(
+    make_state: Callable[..., State],
+) -> None:
+    """Thirteen visits in each of two sittings, the motor elsewhere by the second."""
+    ends = np.resize([0.02, -0.02], 14)
+    phi = np.concatenate([np.linspace(a, b, 41)[1:] for a, b in itertools.pairwise(ends)])
+    phi = np.repeat(phi.reshape(13, 40), [1] * 39 + [60], axis=1).ravel()
+    times, zero = 0.01 * np.arange(len(phi)), np.zeros((len(phi), 1))
+    before = MotionLog(("joint",), times, zero, phi[:, None], zero, zero)
+    hands = [Hand(0, 1.0, "joint"), Hand(0, 1.0, "joint", before)]
+    for tick, x in enumerate(phi):
+        state = msgspec.structs.replace(
+            make_state(tick),
+            current=[0.0],
+            link_position=[0.3 + x],
+            motor_velocity=[0.0],
+            motor_position=[0.3],
+        )
+        for hand in hands:
+            hand.saw(state)
+    assert hands[0].gap is not None
+    assert hands[1].gap is not None
+    assert hands[0].gap.crossings <= 12
+    assert hands[1].gap.crossings >= 20
+    assert hands[1].gap.half_gap == pytest.approx(0.02, abs=2e-4)
+    assert (hands[0].done, hands[1].done) == (False, True)
+
+
+def test_a_refused_start_leaves_no_recording(arm: Arm) -> None:
+    (arm.folder / "identified.yaml").unlink()
+    with arm.house() as house:
+        house.rig.enable()
+        status, said = Typed(house, "friction", "--seconds", "20").ends()
+    assert status == 1
+    assert "the wiring was never checked" in said
+    assert list((arm.folder / "identify").iterdir()) == []
+
+
+def test_where_nothing_can_be_recorded_nothing_moves(arm: Arm, house: House) -> None:
+    (arm.folder / "identify").touch()
+    typed = Typed(house, "friction", "--seconds", "20")
+    status, said = typed.ends()
+    assert (status, typed.ticks_in_motion) == (65, 0)
+    assert "cannot record in " in said
+
+
+def rewire(arm: Arm) -> None:
+    """Correct the gear, without a word to the daemon."""
+    text = (arm.folder / "config.yaml").read_text()
+    (arm.folder / "config.yaml").write_text(text.replace("gear: 100", "gear: 110"))
+
+
+def test_samples_of_another_wiring_are_refused(arm: Arm, house: House) -> None:
+    stopped(house, "friction", "--seconds", "20")
+    (part,) = (arm.folder / "identify").glob("*.mcap")
+    rewire(arm)
+    typed = Typed(house, "friction", "--seconds", "20")
+    status, said = typed.ends()
+    assert (status, typed.ticks_in_motion) == (78, 0)
+    assert "were changed since the daemon began: start it again" in said
+    words = ["friction", "--config", str(arm.folder), "--log", str(part)]
+    result = CliRunner().invoke(contactd.main, ["identify", *words])
+    assert result.exit_code == 65
+    assert "was recorded with other drives, another wiring or another period" in result.output
+    with pytest.raises(LogError, match="is of another arm, with the joints joint"):
+        read_measured([part], load_robot(ROMEO).configuration)
+
+
+def test_thresholds_are_those_of_the_values_in_force(arm: Arm, house: House) -> None:
+    stopped(house, "thresholds")
+    (part,) = (arm.folder / "identify").glob("*.mcap")
+    robot = load_robot(arm.folder)
+    gap = file.Gap(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
+    file.write_identified(
+        arm.folder / "identified.yaml", merged(robot, "gap", {"joint": gap}, {"joint": 1})
+    )
+    typed = Typed(house, "thresholds")
+    status, said = typed.ends()
+    assert (status, typed.ticks_in_motion) == (78, 0)
+    assert "its residuals are those of others: start it again" in said
+    words = ["thresholds", "--config", str(arm.folder), "--log", str(part)]
+    result = CliRunner().invoke(contactd.main, ["identify", *words])
+    assert result.exit_code == 65
+    assert "has residuals of other values of the joints" in result.output
 
 
 ENDED = "identify friction came to its end"
