@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from errors import ModelError
-from estimator.types import Matrix, Vector
+from estimator.types import Vector
 
 
 class Model:
@@ -30,8 +30,6 @@ class Model:
         model.armature[:] = 0.0
         self.lower: Vector = model.lowerPositionLimit[order]
         self.upper: Vector = model.upperPositionLimit[order]
-        self.velocity_limit: Vector = model.velocityLimit[order]
-        self.effort_limit: Vector = model.effortLimit[order]
         # Row i of the caller is coordinate order[i] of pinocchio; `None` spares the permutation.
         self._order = None if np.array_equal(order, np.arange(self.n)) else order
         self._model = model
@@ -51,11 +49,6 @@ class Model:
         C = pin.computeCoriolisMatrix(model, data, q, qd)
         g = pin.computeGeneralizedGravity(model, data, q)
         return self._outward(M @ qd), self._outward(qd @ C - g)
-
-    def mass_matrix(self, q: Vector) -> Matrix:
-        """M(q), a copy, shape (n, n) [kg m2]."""
-        M: Matrix = pin.crba(self._model, self._data, self._inward(q, self._q)).copy()
-        return M if self._order is None else M[np.ix_(self._order, self._order)]
 
     def gravity(self, q: Vector) -> Vector:
         """g(q), a copy, shape (n,) [Nm]: the torque that holds the arm still."""

@@ -25,7 +25,7 @@ class Transmission:
     """Parameters at the link side: read-only arrays of shape (n,); one number stands for all.
 
     The friction of the rotor's side and of the link's side are kept apart. While engaged both rub
-    and an identification sees their sum, K_theta = motor + link, `engaged_*`.
+    and an identification sees their sum, K_theta = motor + link.
 
     Raises ModelError naming field and joint where a value is not finite or out of range.
     """
@@ -76,11 +76,6 @@ class Transmission:
     def engaged_coulomb(self) -> Vector:
         """K_theta_s [Nm]"""
         return self.motor_coulomb + self.link_coulomb
-
-    @property
-    def engaged_viscous(self) -> Vector:
-        """K_theta_v [Nm s/rad]"""
-        return self.motor_viscous + self.link_viscous
 
     def play(self, phi: Vector, sigma: Vector) -> Vector:
         """How far each link may fall downwards and upwards while its motor stands, (2, n) [rad]:
@@ -143,28 +138,3 @@ def coulomb_viscous(coulomb: Vector, viscous: Vector, velocity: Vector, width: f
     friction *= coulomb
     friction += viscous * velocity
     return friction
-
-
-def friction_torque(
-    transmission: Transmission, engaged: NDArray[np.bool_], qd: Vector, theta_dot: Vector
-) -> Vector:
-    """tau_mu of (6) [Nm]: K_theta on the rotor while engaged; K_phi and K_q inside the gap."""
-    t, width = transmission, transmission.sign_width
-    together = coulomb_viscous(t.engaged_coulomb, t.engaged_viscous, theta_dot, width)
-    apart = coulomb_viscous(t.link_coulomb, t.link_viscous, qd, width)
-    apart = apart + coulomb_viscous(t.gap_coulomb, t.gap_viscous, qd - theta_dot, width)
-    return np.where(engaged, together, apart)
-
-
-def link_torque(
-    transmission: Transmission,
-    engaged: NDArray[np.bool_],
-    tau_M: Vector,
-    theta_ddot: Vector,
-    phi: Vector,
-    phi_dot: Vector,
-) -> Vector:
-    """tau_L of (5) [Nm]: tau_M - B theta_ddot and a fit's correction, while engaged; else zero."""
-    t = transmission
-    correction = t.contact_stiffness * penetration(phi, t.half_gap) + t.contact_damping * phi_dot
-    return np.where(engaged, tau_M - t.rotor_inertia * theta_ddot + correction, 0.0)

@@ -52,6 +52,13 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "joints[0] (LShoulderPitch).half_gap",
         ("expected `float`", "got `bool`"),
     ),
+    "a half-gap below zero": (
+        "half_gap: 0.018",
+        "half_gap: -0.001",
+        "half_gap: -0.001",
+        "joints[0] (LShoulderPitch).half_gap",
+        ("expected `float` >= 0", "-0.001"),
+    ),
     "an octal number of YAML 1.1": (
         "node: 7,",
         "node: 010,",

@@ -158,7 +158,8 @@ def test_the_rotor_gets_what_the_link_does_not(fitted, arm):
     adopted = adopt(arm.transmission, fits)
     for i, fit in enumerate(fits):
         assert adopted.engaged_coulomb[i] == pytest.approx(fit.values["K_theta_s"])
-        assert adopted.engaged_viscous[i] == pytest.approx(fit.values["K_theta_v"])
+        engaged_viscous = adopted.motor_viscous[i] + adopted.link_viscous[i]
+        assert engaged_viscous == pytest.approx(fit.values["K_theta_v"])
         assert adopted.motor_coulomb[i] > adopted.link_coulomb[i]
 
 
