@@ -22,7 +22,7 @@ def table(friction: str, by_name: dict[str, Score], title: str) -> Table:
     """One row per residual; delays as p50 / p95."""
     shown = Table(title=f"{friction} friction: {title}", title_justify="left", box=SIMPLE_HEAD)
     shown.add_column("residual", no_wrap=True)
-    for heading in ("alarms\nper h", "delay\nms", "through\ngap", "at\nrest"):
+    for heading in ("alarms", "per h", "delay\nms", "through\ngap", "at\nrest"):
         shown.add_column(heading, justify="right", no_wrap=True)
     for heading in ("missed\nmoving", "missed\nat rest"):
         shown.add_column(heading, justify="right", no_wrap=True)
@@ -30,6 +30,7 @@ def table(friction: str, by_name: dict[str, Score], title: str) -> Table:
         pairs = (s.delay_ms, s.delay_travel_ms, s.delay_rest_ms)
         shown.add_row(
             name,
+            f"{s.alarms}",
             f"{s.alarms_per_hour:.0f}",
             *(f"{p50:.0f} / {p95:.0f}" for p50, p95 in pairs),
             f"{s.missed_moving} / {s.tried_moving}",

@@ -22,6 +22,8 @@ Vector = NDArray[np.float64]
 class Score:
     """Of one residual under one friction; lists are per joint, None where nothing was tried."""
 
+    hours: float
+    """contact-free"""
     alarms: int
     alarms_per_hour: float
     quiet_nm: list[float]
@@ -52,6 +54,7 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
     moving = [t for r in results if r.job.kind == "moving" for t in r.trials]
     resting = [t for r in results if r.job.kind == "rest" for t in r.trials]
     quiet = np.max([r.quiet[variant] for r in free], axis=0)
+    seconds = sum(r.job.seconds for r in free)
     count = sum(int(r.alarms[variant].sum()) for r in free)
 
     usual = [t for t in moving if math.isclose(t.size, 2.0 * contact[t.joint])]
@@ -61,8 +64,9 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
     told_resting = tell(large, variant, contact)
     errors = reduce(add, [r.errors[variant] for r in results if r.job.kind == "moving"])
     return Score(
+        hours=seconds / 3600.0,
         alarms=count,
-        alarms_per_hour=scores.per_hour(count, sum(r.job.seconds for r in free)),
+        alarms_per_hour=scores.per_hour(count, seconds),
         quiet_nm=quiet.tolist(),
         smallest_moving_nm=smallest(moving, variant, quiet, 2.0 * contact),
         smallest_rest_nm=smallest(resting, variant, quiet, beyond),

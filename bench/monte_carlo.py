@@ -67,7 +67,10 @@ def run(job: Job) -> Result:
     robot = load_robot(job.robot)
     c = robot.configuration
     scenario, steps, touches = _scenario(job, robot)
-    recording = record(population.subject(robot, job.friction, job.seed), scenario)
+    wrong = {}
+    if job.motor_position == "integrated":
+        wrong = population.velocity_errors(np.random.default_rng((job.seed, 20)))
+    recording = record(population.subject(robot, job.friction, job.seed, **wrong), scenario)
     share = c.estimator.stiction_share if job.stiction_share is None else job.stiction_share
     estimator = build(robot, motor_position=job.motor_position, stiction_share=share)
     found = estimates(estimator, recording)

@@ -30,6 +30,10 @@ LATENCY_MS: Final = 1.0
 DRIFT: Final = 0.05
 """of friction, on top of its mismatch"""
 
+VELOCITY_SCALE_ERROR: Final = 0.002
+VELOCITY_BIAS: Final = 0.001
+"""[rad/s], 0.02 % of a full scale of 5 rad/s; both of motor velocities that are integrated"""
+
 STEP_MS: Final = 500
 CLEARANCE: Final = 0.1
 """[rad] between the motion and the joint limits"""
@@ -41,6 +45,15 @@ def subject(robot: Robot, friction: Friction, seed: int, **changes: float) -> Su
     values = {"link_latency_ms": float(rng.uniform(0.0, LATENCY_MS)), **changes}
     settings = SimulationSettings(seed=seed, mismatch=MISMATCH, friction=friction, **values)
     return Subject(robot=robot, settings=settings, displacement_m=DISPLACEMENT_M, drift=DRIFT)
+
+
+def velocity_errors(rng: np.random.Generator) -> dict[str, float]:
+    """Of the motor velocity, for `subject`: one sign each."""
+    of_scale, of_bias = rng.choice((-1.0, 1.0), 2).tolist()
+    return {
+        "velocity_scale_error": of_scale * VELOCITY_SCALE_ERROR,
+        "velocity_bias": of_bias * VELOCITY_BIAS,
+    }
 
 
 def motion(

@@ -18,7 +18,7 @@ from estimator.estimate import Estimate, Flag
 from estimator.interval import ROW, Interval
 from estimator.link_velocity import ALIGNED, Alignment
 from estimator.model import Model
-from estimator.motor_position import MOTION, MotorPosition
+from estimator.motor_position import LINK_REST, MOTION, MotorPosition, Side
 from estimator.residual import Residual
 from estimator.settings import EstimatorSettings
 from estimator.stiction import CREEP, Stiction
@@ -97,6 +97,7 @@ class Estimator:
         t = transmission
         self._held = t.stiction * t.engaged_coulomb
         self._hidden = settings.stiction_share * t.engaged_coulomb
+        self._unsure = settings.unknown_side_share * thresholds.contact * (t.half_gap > 0.0)
         # What a fit adds to tau_M while engaged, for the variants that know of engagement.
         self._corrected = np.array([[v.kind == "backlash"] for v in variants], dtype=np.float64)
         self._correcting = bool(np.any(t.contact_stiffness) or np.any(t.contact_damping))
@@ -239,9 +240,10 @@ class Estimator:
             self.motor_position.start(q)
             self._started = True
             flags |= Flag.STARTING
-        hidden = (self._hidden + self._held * self.stiction.unknown) * rest
-        threshold = self.detector.thresholds(hidden, theta_dot, dt)
         side = self.motor_position.side
+        hidden = (self._hidden + self._held * self.stiction.unknown) * rest
+        hidden += self._unsure * (side == Side.UNKNOWN)
+        threshold = self.detector.thresholds(hidden, theta_dot, dt)
         contacts = self.detector.step(self.residual.values[0], side, time_s)
         self._show(q, qd, tau_M, threshold)
         return self._estimate(contacts, flags)
@@ -254,7 +256,7 @@ class Estimator:
         if self._measured:
             moved = theta - self.interval.before[ROW["position"]]
         else:
-            clearly = np.maximum(np.abs(theta_dot), np.abs(qd)) > CREEP
+            clearly = (np.abs(theta_dot) > CREEP) | (np.abs(qd) > LINK_REST)
             moved = np.where(clearly, theta_dot * dt, q - self._shown[0])
         return moved
 
@@ -288,7 +290,8 @@ class Estimator:
         """No velocity yet: no residual."""
         zero = np.zeros(self.model.n)
         self.motor_position.start(q)
-        threshold = self.detector.thresholds(self._hidden + self._held, zero, self.period_s)
+        hidden = self._hidden + self._held + self._unsure
+        threshold = self.detector.thresholds(hidden, zero, self.period_s)
         self._show(q, zero, zero, threshold)
         return self._estimate((), flags)
 

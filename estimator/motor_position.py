@@ -5,7 +5,8 @@ its offset to the link is found, and drift taken out, by the geometry of the gap
 
 - |phi| never exceeds alpha and the gear's deflection;
 - a torque transmitted for some ticks tells the side: phi < 0 pushes the link up, phi > 0 down;
-- at standstill theta is held.
+- at standstill theta is held; a link that creeps meanwhile makes phi uncertain, as nobody knows
+  whether its rotor goes along.
 
 The side comes from the motor's side of the gear alone (current, friction, rotor inertia), never
 from the residual: a hand that moves the link to the other border of its gap is seen to do so,
@@ -42,15 +43,17 @@ class GapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     standstill: Annotated[float, Meta(ge=0, le=0.1)] = 0.002  # motor velocity [rad/s]
     hold_ticks: Annotated[int, Meta(ge=1, le=100)] = 3
     margin: Annotated[float, Meta(ge=0.12, lt=1)] = 0.12  # of alpha
-    friction_error: Annotated[float, Meta(ge=0, le=1)] = 0.2
+    hysteresis: Annotated[float, Meta(ge=0, le=0.01)] = 0.0001  # at the border [rad]
+    friction_error: Annotated[float, Meta(ge=0, le=1)] = 0.27  # of the motor's side
     rotor_error: Annotated[float, Meta(ge=0, le=1)] = 0.15
     current_error: Annotated[float, Meta(ge=0, le=1)] = 0.05
     half_gap_error: Annotated[float, Meta(ge=0, le=1)] = 0.07
     compliance: Annotated[float, Meta(ge=0, le=0.1)] = 0.0007  # of a gear under load [rad/Nm]
 
 
-_LINK_REST = 0.01  # [rad/s]; a link encoder's noise stays below it
-_CLEAR = 1.5  # standard uncertainties between phi and a border that it is clear of
+LINK_REST = 0.01
+"""[rad/s]; a link encoder's noise stays below it"""
+_CLEAR = 1.3  # standard uncertainties between phi and a border that it is clear of
 _PULL = 0.2  # share of a border's error that is corrected in one tick
 # Looking a member up in its enumeration costs as much as five sums.
 _LEFT, _GAP, _RIGHT, _UNKNOWN = map(int, Side)
@@ -92,6 +95,7 @@ class JointGap:
         self._doubt_rotor, self._doubt_current = s.rotor_error, s.current_error
         self._margin, self._doubt_alpha = s.margin * alpha, s.half_gap_error * alpha
         self._scale_error, self._bias = s.velocity_scale_error, s.velocity_bias
+        self._hysteresis = s.hysteresis
         self._standstill, self._hold_ticks, self._measured = s.standstill, s.hold_ticks, measured
         self.start(0.0)
 
@@ -104,6 +108,8 @@ class JointGap:
         self.streak = 0
         # Sure to be in the gap: unlike `side`, never in doubt.
         self.gap = False
+        # How far the link has moved while theta was held, and how far at most [rad].
+        self.q, self.slipped, self.slipped_most = q, 0.0, 0.0
 
     def step(
         self,
@@ -122,10 +128,12 @@ class JointGap:
         alpha, load, speed = self._alpha, abs(transmitted), abs(theta_dot)
         if self._measured:
             self.theta += advance
-        elif speed > self._standstill or abs(q_dot) > _LINK_REST:
-            # At standstill theta is held, and then nothing is lost either.
+        elif speed > self._standstill or abs(q_dot) > LINK_REST:
             self.theta += advance
             self.sigma += (self._scale_error * speed + self._bias) * dt
+        else:
+            self._hold(q - self.q)
+        self.q = q
 
         # How wrong the transmitted torque may be; near rest friction may have any value. A torque
         # that may be friction tells nothing: neither the side, nor that there is a load.
@@ -138,15 +146,28 @@ class JointGap:
         engaged = abs(self.streak) >= self._hold_ticks
 
         phi = self._correct(q, engaged, load * self._compliance)
-        clear = abs(phi) < alpha - max(self._margin, _CLEAR * self.sigma)
+        border = alpha - max(self._margin, _CLEAR * self.sigma)
+        # Whoever is in the gap is so up to the border; the way in leads further.
+        clear = abs(phi) < (border if self.gap else border - self._hysteresis)
         self.gap = clear and load < doubt and not engaged
-        if self.sigma >= alpha > 0.0:
-            self.side = _UNKNOWN
-        elif self.gap:
+        if self.gap:
             self.side = _GAP
+        elif self.sigma >= alpha > 0.0 or (clear and not engaged):
+            # Nothing is known, or a load that came just now contradicts what is.
+            self.side = _UNKNOWN
         else:
             towards = -transmitted if engaged or alpha == 0.0 else phi
             self.side = _LEFT if towards < 0.0 else _RIGHT
+
+    def _hold(self, moved: float) -> None:
+        """At standstill theta is held. A link that creeps may take its rotor along, or be moved by
+        a hand while the rotor stands: phi is as uncertain as the link has crept. Back and forth, as
+        an encoder's counts do, it comes to nothing."""
+        self.slipped += moved
+        most = abs(self.slipped)
+        if most > self.slipped_most:
+            self.sigma += most - self.slipped_most
+            self.slipped_most = most
 
     def _correct(self, q: float, engaged: bool, bent: float) -> float:
         """Move theta to where phi = q - theta can be, and return that: at its border while
@@ -164,6 +185,7 @@ class JointGap:
             error *= pull
             self.sigma = min(self.sigma, alpha)
             self.sigma += pull * (min(self._doubt_alpha + bent, alpha) - self.sigma)
+            self.slipped = self.slipped_most = 0.0
         elif self.sigma > alpha:
             self.sigma = alpha
         self.theta += error
@@ -173,7 +195,7 @@ class JointGap:
 class MotorPosition:
     """All rotors of an arm: theta [rad], sigma [rad], side, gap; new arrays of shape (n,)."""
 
-    _STATE = ("theta", "sigma", "streak", "side", "gap")
+    _STATE = ("theta", "sigma", "streak", "side", "gap", "q", "slipped", "slipped_most")
 
     def __init__(
         self, transmission: Transmission, settings: GapSettings, *, measured: bool = False

@@ -23,6 +23,8 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     sign_width: Annotated[float, Meta(gt=0, le=1)] = 0.02  # [rad/s], goes to the Transmission
     debounce: Annotated[int, Meta(ge=1, le=100)] = 1  # ticks
     stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.35  # raises thresholds at rest
+    # Of the contact level: raises thresholds of a joint whose side of the gap is unknown.
+    unknown_side_share: Annotated[float, Meta(ge=0, le=2)] = 0.25
     presliding: Annotated[float, Meta(gt=0, le=0.1)] = 0.0015  # [rad] until friction is built up
     current_delay_ms: Delay = 3.0  # of the drive's current filter
     link_position_delay_ms: Delay = 0.0

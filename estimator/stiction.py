@@ -18,7 +18,7 @@ import numpy as np
 from estimator import memory
 from estimator.types import Matrix, Vector
 
-CREEP = 0.01
+CREEP = 0.003
 """[rad/s]; a slower motor velocity may be noise and bias, and its integral nothing."""
 
 

@@ -1,20 +1,25 @@
 """From the population to the figures of the detection bench."""
 
+import io
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from bench import population
-from bench.detection import targets
+from bench.detection import targets, worth
+from bench.detection_report import table
 from bench.detection_score import score
 from bench.estimates import Estimates
-from bench.harness import Recording
+from bench.harness import Harness, Recording
 from bench.lockstep import ROMEO
 from bench.monte_carlo import Job, Result, run, what_was_named
 from bench.population import STEP_MS, Touch
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
+from simulator.description import Mismatch, SimulationSettings
 
 
 @pytest.fixture(scope="module")
@@ -129,4 +134,77 @@ def test_scores_and_targets_of_few_runs(configuration: Configuration, moving: Re
     assert best.tried_rest == 0
     assert math.isnan(best.smallest_rest_nm[0])
     found = {target.name: target for target in targets({"smooth": by_name}, configuration)}
-    assert found["false alarms, backlash, smooth"].met
+    assert found["false alarms in 0.000833 h, backlash, smooth"].met
+    shown = Console(record=True, width=120, file=io.StringIO())
+    shown.print(table("smooth", by_name, "title"))
+    row = next(line.split() for line in shown.export_text().splitlines() if " classical " in line)
+    assert row[1:3] == [str(classical.alarms), str(1200 * classical.alarms)]
+
+
+def test_a_joint_of_which_nothing_is_known_meets_no_target(
+    configuration: Configuration, moving: Result
+) -> None:
+    free = run(Job(ROMEO, "free", "smooth", 21, 3.0, "measured"))
+    best = replace(score([free, moving], "backlash", configuration), smallest_moving_nm=[0.1] * 7)
+    classical = replace(best, smallest_moving_nm=[0.5, 0.6, 0.7, 0.1, 0.1, 0.1, 0.8])
+    gaps = [0, 1, 2, 6]
+    assert worth(best, classical, gaps) == pytest.approx(5.0)
+    for unknown in gaps:
+        smallest = [math.nan if i == unknown else 0.1 for i in range(7)]
+        assert math.isnan(worth(replace(best, smallest_moving_nm=smallest), classical, gaps))
+    found = targets({"smooth": {"backlash": best, "classical": classical}}, configuration)
+    assert [t.met for t in found if t.name.startswith("smallest step")] == [False]  # joint 4
+
+
+def test_only_velocities_that_are_integrated_are_wrong(monkeypatch) -> None:
+    seen = []
+
+    def subject(*_: object, **changes: float) -> None:
+        seen.append(changes)
+        raise RuntimeError
+
+    monkeypatch.setattr(population, "subject", subject)
+    for source in ("measured", "integrated"):
+        for seed in range(20):
+            with pytest.raises(RuntimeError):
+                run(Job(ROMEO, "free", "smooth", seed, 1.0, source))
+    assert seen[:20] == [{}] * 20
+    signs = {(np.sign(e["velocity_scale_error"]), np.sign(e["velocity_bias"])) for e in seen[20:]}
+    assert len(signs) == 4
+    for errors in seen[20:]:
+        assert abs(errors["velocity_scale_error"]) == 0.002
+        assert abs(errors["velocity_bias"]) == 0.001
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_every_arm_is_off_by_all_that_is_said(seed: int) -> None:
+    robot = load_robot(ROMEO)
+    subject = population.subject(robot, "dahl", seed)
+    right = Mismatch(**dict.fromkeys(Mismatch.__struct_fields__, 0.0))
+    exact = replace(subject, settings=SimulationSettings(mismatch=right), displacement_m=0.0)
+    arm, model = (Harness(each).parameters for each in (subject, exact))
+    bodies = range(1, model.model.njoints)
+    off = {
+        "mass": [arm.model.inertias[i].mass / model.model.inertias[i].mass - 1 for i in bodies],
+        "torque_constant": arm.torque_constant / model.torque_constant - 1,
+        "rotor_inertia": arm.rotor_inertia / model.rotor_inertia - 1,
+        "coulomb": (arm.coulomb / model.coulomb - 1)[model.coulomb > 0.0],
+        "half_gap": (arm.half_gap / np.where(model.half_gap > 0, model.half_gap, 1.0) - 1)[
+            model.half_gap > 0.0
+        ],
+        "center_of_mass": [
+            np.linalg.norm(arm.model.inertias[i].lever - model.model.inertias[i].lever)
+            for i in bodies
+        ],
+    }
+    expected = {
+        "mass": 0.05, "torque_constant": 0.03, "rotor_inertia": 0.1, "coulomb": 0.2,
+        "half_gap": 0.1, "center_of_mass": 0.005,
+    }  # fmt: skip
+    for name, values in off.items():
+        np.testing.assert_allclose(np.abs(values), expected[name], rtol=1e-6, err_msg=name)
+    assert subject.settings.friction == "dahl"
+    assert subject.drift == 0.05
+    latencies = [population.subject(robot, "dahl", s).settings.link_latency_ms for s in range(99)]
+    assert 0.0 < min(latencies) < 0.1
+    assert 0.9 < max(latencies) < 1.0

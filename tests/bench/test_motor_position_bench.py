@@ -8,7 +8,7 @@ import pytest
 from bench.estimates import Estimates
 from bench.harness import Recording
 from bench.lockstep import ROMEO
-from bench.motor_position import Job, Tally, ratio, recall, rows_of, run, tally, trend
+from bench.motor_position import Job, Tally, ratio, recall, rows_of, run, tally, targets, trend
 from daemon.config.load import load_robot
 from estimator.motor_position import Side
 
@@ -76,6 +76,56 @@ def test_a_residual_small_against_its_threshold_is_good_enough(
 ) -> None:
     changed = replace(counted, largest_integrated=np.array([largest]))
     assert ratio(changed, CONTACT)[0] == pytest.approx(expected)
+
+
+def test_targets_are_those_of_the_project_and_the_worst_arm_counts(counted: Tally) -> None:
+    c = load_robot(ROMEO).configuration
+
+    def of(largest: list[float], recognised: int = 400, false: int = 0) -> Tally:
+        n = np.ones(7, dtype=np.int64)
+        return replace(
+            counted,
+            samples=10_000 * n,
+            largest_integrated=np.array(largest),
+            largest_exact=np.ones(7),
+            in_gap=1000 * n,
+            recognised=recognised * n,
+            false_gap=false * n,
+            errors=np.zeros((2, 7)),
+        )
+
+    # On the second arm the fourth joint is worse, but the first arm's residual was larger.
+    other = replace(of([1.0] * 3 + [1.2] + [1.0] * 3), largest_exact=np.ones(7))
+    first = replace(of([1.4] * 7), largest_exact=np.full(7, 1.3))
+    found = {t.name: t for t in targets({"smooth": [first, other]}, c)}
+    pooled, worst = (
+        found.pop("largest |r|, integrated over exact theta, smooth"),
+        found.pop("the same of the worst arm alone, smooth"),
+    )
+    assert (pooled.met, worst.met) == (True, False)
+    assert (pooled.value, worst.value) == (pytest.approx(1.4 / 1.3), pytest.approx(1.2))
+    for limit in (pooled.limit, worst.limit):
+        assert limit == 1.15
+    assert all(t.met for t in found.values())
+    (recognised, under_load) = found.values()
+    assert (recognised.limit, under_load.limit) == (40, 0.01)
+    for wrong in (of([1.0] * 7, recognised=399), of([1.0] * 7, false=2)):
+        assert sum(not t.met for t in targets({"smooth": [wrong]}, c)) == 1
+
+
+def test_sensors_are_as_wrong_as_is_said(monkeypatch) -> None:
+    seen: dict = {}
+
+    def subject(*_: object, **changes: float) -> None:
+        seen.update(changes)
+        raise RuntimeError
+
+    monkeypatch.setattr("bench.population.subject", subject)
+    with pytest.raises(RuntimeError):
+        run(Job(ROMEO, "smooth", 8, 4.0))
+    assert {name: abs(value) for name, value in seen.items()} == {
+        "link_latency_ms": 1.0, "velocity_scale_error": 0.002, "velocity_bias": 0.001,
+    }  # fmt: skip
 
 
 def test_only_wide_gaps_must_be_recognised(counted: Tally) -> None:

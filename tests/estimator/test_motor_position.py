@@ -1,68 +1,12 @@
-"""Motor position in the gap: how it starts, drifts, is corrected, and when it says gap."""
-
-from dataclasses import dataclass, field
-from itertools import pairwise
+"""Motor position in the gap: how it starts, drifts, and is corrected."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimator.motor_position import MOTION, GapSettings, JointGap, MotorPosition, Side
-from estimator.transmission import Transmission, resting
-
-T = 0.01
-ALPHA = 0.02
-COULOMB = 1.0
-STIFF = GapSettings(compliance=0.0)
-
-
-@dataclass
-class Joint:
-    """One joint with a gap of 0.02 rad beside a rigid one; moves as told, sees what is given."""
-
-    settings: GapSettings = STIFF
-    measured: bool = False
-    position: MotorPosition = field(init=False)
-
-    def __post_init__(self) -> None:
-        transmission = Transmission(
-            joints=("loose", "rigid"),
-            torque_constant=np.ones(2),
-            rotor_inertia=np.zeros(2),
-            half_gap=np.array([ALPHA, 0.0]),
-            motor_coulomb=np.full(2, COULOMB),
-            motor_viscous=np.zeros(2),
-            link_coulomb=np.zeros(2),
-            link_viscous=np.zeros(2),
-        )
-        self.position = MotorPosition(transmission, self.settings, measured=self.measured)
-        self.position.start(np.zeros(2))
-
-    def step(
-        self, *, q: float = 0.0, qd: float = 0.0, w: float = 0.0, torque: float = 0.0
-    ) -> np.ndarray:
-        motion = {
-            "q": q, "q_dot": qd, "theta_dot": w, "resting": resting(np.array([w]))[0],
-            "tau_M": torque, "advance": w * T, "rotor": 0.0, "transmitted": torque,
-        }  # fmt: skip
-        return self.position.step(np.array([[motion[name]] * 2 for name in MOTION]), T)
-
-    @property
-    def phi(self) -> float:
-        return -float(self.position.theta[0])
-
-    @property
-    def side(self) -> Side:
-        return Side(int(self.position.side[0]))
-
-    @property
-    def sigma(self) -> float:
-        return float(self.position.sigma[0])
-
-    def settle(self, torque: float) -> None:
-        for _ in range(40):
-            self.step(torque=torque)
+from estimator.motor_position import GapSettings, JointGap, Side
+from tests.estimator.one_joint import ALPHA, Joint, T
 
 
 @pytest.mark.parametrize("torque", [0.0, 0.9, -0.9])
@@ -97,86 +41,12 @@ def test_a_torque_that_changes_its_sign_is_not_held() -> None:
     assert joint.side == Side.UNKNOWN
 
 
-def test_gap_only_when_clear_of_the_border_and_without_torque() -> None:
-    joint = Joint()
-    joint.settle(2.0)  # LEFT, theta = +alpha; the rotor then runs back through the gap
-    seen = []
-    for _ in range(40):
-        joint.step(w=-0.1)
-        seen.append((abs(joint.phi) / ALPHA, joint.side))
-    assert joint.phi == pytest.approx(ALPHA)
-    for phi, side in seen:
-        assert (side == Side.GAP) == (phi < 1 - joint.settings.margin), phi
-    assert {side for _, side in seen} == {Side.LEFT, Side.GAP, Side.RIGHT}
-
-
-def test_an_interval_counts_as_gap_only_if_both_its_ends_are() -> None:
-    joint = Joint()
-    joint.settle(2.0)
-    sides, engaged = [joint.side], []
-    for _ in range(40):
-        engaged.append(joint.step(w=-0.1)[0])
-        sides.append(joint.side)
-    both = [one == two == Side.GAP for one, two in pairwise(sides)]
-    assert engaged == [0.0 if apart else 1.0 for apart in both]
-    assert 5 < sum(both) < 35
-
-
-@pytest.mark.parametrize(
-    ("torque", "speed", "gap"),
-    [
-        (0.1, -0.1, True),
-        (-0.1, -0.1, True),
-        (0.4, -0.2, False),
-        (0.9, -0.001, True),  # at rest, friction may hold it
-        (1.4, -0.001, False),
-    ],
-)
-def test_a_load_in_the_middle_of_the_gap_is_never_dropped(
-    torque: float, speed: float, gap: bool
-) -> None:
-    joint = Joint()
-    joint.settle(2.0)
-    for _ in range(20):
-        joint.step(w=-0.1)
-    assert abs(joint.phi) < 0.1 * ALPHA
-    joint.step(w=speed, torque=torque)
-    assert (joint.side == Side.GAP) == gap
-
-
 @pytest.mark.parametrize(("torque", "sigma"), [(2.0, 0.0034), (8.0, 0.0094)])
 def test_a_border_is_as_uncertain_as_the_gap_and_the_gear(torque: float, sigma: float) -> None:
     # Half-gap known to 7 %; the gear bends by up to 1 mrad per Nm.
     joint = Joint(GapSettings(compliance=0.001))
     joint.settle(torque)
     assert joint.sigma == pytest.approx(sigma, rel=0.01)
-
-
-def test_clear_of_the_border_by_more_than_what_phi_may_be_off() -> None:
-    joint = Joint(GapSettings(compliance=0.001))
-    joint.settle(8.0)
-    said = []
-    for _ in range(40):
-        joint.step(w=-0.1)
-        said.append((abs(joint.phi), joint.side == Side.GAP))
-    assert {gap for _, gap in said} == {False, True}
-    for phi, gap in said:
-        assert gap == (phi < ALPHA - 1.5 * joint.sigma), phi
-
-
-def test_no_gap_once_theta_is_as_uncertain_as_the_gap_is_wide() -> None:
-    joint = Joint(GapSettings(velocity_bias=0.01))
-    joint.settle(2.0)
-    for _ in range(20):
-        joint.step(w=-0.1)
-    assert joint.side == Side.GAP
-    growth = []
-    for k in range(300):
-        joint.step(w=0.003 if k % 2 else -0.003)
-        growth.append(joint.sigma)
-    assert joint.side == Side.UNKNOWN
-    assert joint.sigma == ALPHA
-    assert np.all(np.diff(growth) >= 0)
 
 
 def test_theta_is_held_at_standstill() -> None:
