@@ -15,21 +15,17 @@ from errors import ModelError
 from estimator import memory
 from estimator.contact import Contact, ContactDetector, Thresholds, dead_band
 from estimator.estimate import Estimate, Flag
+from estimator.friction import RUBBING, Friction
+from estimator.hidden import Hidden
 from estimator.interval import ROW, Interval
 from estimator.link_velocity import ALIGNED, Alignment
 from estimator.model import Model
-from estimator.motor_position import LINK_REST, MOTION, MotorPosition, Side
+from estimator.motor_position import MOTION, MotorPosition
 from estimator.residual import Residual
 from estimator.settings import EstimatorSettings
-from estimator.stiction import CREEP, Stiction
+from estimator.stiction import Stiction, displacement
 from estimator.touched_link import touched_link
-from estimator.transmission import (
-    Transmission,
-    coulomb_viscous,
-    penetration,
-    resting,
-    smooth_sign,
-)
+from estimator.transmission import Transmission, penetration, resting, smooth_sign
 from estimator.types import Matrix, Vector
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
@@ -38,9 +34,6 @@ _ROTOR = {"rotor": 1.0}
 _TRANSMITTED = {"motor": 1.0, "rotor": -1.0, "motor_rub": -1.0}
 _OWN_FORMS = 3
 _INPUTS = ("current", "link_position", "motor_velocity")
-
-# Rows of the rubbing terms, and at which of theta_dot, q_dot and phi_dot each of them rubs.
-_RUBBING = slice(ROW["motor_rub"], ROW["gap_rub"] + 1)
 
 
 class Estimator:
@@ -96,8 +89,7 @@ class Estimator:
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         t = transmission
         self._held = t.stiction * t.engaged_coulomb
-        self._hidden = settings.stiction_share * t.engaged_coulomb
-        self._unsure = settings.unknown_side_share * thresholds.contact * (t.half_gap > 0.0)
+        self._hidden = Hidden(t, settings, thresholds.contact)
         # What a fit adds to tau_M while engaged, for the variants that know of engagement.
         self._corrected = np.array([[v.kind == "backlash"] for v in variants], dtype=np.float64)
         self._correcting = bool(np.any(t.contact_stiffness) or np.any(t.contact_damping))
@@ -106,10 +98,8 @@ class Estimator:
         self._samples: Matrix = np.zeros((4, n))
         self._ones = np.ones(4 * n)
         self._aligned: Matrix = np.zeros((len(ALIGNED), n))
-        self._velocities: Matrix = np.zeros((4, n))
         self._moved: Matrix = np.zeros((len(MOTION), n))
-        self._coulomb = np.stack([t.motor_coulomb, t.link_coulomb, t.link_coulomb, t.gap_coulomb])
-        self._viscous = np.stack([t.motor_viscous, t.link_viscous, t.link_viscous, t.gap_viscous])
+        self._friction = Friction(t)
         self._shown: Matrix = np.zeros((4, n))  # q, q_dot, tau_M, threshold
         self._started = False
         self.elapsed = 0.0
@@ -228,10 +218,14 @@ class Estimator:
         np.multiply(t.rotor_inertia, theta_dot, out=now[ROW["rotor"]])
         now[ROW["momentum"]], now[ROW["beta"]] = self.model.dynamics(q, qd)
         now[ROW["velocity"]], now[ROW["position"]] = theta_dot, theta
-        self._rub(qd, theta_dot, out=now[_RUBBING])
+        self._friction.at(qd, theta_dot, out=now[RUBBING])
         rest = resting(theta_dot)
         if self._started:
-            self.stiction.step(self._displacement(q, qd, theta_dot, theta, dt))
+            if self._measured:
+                turned = theta - self.interval.before[ROW["position"]]
+            else:
+                turned = displacement(theta_dot, qd, q - self._shown[0], dt)
+            self.stiction.step(turned)
         sign = smooth_sign(theta_dot, t.sign_width)
         np.multiply(self._held, self.stiction.z - sign, out=now[ROW["stiction"]])
         if self._started:
@@ -241,32 +235,11 @@ class Estimator:
             self._started = True
             flags |= Flag.STARTING
         side = self.motor_position.side
-        hidden = (self._hidden + self._held * self.stiction.unknown) * rest
-        hidden += self._unsure * (side == Side.UNKNOWN)
+        hidden = self._hidden.at(rest, self.stiction.unknown, side)
         threshold = self.detector.thresholds(hidden, theta_dot, dt)
         contacts = self.detector.step(self.residual.values[0], side, time_s)
         self._show(q, qd, tau_M, threshold)
         return self._estimate(contacts, flags)
-
-    def _displacement(
-        self, q: Vector, qd: Vector, theta_dot: Vector, theta: Vector, dt: float
-    ) -> Vector:
-        """Of the rotors since the tick before [rad]. Where both creep, rotor and link are one."""
-        moved: Vector
-        if self._measured:
-            moved = theta - self.interval.before[ROW["position"]]
-        else:
-            clearly = (np.abs(theta_dot) > CREEP) | (np.abs(qd) > LINK_REST)
-            moved = np.where(clearly, theta_dot * dt, q - self._shown[0])
-        return moved
-
-    def _rub(self, qd: Vector, theta_dot: Vector, out: Matrix) -> None:
-        """Friction [Nm]: motor at theta_dot, link at theta_dot, link at q_dot, gap at phi_dot."""
-        v = self._velocities
-        v[:2] = theta_dot
-        v[2] = qd
-        np.subtract(qd, theta_dot, out=v[3])
-        out[:] = coulomb_viscous(self._coulomb, self._viscous, v, self.transmission.sign_width)
 
     def _balance(
         self, q: Vector, qd: Vector, theta_dot: Vector, tau_M: Vector, rest: Vector, dt: float
@@ -290,8 +263,7 @@ class Estimator:
         """No velocity yet: no residual."""
         zero = np.zeros(self.model.n)
         self.motor_position.start(q)
-        hidden = self._hidden + self._held + self._unsure
-        threshold = self.detector.thresholds(hidden, zero, self.period_s)
+        threshold = self.detector.thresholds(self._hidden.most, zero, self.period_s)
         self._show(q, zero, zero, threshold)
         return self._estimate((), flags)
 

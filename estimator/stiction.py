@@ -16,10 +16,19 @@ from typing import Any
 import numpy as np
 
 from estimator import memory
+from estimator.motor_position import LINK_REST
 from estimator.types import Matrix, Vector
 
 CREEP = 0.003
 """[rad/s]; a slower motor velocity may be noise and bias, and its integral nothing."""
+
+
+def displacement(theta_dot: Vector, qd: Vector, moved: Vector, dt: float) -> Vector:
+    """Of rotors whose position is not measured (n,) [rad], over dt seconds; `moved`: that of their
+    links. Where both creep, rotor and link are taken for one."""
+    clearly = (np.abs(theta_dot) > CREEP) | (np.abs(qd) > LINK_REST)
+    turned: Vector = np.where(clearly, theta_dot * dt, moved)
+    return turned
 
 
 class Stiction:

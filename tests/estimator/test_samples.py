@@ -43,7 +43,7 @@ def test_a_missed_tick_uses_the_true_interval(make_estimator, sine_motion) -> No
             results.append((everything.residual, estimate.residual, wrong.residual))
     everything, estimate, wrong = np.array(results[650:]).transpose(1, 0, 2)
     error, lie = np.abs(estimate - everything).max(), np.abs(wrong - everything).max()
-    assert error < 0.15
+    assert error < 0.18
     assert lie > 5 * error
 
 
