@@ -216,6 +216,24 @@ def test_real_torque_ramps_of_preloaded_gears():
     assert np.isnan(gap.half_gap)
 
 
+def columns(name: str) -> np.ndarray:
+    """Of a file of the TX40, at 100 Hz, (N, 6)."""
+    path = DATA / "tx40" / f"{name}.csv.gz"
+    if not path.exists():
+        pytest.skip(f"no real measurements at {DATA} (set CONTACTD_DATA)")
+    return np.loadtxt(path, delimiter=",", skiprows=1)[::50]
+
+
+def test_a_real_arm_with_one_position_per_joint_has_no_link_encoder():
+    q, current = np.radians(columns("pos_read_data")), columns("curr_data")
+    joints = tuple(f"joint_{i}" for i in range(1, 7))
+    log = MotionLog(joints, T * np.arange(len(q)), current, q, np.gradient(q, T, axis=0), q)
+    for i in range(6):
+        gap = identify_gap(log, i, 1.0)
+        assert gap.verdict is GapVerdict.NO_LINK_ENCODER, gap
+        assert not gap.usable
+
+
 def clamped_with(name: str) -> tuple[MotionLog, int, float]:
     log, constant = clamped(name)
     return log, 0, constant
