@@ -82,13 +82,26 @@ def test_a_second_sitting_adds_to_the_first_wherever_the_motor_stands_by_then(me
     assert gap.half_gap == pytest.approx(0.02, abs=2e-4)
 
 
+def test_missing_samples_begin_no_sitting():
+    phi = visits(0.02, 24)
+    there = np.arange(len(phi)) % 60 >= 5
+    still = np.zeros((int(there.sum()), 1))
+    t = T * np.flatnonzero(there)
+    log = MotionLog(("j",), t, np.sign(-phi[there])[:, None], phi[there][:, None], still, still)
+    gap = identify_gap(log, 0, 1.0)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.02, abs=2e-4)
+
+
 @pytest.mark.parametrize(
     ("phi", "mean_velocity", "verdict"),
     [
         (visits(0.02, 12), 0.0, GapVerdict.FEW),
         (visits(0.002, 40, strain=0.02), 0.0, GapVerdict.UNCLEAR),
         (visits(0.02, 30), 0.05, GapVerdict.MOTOR_MOVED),
+        (visits(0.02, 30), -0.05, GapVerdict.MOTOR_MOVED),
         (visits(0.0005, 30), 0.0, GapVerdict.NONE),
+        (visits(0.0006, 40, strain=0.0007), 0.0, GapVerdict.NONE),  # not rigid, but hardly a gap
     ],
 )
 def test_what_cannot_be_told_is_not_told(phi, mean_velocity, verdict):
@@ -175,6 +188,14 @@ def test_motion_shows_gap_and_skew_apart():
     assert gap.half_gap == pytest.approx(alpha, rel=0.05)
     # Taken for phi as it is, the skew would look like a gap.
     assert np.percentile(np.abs(q - theta), 95) > 1.3 * alpha
+
+
+def test_borders_that_wander_in_motion_are_none():
+    t, q, theta = two_encoders(0.0, 0.004)
+    wander = 0.003 * np.sin(2 * np.pi * 0.05 * t)
+    gap = from_motion("j", t, q + wander, theta, np.gradient(theta, t))
+    assert gap.verdict is GapVerdict.UNCLEAR, gap
+    assert np.isnan(gap.half_gap)
 
 
 def test_one_border_is_no_proof_of_no_gap():
