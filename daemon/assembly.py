@@ -20,7 +20,8 @@ from daemon.prearm import PreArm, Verdict
 from daemon.reactions import Reactions
 from daemon.trajectory import Follower, Place, Sinusoids
 from drivers.arm import Arm
-from drivers.drive_setup import DriveSetup, load_data_sheet
+from drivers.data_sheet import load_data_sheet
+from drivers.drive_setup import DriveSetup
 from drivers.frame_ring import FrameRing
 from estimator.contact import Thresholds
 from estimator.estimator import Estimator

@@ -1,27 +1,17 @@
 """What a drive shall hold before it may be operational, as data; checked against its EDS."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final, Literal
 
 import canopen
-from canopen.objectdictionary import ODArray, ODVariable
+from canopen.objectdictionary import ODArray
 
-from drivers.codec import STRUCT_CODES, Pdo, receive_pdos, transmit_pdos, type_limits
-from drivers.settings import DriveProfile, JointWiring
+from drivers.codec import WORDS, Pdo, receive_pdos, transmit_pdos
+from drivers.data_sheet import find_object, type_name, value_range
+from drivers.settings import DriveProfile, JointWiring, ObjectValue
 from errors import ConfigurationError
-
-# Data types of CiA 301 by their code in an EDS.
-_TYPES: Final = {
-    2: "INTEGER8",
-    3: "INTEGER16",
-    4: "INTEGER32",
-    5: "UNSIGNED8",
-    6: "UNSIGNED16",
-    7: "UNSIGNED32",
-}
 
 CYCLIC_SYNCHRONOUS_VELOCITY: Final = 9
 STAY_OPERATIONAL: Final = 1  # 0x1029:1, so that PDOs tell what the drive does after our silence
@@ -29,8 +19,12 @@ STOP_ON_SILENCE: Final = 3  # 0x6007: quick stop; at 0 a drive moves on when its
 RAMP_THEN_HOLD: Final = 6  # 0x605A: decelerate by 0x6085, stay in quick stop active
 #: The drive's own speed limit over what the daemon commands at most: its loop overshoots a little.
 SPEED_MARGIN: Final = 1.1
+BRAKING: Final = "deceleration of the quick stop"
 #: Read at boot-up, and there is no telling a drive without them.
 MUST_BE_READ: Final = ((0x1000, 0), (0x1018, 1))
+
+#: Parameters and mappings of PDOs (CiA 301).
+PDO_OBJECTS: Final = range(0x1400, 0x1C00)
 
 _IN_STEPS: Final = "it follows setpoints as its maker chose"
 
@@ -76,30 +70,6 @@ class Wanted:
         return f"object 0x{self.index:04X}:{self.subindex:02X} ({self.meaning})"
 
 
-def load_data_sheet(path: Path) -> canopen.ObjectDictionary:
-    """Read an EDS; raises ConfigurationError naming the file."""
-    try:
-        sheet = canopen.import_od(str(path))
-    except Exception as error:  # configparser's and canopen's own, and whatever int() meets
-        raise ConfigurationError(f"{path}: not a readable EDS: {error}") from error
-    if 0x1000 not in sheet:
-        raise ConfigurationError(f"{path}: not an EDS: object 0x1000 (device type) is missing")
-    return sheet
-
-
-def find_object(
-    sheet: canopen.ObjectDictionary, index: int, subindex: int = 0
-) -> ODVariable | None:
-    """The object in the EDS, or None."""
-    entry = sheet.get(index)
-    # canopen makes up every member of an array from its first; the EDS says how many there are.
-    if isinstance(entry, ODArray) and subindex and 0 in entry.subindices:
-        highest = entry[0].default
-        if highest is not None and subindex > highest:
-            return None
-    return sheet.get_variable(index, subindex)
-
-
 def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
     """Everything but the PDOs, in order; `period_ms` is that of SYNC."""
     profile, wiring = setup.profile, setup.wiring
@@ -120,8 +90,7 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
         Wanted("stopping", 0x605A, 0, RAMP_THEN_HOLD, "quick stop: ramp, then hold"),
         Wanted("stopping", 0x605E, 0, profile.fault_reaction, "reaction to a fault",
                "it reacts to faults as its maker chose"),
-        Wanted("stopping", braking.object, braking.subindex, deceleration,
-               "deceleration of the quick stop"),
+        Wanted("stopping", braking.object, braking.subindex, deceleration, BRAKING),
         Wanted("mode", 0x6060, 0, CYCLIC_SYNCHRONOUS_VELOCITY, "cyclic synchronous velocity"),
         Wanted("mode", 0x60C2, 1, period_ms, "interpolation over the SYNC period",
                _IN_STEPS),
@@ -176,13 +145,16 @@ def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[st
     for index, subindex in MUST_BE_READ:
         if find_object(sheet, index, subindex) is None:
             yield f"object 0x{index:04X}:{subindex:02X} is missing"
-    for row in wanted(setup, period_ms, master_node):
+    rows = wanted(setup, period_ms, master_node)
+    for row in rows:
         yield from _object_problems(sheet, row)
+    for own in profile.write:
+        yield from _meddling(own, profile, rows)
     for where in (profile.quick_stop_deceleration, profile.max_motor_speed):
         found = where and find_object(sheet, where.object, where.subindex)
-        if where and found and _type_name(found) != where.type:
+        if where and found and type_name(found) != where.type:
             yield (
-                f"object 0x{where.object:04X}:{where.subindex:02X} is {_type_name(found)}, not "
+                f"object 0x{where.object:04X}:{where.subindex:02X} is {type_name(found)}, not "
                 f"{where.type}"
             )
     node = setup.wiring.node
@@ -203,8 +175,23 @@ def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[s
     lowest, highest = value_range(variable)
     if not variable.writable and row.group == "own objects":
         yield f"{row.where} cannot be written (access {variable.access_type})"
+    # A ramp of no deceleration is none, whatever the EDS allows.
+    lowest = max(lowest, 1) if row.meaning == BRAKING else lowest
     if not lowest <= row.value <= highest:
         yield f"{row.where}: {row.value} is outside {lowest} ... {highest}"
+
+
+def _meddling(own: ObjectValue, profile: DriveProfile, rows: Sequence[Wanted]) -> Iterator[str]:
+    """What the configuration may not write: it would undo what makes the drive stop by itself."""
+    where = f"object 0x{own.object:04X}:{own.subindex:02X} (from the configuration)"
+    for row in rows:
+        theirs = row.group in ("limits", "own objects")
+        if not theirs and (row.index, row.subindex) == (own.object, own.subindex):
+            yield f"{where} cannot be {own.value}: contactd writes {row.value} ({row.meaning})"
+    if own.object in PDO_OBJECTS:
+        yield f"{where} is of a PDO: these are described by `tpdo` and `rpdo`"
+    if own.object in (WORDS["controlword"], profile.target_velocity.object):
+        yield f"{where} energises or moves the drive, which no start does"
 
 
 def _pdo_problems(sheet: canopen.ObjectDictionary, pdo: Pdo, communication: int) -> Iterator[str]:
@@ -214,26 +201,19 @@ def _pdo_problems(sheet: canopen.ObjectDictionary, pdo: Pdo, communication: int)
     # Sub 0 of a mapping says how many objects are mapped, not how many can be.
     elif not isinstance(sheet[mapping], ODArray) and len(pdo.fields) not in sheet[mapping]:
         yield f"the PDO at 0x{communication:04X} does not take {len(pdo.fields)} objects"
-    for field in pdo.fields:
+    for number, field in enumerate(pdo.fields, start=1):
+        fixed = find_object(sheet, mapping, number)
+        ours = field.index << 16 | field.subindex << 8 | field.bits
+        if fixed and not fixed.writable and fixed.default not in (None, 0, ours):
+            yield (
+                f"object 0x{mapping:04X}:{number:02X} cannot be written, and maps "
+                f"0x{fixed.default:08X} where {field.entry} (0x{ours:08X}) is configured"
+            )
         where = f"{field.entry}, object 0x{field.index:04X}:{field.subindex:02X},"
         variable = find_object(sheet, field.index, field.subindex)
         if variable is None:
             yield f"{where} is missing"
-        elif _type_name(variable) != field.type:
-            yield f"{where} is {_type_name(variable)}, not {field.type}"
+        elif type_name(variable) != field.type:
+            yield f"{where} is {type_name(variable)}, not {field.type}"
         elif not variable.pdo_mappable:
             yield f"{where} cannot be mapped to a PDO"
-
-
-def _type_name(variable: ODVariable) -> str:
-    return _TYPES.get(variable.data_type, f"type {variable.data_type}")
-
-
-def value_range(variable: ODVariable) -> tuple[int, int]:
-    """What may be written to an integer object: its limits in the EDS, else those of its type."""
-    kind = _type_name(variable)
-    lowest, highest = type_limits(kind) if kind in STRUCT_CODES else (0, -1)
-    return (
-        lowest if variable.min is None else variable.min,
-        highest if variable.max is None else variable.max,
-    )

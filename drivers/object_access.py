@@ -15,7 +15,8 @@ from canopen.sdo import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from drivers.bus import BUS_FAILURES, connection_lost
-from drivers.drive_setup import DriveSetup, find_object
+from drivers.data_sheet import find_object
+from drivers.drive_setup import DriveSetup
 from drivers.frame_ring import FrameRing, RingListener
 from errors import BusError, DriveError, SilentDriveError
 

@@ -90,7 +90,7 @@ class DriveProfile(Settings, frozen=True):
     # How long the drive may take to answer at boot-up; a third of it when it is set up again.
     sdo_timeout_ms: Annotated[int, Meta(ge=20, le=5000)] = 500
     fault_reaction: Annotated[int, Meta(ge=-32768, le=2)] = 2  # 0x605E; 2 is a quick stop
-    write: list[ObjectValue] = []  # more objects to set at boot-up
+    write: list[ObjectValue] = []  # more objects to set at boot-up, none that contactd sets itself
 
     def __post_init__(self) -> None:
         if (self.current is None) is (self.torque is None):

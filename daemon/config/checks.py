@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from daemon.config.counts import misfits
 from daemon.config.schema import Configuration, Joint
 from drivers.bus_load import refuse_overload
-from drivers.drive_setup import DriveSetup, load_data_sheet, problems
+from drivers.data_sheet import load_data_sheet
+from drivers.drive_setup import DriveSetup, problems
 from errors import ConfigurationError, ModelError
 from estimator.model import Model
 
@@ -29,6 +31,7 @@ def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[
         *_joints(configuration),
         *_estimator(configuration),
         *_profiles(configuration, folder),
+        *_counts(configuration),
         *_trajectory(configuration),
         *_urdf(configuration, urdf),
     ]
@@ -146,6 +149,14 @@ def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
     except ConfigurationError as error:
         return [str(error)]
     return [f"{profile.eds}: {what}" for what in dict.fromkeys(found)]
+
+
+def _counts(c: Configuration) -> Iterator[Finding]:
+    for i, joint in enumerate(c.joints):
+        profile = c.drives.get(joint.wiring.profile)
+        for entry, what in misfits(joint, profile) if profile else ():
+            keys, where = _at(i, joint, "wiring")
+            yield Finding(keys, where, f"{joint.wiring.profile}.{entry}: {what}")
 
 
 def _trajectory(c: Configuration) -> Iterator[Finding]:

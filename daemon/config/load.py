@@ -17,6 +17,8 @@ from daemon.sampled_path import SampledPath
 from errors import ConfigurationError, TrajectoryError
 
 T = TypeVar("T", bound=msgspec.Struct)
+# msgspec says "at `key` in `$.drives[...].rpdo`" of a mapping's key, "at `$.bus.port`" of a value.
+_OF_A_KEY = "key` in `"
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 
 
@@ -125,8 +127,9 @@ def convert(source: Source, kind: type[T]) -> T:
     try:
         return msgspec.convert(source.data, kind)
     except msgspec.ValidationError as error:
-        message, _, where = str(error).partition(" - at `$")
-        keys = _keys(where.rstrip("`"), source.data)
+        message, _, where = str(error).partition(" - at `")
+        of_a_key = where.startswith(_OF_A_KEY)
+        keys = _keys(where.removeprefix(_OF_A_KEY).rstrip("`"), source.data)
         place = _spell(keys, source.data) or "the file"
         unknown = re.search(r"unknown field `(.+)`", message)
         if unknown:
@@ -138,7 +141,9 @@ def convert(source: Source, kind: type[T]) -> T:
         else:
             line = source.line(keys)
             message = message[:1].lower() + message[1:]
-            if choices := _choices_at(kind, keys):
+            if of_a_key:
+                message += " as a key"
+            if choices := _choices_at(kind, keys, of_a_key):
                 message += f" (allowed: {', '.join(choices)})"
             else:
                 message += _value_at(keys, source.data)
@@ -215,9 +220,11 @@ def _fields_at(kind: Any, keys: list[str | int]) -> list[str]:
     return [f.encode_name for f in node.fields] if hasattr(node, "fields") else []
 
 
-def _choices_at(kind: Any, keys: list[str | int]) -> list[str]:
-    """Values that are allowed at the end of `keys`, where they are few."""
+def _choices_at(kind: Any, keys: list[str | int], of_a_key: bool) -> list[str]:
+    """Values, or keys, that are allowed at the end of `keys`, where they are few."""
     node = _type_at(kind, keys)
+    if of_a_key:
+        node = node.key_type
     if isinstance(node, msgspec.inspect.EnumType):
         return [str(choice.value) for choice in node.cls]
     return [str(choice) for choice in getattr(node, "values", ())]

@@ -18,7 +18,8 @@ from daemon.config.schema import Configuration
 from daemon.cycle import Cycle
 from daemon.drives import Drives
 from daemon.modes import Event, Mode
-from drivers.drive_setup import load_data_sheet, problems
+from drivers.data_sheet import load_data_sheet
+from drivers.drive_setup import problems
 from errors import DriveError
 
 T = 0.01

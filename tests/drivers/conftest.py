@@ -16,7 +16,8 @@ from bench.scripted_bus import ScriptedBus
 from drivers.arm import Arm
 from drivers.boot_up import boot_up
 from drivers.codec import Joint
-from drivers.drive_setup import DriveSetup, load_data_sheet
+from drivers.data_sheet import load_data_sheet
+from drivers.drive_setup import DriveSetup
 from drivers.settings import DriveProfile, JointWiring
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, JointDescription, SimulationSettings

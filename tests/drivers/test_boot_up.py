@@ -236,11 +236,11 @@ def test_what_cannot_be_written_must_be_so(bench, setups):
 
 
 def fixed_pdos(setup):
-    """The setup with an EDS that lets nobody change a PDO."""
+    """The setup with an EDS that lets nobody change a PDO, and says not what is mapped."""
     sheet = copy.deepcopy(setup.data_sheet)
     for index in (0x1400, 0x1600, 0x1800, 0x1801, 0x1A00, 0x1A01):
         for member in sheet[index].values():
-            member.access_type = "const"
+            member.access_type, member.default = "const", None
     return replace(setup, data_sheet=sheet)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from drivers.drive_setup import check_drive, lacks, load_data_sheet, wanted
+from drivers.drive_setup import check_drive, lacks, wanted
 from drivers.settings import DriveProfile
 from errors import ConfigurationError
 
@@ -43,6 +43,7 @@ def test_romeo_fits(setups):
         ({"current": {"type": "INTEGER32"}, "tpdo": {"1": ["statusword", "motor_velocity"],
           "2": ["link_position", "current"]}}, "current.* is INTEGER16, not INTEGER32"),
         ({"link_position": {"subindex": 2}}, "0x60E4:02, is missing"),
+        ({"motor_velocity": {"subindex": 1}}, "0x606C:01, is missing"),
         ({"target_velocity": {"object": 0x6007, "type": "INTEGER16"}}, "cannot be mapped"),
         ({"write": [{"object": 0x2000, "value": 1}]}, "0x2000:00 .* is missing, and 1 cannot"),
         ({"write": [{"object": 0x6075, "value": 1}]}, r"cannot be written \(access ro\)"),
@@ -56,6 +57,53 @@ def test_romeo_fits(setups):
 def test_what_the_drive_has_not_is_refused(setups, fields, says):
     with pytest.raises(ConfigurationError, match=rf"node 3 \(LElbowRoll\), drive.eds: .*{says}"):
         check_drive(changed(setups[2], **fields), 10, 127)
+
+
+@pytest.mark.parametrize(
+    ("index", "subindex", "value", "says"),
+    [
+        (0x6007, 0, 0, r"cannot be 0: contactd writes 3 \(quick stop when the master falls"),
+        (0x605A, 0, 2, r"cannot be 2: contactd writes 6 \(quick stop: ramp, then hold\)"),
+        (0x6085, 0, 1, r"cannot be 1: contactd writes \d+ \(deceleration of the quick stop"),
+        (0x1016, 1, 0, "cannot be 0: contactd writes 8323172 .*heartbeat"),
+        (0x6060, 0, 8, "cannot be 8: contactd writes 9"),
+        (0x1400, 1, 0x203, "is of a PDO"),
+        (0x1A03, 1, 0, "is of a PDO"),
+        (0x6040, 0, 15, "energises or moves the drive"),
+        (0x60FF, 0, 100, "energises or moves the drive"),
+    ],
+)
+def test_what_the_configuration_may_not_write(setups, index, subindex, value, says):
+    own = {"object": index, "subindex": subindex, "value": value}
+    place = rf"object 0x{index:04X}:{subindex:02X} \(from the configuration\)"
+    with pytest.raises(ConfigurationError, match=f"{place} {says}"):
+        check_drive(changed(setups[2], write=[own]), 10, 127)
+
+
+def test_the_drives_own_limits_may_be_written(setups):
+    limits = [{"object": 0x6080, "value": 3000}, {"object": 0x6073, "value": 1500}]
+    check_drive(changed(setups[2], write=limits), 10, 127)
+
+
+def test_a_quick_stop_without_deceleration_is_none(setups):
+    sheet = copy.deepcopy(setups[2].data_sheet)
+    sheet[0x6085].min = None
+    coarse = changed(setups[2], quick_stop_deceleration={"scale": 1e5})
+    with pytest.raises(ConfigurationError, match=r"0x6085:00 .*: 0 is outside 1 \.\.\."):
+        check_drive(replace(coarse, data_sheet=sheet), 10, 127)
+
+
+def test_a_fixed_mapping_that_is_another(setups):
+    sheet = copy.deepcopy(setups[2].data_sheet)
+    sheet[0x1600][2].access_type, sheet[0x1600][2].default = "const", 0x60FF0020
+    check_drive(replace(setups[2], data_sheet=sheet), 10, 127)
+    sheet[0x1600][2].default = 0x60810020
+    with pytest.raises(
+        ConfigurationError,
+        match=r"object 0x1600:02 cannot be written, and maps 0x60810020 where target_velocity "
+        r"\(0x60FF0020\) is configured",
+    ):
+        check_drive(replace(setups[2], data_sheet=sheet), 10, 127)
 
 
 def less(setup, *objects):
@@ -116,19 +164,3 @@ def test_the_safety_of_what_is_written(setups):
     # 1 rad/s at the link and a tenth, behind a gear of 150, in rpm.
     assert held[0x6080, 0] == math.ceil(1.1 * 150 * 60 / (2 * math.pi))
     assert held[0x6085, 0] == round(10 * 150 / 0.010471975511965977)
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["nonsense", "[1000]\nParameterName=x\nDataType=abc\n", "[DeviceInfo]\nVendorName=x\n"],
-)
-def test_a_damaged_data_sheet(tmp_path, text):
-    path = tmp_path / "drive.eds"
-    path.write_text(text)
-    with pytest.raises(ConfigurationError, match=r"drive\.eds: not an? (readable )?EDS"):
-        load_data_sheet(path)
-
-
-def test_no_data_sheet(tmp_path):
-    with pytest.raises(ConfigurationError, match=r"none\.eds"):
-        load_data_sheet(tmp_path / "none.eds")

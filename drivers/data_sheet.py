@@ -1,0 +1,77 @@
+"""A drive's EDS: reading it, and what it says of an object (CiA 306)."""
+
+import io
+from pathlib import Path
+from typing import Final
+
+import canopen
+from canopen.objectdictionary import ODArray, ODVariable
+
+from drivers.codec import STRUCT_CODES, type_limits
+from errors import ConfigurationError
+
+# Data types of CiA 301 by their code in an EDS.
+_TYPES: Final = {
+    2: "INTEGER8",
+    3: "INTEGER16",
+    4: "INTEGER32",
+    5: "UNSIGNED8",
+    6: "UNSIGNED16",
+    7: "UNSIGNED32",
+}
+
+
+class _DataSheet(io.StringIO):
+    """A file with a name for canopen. CiA 306 asks for ASCII; makers write what their editor does,
+    mostly degrees and micrometres of some code page, in comments and names."""
+
+    def __init__(self, path: Path) -> None:
+        data = path.read_bytes()
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("latin-1")
+        super().__init__(text, newline=None)
+        self.name = str(path)
+
+
+def load_data_sheet(path: Path) -> canopen.ObjectDictionary:
+    """Read an EDS; raises ConfigurationError naming the file."""
+    try:
+        sheet = canopen.import_od(_DataSheet(path))
+    except Exception as error:  # configparser's and canopen's own, and whatever int() meets
+        raise ConfigurationError(f"{path}: not a readable EDS: {error}") from error
+    if 0x1000 not in sheet:
+        raise ConfigurationError(f"{path}: not an EDS: object 0x1000 (device type) is missing")
+    return sheet
+
+
+def find_object(
+    sheet: canopen.ObjectDictionary, index: int, subindex: int = 0
+) -> ODVariable | None:
+    """The object in the EDS, or None."""
+    entry = sheet.get(index)
+    # canopen gives a variable whatever subindex it is asked for.
+    if isinstance(entry, ODVariable) and subindex:
+        return None
+    # canopen makes up every member of an array from its first; the EDS says how many there are.
+    if isinstance(entry, ODArray) and subindex and 0 in entry.subindices:
+        highest = entry[0].default
+        if highest is not None and subindex > highest:
+            return None
+    return sheet.get_variable(index, subindex)
+
+
+def type_name(variable: ODVariable) -> str:
+    """As the configuration spells it; other types by their number."""
+    return _TYPES.get(variable.data_type, f"type {variable.data_type}")
+
+
+def value_range(variable: ODVariable) -> tuple[int, int]:
+    """What may be written to an integer object: its limits in the EDS, else those of its type."""
+    kind = type_name(variable)
+    lowest, highest = type_limits(kind) if kind in STRUCT_CODES else (0, -1)
+    return (
+        lowest if variable.min is None else variable.min,
+        highest if variable.max is None else variable.max,
+    )

@@ -1,0 +1,71 @@
+"""Counts of the drives against limits of the joints, swept around the boundary."""
+
+import msgspec
+import pytest
+
+from bench.lockstep import ROMEO
+from daemon.config.counts import COARSEST, misfits
+from daemon.config.load import load_robot
+from daemon.config.schema import Joint
+from drivers.settings import DriveProfile
+
+ROBOT = load_robot(ROMEO).configuration
+PROFILE = ROBOT.drives["two_encoder_drive"]
+JOINT = ROBOT.joints[2]
+
+
+def joint(lower: float = -1.0, upper: float = 1.0, velocity: float = 1.0, sign: int = 1) -> Joint:
+    limits = msgspec.structs.replace(JOINT.limits, lower=lower, upper=upper, velocity=velocity)
+    wiring = msgspec.structs.replace(JOINT.wiring, gear=10.0, link_sign=sign, motor_sign=sign)
+    return msgspec.structs.replace(JOINT, limits=limits, wiring=wiring)
+
+
+def profile(entry: str, **changes: object) -> DriveProfile:
+    found = msgspec.structs.replace(getattr(PROFILE, entry), **changes)
+    return msgspec.structs.replace(PROFILE, **{entry: found})
+
+
+def entries(joint: Joint, profile: DriveProfile) -> list[str]:
+    return [entry for entry, _ in misfits(joint, profile)]
+
+
+def test_what_is_shipped_fits() -> None:
+    for each in ROBOT.joints:
+        assert entries(each, PROFILE) == []
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("lower", "upper", "fits"),
+    [(-1.27, 1.27, True), (-1.0, 1.29, False), (-1.29, 1.0, False)],
+)
+def test_positions(lower: float, upper: float, fits: bool, sign: int) -> None:
+    eight_bits = profile("link_position", type="INTEGER8", scale=0.01)
+    found = entries(joint(lower, upper, sign=sign), eight_bits)
+    assert found == ([] if fits else ["link_position"])
+
+
+def test_positions_of_an_encoder_without_sign() -> None:
+    turn = profile("link_position", type="UNSIGNED16", scale=1e-4, offset=-3.2768)
+    assert entries(joint(-3.2, 3.2), turn) == []
+    assert entries(joint(-3.2, 3.3), turn) == ["link_position"]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("entry", ["motor_velocity", "target_velocity"])
+@pytest.mark.parametrize(("velocity", "fits"), [(1.27, True), (1.29, False)])
+def test_velocities_are_those_of_the_motor(
+    entry: str, velocity: float, fits: bool, sign: int
+) -> None:
+    eight_bits = profile(entry, type="INTEGER8", scale=0.1)
+    assert entries(joint(velocity=velocity, sign=sign), eight_bits) == ([] if fits else [entry])
+
+
+def test_a_velocity_that_has_no_negative_counts() -> None:
+    assert entries(joint(), profile("motor_velocity", type="UNSIGNED32")) == ["motor_velocity"]
+
+
+@pytest.mark.parametrize(("share", "fits"), [(0.99, True), (1.01, False)])
+def test_a_setpoint_may_be_coarse_up_to_a_share_of_the_limit(share: float, fits: bool) -> None:
+    coarse = profile("target_velocity", scale=share * COARSEST * 0.8 * 10.0)
+    assert entries(joint(velocity=0.8), coarse) == ([] if fits else ["target_velocity"])
