@@ -221,24 +221,25 @@ def test_where_nothing_can_be_recorded_nothing_moves(arm: Arm, house: House) -> 
     assert "cannot record in " in said
 
 
-def rewire(arm: Arm) -> None:
-    """Correct the gear, without a word to the daemon."""
-    text = (arm.folder / "config.yaml").read_text()
-    (arm.folder / "config.yaml").write_text(text.replace("gear: 100", "gear: 110"))
+def refused(arm: Arm, house: House, part: Path, step: str, live: str, log: str) -> None:
+    """A step is, on the arm before anything moves, and on a recording of it."""
+    typed = Typed(house, step)
+    status, said = typed.ends()
+    assert (status, typed.ticks_in_motion) == (78, 0)
+    assert live in said
+    words = ["identify", step, "--config", str(arm.folder), "--log", str(part)]
+    result = CliRunner().invoke(contactd.main, words)
+    assert result.exit_code == 65
+    assert log in result.output
 
 
 def test_samples_of_another_wiring_are_refused(arm: Arm, house: House) -> None:
     stopped(house, "friction", "--seconds", "20")
     (part,) = (arm.folder / "identify").glob("*.mcap")
-    rewire(arm)
-    typed = Typed(house, "friction", "--seconds", "20")
-    status, said = typed.ends()
-    assert (status, typed.ticks_in_motion) == (78, 0)
-    assert "were changed since the daemon began: start it again" in said
-    words = ["friction", "--config", str(arm.folder), "--log", str(part)]
-    result = CliRunner().invoke(contactd.main, ["identify", *words])
-    assert result.exit_code == 65
-    assert "was recorded with other drives, another wiring or another period" in result.output
+    text = (arm.folder / "config.yaml").read_text()
+    (arm.folder / "config.yaml").write_text(text.replace("gear: 100", "gear: 110"))
+    refused(arm, house, part, "friction", live="changed since the daemon began: start it again",
+            log="was recorded with other drives, another wiring or another period")  # fmt: skip
     with pytest.raises(LogError, match="is of another arm, with the joints joint"):
         read_measured([part], load_robot(ROMEO).configuration)
 
@@ -251,14 +252,8 @@ def test_thresholds_are_those_of_the_values_in_force(arm: Arm, house: House) -> 
     file.write_identified(
         arm.folder / "identified.yaml", merged(robot, "gap", {"joint": gap}, {"joint": 1})
     )
-    typed = Typed(house, "thresholds")
-    status, said = typed.ends()
-    assert (status, typed.ticks_in_motion) == (78, 0)
-    assert "its residuals are those of others: start it again" in said
-    words = ["thresholds", "--config", str(arm.folder), "--log", str(part)]
-    result = CliRunner().invoke(contactd.main, ["identify", *words])
-    assert result.exit_code == 65
-    assert "has residuals of other values of the joints" in result.output
+    refused(arm, house, part, "thresholds", live="residuals are those of others: start it again",
+            log="has residuals of other values of the joints")  # fmt: skip
 
 
 ENDED = "identify friction came to its end"

@@ -73,6 +73,16 @@ def test_a_touch_that_no_threshold_noticed_stands_out():
     assert learn(r)[0].contact == pytest.approx(calm[0].contact, rel=0.05)
 
 
+def test_a_quiet_joint_may_twitch_below_its_floor():
+    """A touch is not only many times what is usual, but also more than the floor."""
+    r = noise(120.0)
+    r[:, 0] *= 1e-3
+    r[::300, 0] = 0.04
+    assert [level.verdict for level in learn(r)] == [LevelVerdict.GOOD] * 2
+    r[::300, 0] = 0.06
+    assert {level.verdict for level in learn(r)} == {LevelVerdict.TOUCHED}
+
+
 def test_what_is_touched_all_the_time_is_refused():
     r = noise(120.0)
     touched = np.zeros(len(r), dtype=bool)
