@@ -9,6 +9,7 @@ import pytest
 from errors import LogError
 from estimator.identification.friction import Verdict, adopt, identify_friction
 from estimator.identification.log import MotionLog
+from estimator.identification.sticking import sticking_share
 
 
 @pytest.fixture(scope="session")
@@ -153,10 +154,26 @@ def test_rotor_of_unfiltered_current_is_not_trusted(moved, identify, arm):
     assert np.abs(errors(fits, moved.arms[0], "K_theta_s")).max() < 0.10
 
 
+@pytest.mark.parametrize(("true", "found"), [(-0.5, 0.0), (0.4, 0.4), (1.5, 1.0)])
+def test_from_nothing_to_all_of_friction_may_stick(true, found):
+    t = np.arange(0.0, 8.0, 0.01)
+    held = np.sin(t)
+    share, error = sticking_share(true * held, held, np.ones_like(t), t)
+    assert share == pytest.approx(found)
+    assert error < 1e-6
+
+
 def test_the_rotor_gets_what_the_link_does_not(fitted, arm):
+    """The link gets what the gap showed, else its old share: a tenth, roughly."""
     fits, _ = fitted[0]
-    adopted = adopt(arm.transmission, fits)
+    old, adopted = arm.transmission, adopt(arm.transmission, fits)
+    shown = [fit.link_friction("K_q_s") for fit in fits]
+    assert shown[1] is not None
+    assert shown[0] is None
     for i, fit in enumerate(fits):
+        share = old.link_coulomb[i] / (old.link_coulomb[i] + old.motor_coulomb[i])
+        link = share * fit.values["K_theta_s"] if shown[i] is None else shown[i]
+        assert adopted.link_coulomb[i] == pytest.approx(link)
         assert adopted.engaged_coulomb[i] == pytest.approx(fit.values["K_theta_s"])
         engaged_viscous = adopted.motor_viscous[i] + adopted.link_viscous[i]
         assert engaged_viscous == pytest.approx(fit.values["K_theta_v"])
