@@ -1,6 +1,5 @@
 """A drive's EDS: reading it, and what it says of an object (CiA 306)."""
 
-import io
 from pathlib import Path
 from typing import Final
 
@@ -21,24 +20,12 @@ _TYPES: Final = {
 }
 
 
-class _DataSheet(io.StringIO):
-    """A file with a name for canopen. CiA 306 asks for ASCII; makers write what their editor does,
-    mostly degrees and micrometres of some code page, in comments and names."""
-
-    def __init__(self, path: Path) -> None:
-        data = path.read_bytes()
-        try:
-            text = data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = data.decode("latin-1")
-        super().__init__(text, newline=None)
-        self.name = str(path)
-
-
 def load_data_sheet(path: Path) -> canopen.ObjectDictionary:
     """Read an EDS; raises ConfigurationError naming the file."""
     try:
-        sheet = canopen.import_od(_DataSheet(path))
+        # CiA 306 asks for ASCII. Makers write degrees of some code page, in names and comments.
+        with open(str(path), encoding="utf-8-sig", errors="replace") as file:
+            sheet = canopen.import_od(file)
     except Exception as error:  # configparser's and canopen's own, and whatever int() meets
         raise ConfigurationError(f"{path}: not a readable EDS: {error}") from error
     if 0x1000 not in sheet:

@@ -140,7 +140,8 @@ class Objects:
 def entries(eds: Path, node: int) -> dict[int, Entry]:
     """All variables of the EDS; parsing takes 30 ms, and an arm has seven."""
     try:
-        dictionary = canopen.import_od(str(eds), node)
+        with open(str(eds), encoding="utf-8-sig", errors="replace") as file:
+            dictionary = canopen.import_od(file, node)
     except (OSError, ValueError, KeyError, configparser.Error) as error:
         raise ConfigurationError(f"{eds}: not a readable EDS: {error}") from error
     entries: dict[int, Entry] = {}

@@ -1,12 +1,13 @@
 """Drives that can be simulated, as their makers fixed them: a wrong object, scale, sign or offset
 in a configuration shows here."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 
 from errors import ConfigurationError
-from simulator.objects import entries, key
+from simulator.objects import Entry, entries, key
 
 TURN = 2.0 * pi
 RPM = TURN / 60.0
@@ -72,6 +73,16 @@ LOCKING = DriveProfile(
 _BY_PRODUCT = {0x402: PROFILE, 0x403: LOCKING}
 
 
+def _mapped(known: dict[int, Entry]) -> Iterator[int]:
+    """What the EDS maps before anybody changes it."""
+    for index in (*range(0x1600, 0x1800), *range(0x1A00, 0x1C00)):
+        count = known.get(key(index))
+        for subindex in range(1, 1 + int(count.default) if count else 0):
+            entry = known.get(key(index, subindex))
+            if entry is not None:
+                yield int(entry.default) >> 8
+
+
 def profile_of(eds: Path) -> DriveProfile:
     """The drive of an EDS, known by its product code (1018 sub 2); any other is simulated as a
     `PROFILE`. Raises ConfigurationError when the EDS lacks an object that the simulation needs."""
@@ -81,6 +92,7 @@ def profile_of(eds: Path) -> DriveProfile:
     needed = (
         *(profile.link_position, profile.motor_velocity, profile.efforts[0]),
         *(key(index) for index in (0x6007, 0x6040, 0x6041, 0x605A, 0x6060, 0x6085, 0x60FF)),
+        *_mapped(known),
     )
     for where in needed:
         if where not in known:

@@ -1,0 +1,45 @@
+"""Which drive an EDS is simulated as, and which cannot be."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from errors import ConfigurationError
+from simulator.profile import LOCKING, PROFILE, profile_of
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.mark.parametrize(("robot", "profile"), [("romeo_left_arm", PROFILE), ("desk_arm", LOCKING)])
+def test_the_product_code_tells(robot, profile):
+    assert profile_of(CONFIGS / robot / "drive.eds") is profile
+
+
+def edited(folder: Path, pattern: str, new: str) -> Path:
+    text = (CONFIGS / "romeo_left_arm" / "drive.eds").read_text()
+    text, changes = re.subn(pattern, new, text, flags=re.DOTALL)
+    assert changes
+    # Makers write their names in a code page of their own.
+    (folder / "drive.eds").write_bytes(text.encode() + b"; \xb0C")
+    return folder / "drive.eds"
+
+
+def test_an_unknown_product_is_simulated_as_the_first(tmp_path):
+    assert profile_of(edited(tmp_path, "0x00000402", "0x00000999")) is PROFILE
+
+
+@pytest.mark.parametrize(
+    ("pattern", "new", "missing"),
+    [
+        (r"\[6085\].*?\n\n", "", "0x6085:00"),
+        (r"\[60E4sub1\].*?\n\n", "", "0x60E4:01"),
+        # Mapped by default, and not there.
+        (r"(\[1A00sub1\][^[]*?DefaultValue=)\w+", r"\g<1>0x20010010", "0x2001:00"),
+    ],
+)
+def test_what_cannot_be_simulated_is_named(tmp_path, pattern, new, missing):
+    with pytest.raises(
+        ConfigurationError, match=f"drive.eds: this drive cannot be simulated: object {missing}"
+    ):
+        profile_of(edited(tmp_path, pattern, new))
