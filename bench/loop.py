@@ -1,12 +1,13 @@
 """How punctual the loop is, and what a tick costs: the daemon's real loop, cycle and doors on
 python-can's virtual bus, in real time, with cyclictest beside it at the same interval.
 
-    python -m bench.loop [--hz N] [--seconds S] [--load] [--json]
+    python -m bench.loop [--hz N] [--seconds S] [--load | --in-a-row] [--json]
 
 Without --hz two runs: seven joints at 100 Hz, one joint at 1 kHz; with it one run, of seven joints
 up to 250 Hz and of one joint above. The drives are a recording of the simulated ones, taken in
 lockstep just before: they answer each SYNC inside its sending, and their CPU time is left out.
---load puts two CPU hogs on every CPU. cyclictest comes with Debian's rt-tests; it and real-time
+--load puts two CPU hogs on every CPU. --in-a-row leaves the waiting out: what the same ticks cost
+when the processor's caches are warm. cyclictest comes with Debian's rt-tests; it and real-time
 priorities need root or a high `ulimit -r`.
 """
 # ruff: noqa: PLC0415 - numpy may be loaded only after it was told to start no threads
@@ -20,8 +21,11 @@ from daemon.realtime import single_threaded
 @click.option("--hz", type=click.IntRange(10, 1000), help="Ticks per second.  [100, then 1000]")
 @click.option("--seconds", type=click.IntRange(2, 3600), default=60, show_default=True)
 @click.option("--load", is_flag=True, help="With CPU hogs beside it.")
+@click.option("--in-a-row", is_flag=True, help="Without waiting between ticks.")
 @click.option("--json", "as_json", is_flag=True, help="Everything as JSON on the last line.")
-def main(hz: int | None, seconds: int, load: bool, as_json: bool) -> None:
+def main(hz: int | None, seconds: int, load: bool, in_a_row: bool, as_json: bool) -> None:
+    if load and in_a_row:
+        raise click.UsageError("--load is for ticks that are waited for: not with --in-a-row")
     single_threaded()
     from bench.figures import Target, print_report
     from bench.loop_run import Run, measure
@@ -52,15 +56,14 @@ def main(hz: int | None, seconds: int, load: bool, as_json: bool) -> None:
     data = {}
     for each in [hz] if hz else [100, 1000]:
         if not as_json:
-            click.echo(
-                f"{each} Hz for {seconds} s{', with CPU hogs' if load else ''} ...", err=True
-            )
-        run = measure(each, seconds, load=load)
+            how = ", with CPU hogs" if load else ", in a row" if in_a_row else ""
+            click.echo(f"{each} Hz for {seconds} s{how} ...", err=True)
+        run = measure(each, seconds, load=load, waits=not in_a_row)
         targets += targets_of(run)
         data[f"{each}_Hz"] = run.data()
         if not as_json:
             show(run)
-    print_report("loop", 1, targets, {"load": load, **data}, as_json=as_json)
+    print_report("loop", 1, targets, {"load": load, "in_a_row": in_a_row, **data}, as_json=as_json)
 
 
 if __name__ == "__main__":

@@ -83,6 +83,7 @@ class Run:
     work_us: Distribution  # from wake-up to the last frame sent, with the recorded drives
     cyclictest_us: Distribution | None
     why_no_cyclictest: str = ""
+    waited: bool = True  # for its deadlines: lateness and work are of real time
 
     def data(self) -> dict[str, Any]:
         """For JSON."""
@@ -137,8 +138,20 @@ class RecordedDrives:
         self.cpu_s += time.thread_time() - begun
 
 
-def measure(hz: int, seconds: int, *, load: bool) -> Run:
-    """Record the drives, then run the daemon's loop against them in real time."""
+def in_a_row() -> Clock:
+    """A clock on which waiting takes no time, and nothing else takes any."""
+    now = 0.0
+
+    def jump(to: float) -> None:
+        nonlocal now
+        now = max(now, to)
+
+    return Clock(lambda: now, jump)
+
+
+def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
+    """Record the drives, then run the daemon's loop against them: in real time, or, if it does not
+    wait, tick by tick as fast as they come."""
     robot, answers = record(hz)
     ticks = hz * seconds
     with contextlib.ExitStack() as stack:
@@ -146,14 +159,17 @@ def measure(hz: int, seconds: int, *, load: bool) -> Run:
         logging.getLogger("contactd").setLevel(logging.ERROR)  # no group `contact` is no news here
         control = stack.enter_context(ControlSocket(folder / "control"))
         near = stack.enter_context(can.Bus(interface="virtual", channel="bench.loop"))
-        drives = RecordedDrives(near, answers, round(STEADY_S * hz), 1.0 / hz)
+        clock = Clock(time.monotonic, sleep_until) if waits else in_a_row()
+        drives = RecordedDrives(near, answers, round(STEADY_S * hz), 1.0 / hz, clock.now)
         near.channel.append(drives)  # type: ignore[attr-defined]
-        cycle = build_cycle(robot, near, time.monotonic)
+        cycle = build_cycle(robot, near, clock.now)
         if load:
             stack.enter_context(hogs(2 * (os.cpu_count() or 1)))
-        cyclictest = stack.enter_context(Cyclictest(hz, seconds, folder / "cyclictest.json"))
+        cyclictest = Cyclictest(hz, seconds, folder / "cyclictest.json")
+        if waits:
+            stack.enter_context(cyclictest)
         realtime = go_realtime()
-        loop = Loop(cycle, Clock(time.monotonic, sleep_until), 1.0 / hz)
+        loop = Loop(cycle, clock, 1.0 / hz)
         service = Service(robot, loop, control, realtime, os.getpid(), Notifier())
         figures = np.zeros((ticks, 3))  # lateness, CPU time, work [s]
         begun = time.thread_time()
@@ -170,7 +186,7 @@ def measure(hz: int, seconds: int, *, load: bool) -> Run:
 
         cycle.arm.start(0.0)
         loop.run(doors, lambda: cycle.tick < ticks - 1)
-        beside, why = cyclictest.result()
+        beside, why = cyclictest.result() if waits else (None, "")
     figures = 1e6 * figures[WARM_UP_TICKS:]
     third = len(figures) // 3
     drift = np.median(figures[-third:, 0]) - np.median(figures[:third, 0])
@@ -188,6 +204,7 @@ def measure(hz: int, seconds: int, *, load: bool) -> Run:
         work_us=work,
         cyclictest_us=beside,
         why_no_cyclictest=why,
+        waited=waits,
     )
 
 

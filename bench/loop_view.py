@@ -22,10 +22,11 @@ def show(run: Run) -> None:
     console.print(Text(", ".join(run.realtime), "dim"))
     if run.why_no_cyclictest:
         console.print(Text(run.why_no_cyclictest, "yellow"))
-    columns = {"woken late": run.lateness_us}
-    if run.cyclictest_us is not None:
-        columns["cyclictest"] = run.cyclictest_us
-    columns |= {"CPU of a tick": run.cpu_us, "until last frame": run.work_us}
+    columns = {"CPU of a tick": run.cpu_us}
+    if run.waited:
+        beside = {} if run.cyclictest_us is None else {"cyclictest": run.cyclictest_us}
+        columns = {"woken late": run.lateness_us, **beside, **columns}
+        columns["until last frame"] = run.work_us
     console.print(_histogram(columns))
 
 
