@@ -15,7 +15,7 @@ from enum import StrEnum
 import numpy as np
 
 from errors import LogError
-from estimator.identification.intervals import Intervals, Mask, intervals, locate, low_pass
+from estimator.identification.intervals import Intervals, Mask, intervals, locate, low_pass, play
 from estimator.identification.log import MotionLog
 from estimator.identification.regression import (
     COLUMNS,
@@ -38,6 +38,10 @@ SLOWEST = 0.15
 TURNS = 4
 """A joint that turns round fewer times was not excited."""
 GRAVITY_TOLERANCE = 0.3
+WIDEST_PLAY = 2.5
+"""Half-gaps; two are the gap itself."""
+GIVE = 0.006
+"""What bending gears, late encoders and drift may add [rad]."""
 _ROUNDS = 3
 _MOST_CUT = 0.05
 _SURE = 6.0
@@ -54,6 +58,7 @@ class Verdict(StrEnum):
     BAD_FIT = "fits badly"
     SATURATED = "current saturated"
     WRONG_GRAVITY = "current and gravity disagree"
+    WRONG_GAP = "the gap is wider"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +129,7 @@ def identify_friction(
         )
     rows = intervals(log, model, settings)
     cut: Mask = np.abs(rows.current) > 0.98 * max_current
-    touched = np.zeros_like(cut)
+    touched, moved = np.zeros_like(cut), play(rows).tolist()
     sticking, unknown = held(rows, settings.presliding, transmission.sign_width)
     # Each round sees the gap with the friction of the one before, and what the one before could not
     # explain.
@@ -137,7 +142,7 @@ def identify_friction(
         ]
         touched = np.stack([one.touched for one in solved], axis=1)
         fits = [
-            _judged(log.joints[i], i, one, rows, transmission, cut, settings)
+            _judged(log.joints[i], i, one, rows, transmission, cut, moved[i], settings)
             for i, one in enumerate(solved)
         ]
         transmission = adopt(transmission, fits)
@@ -189,10 +194,13 @@ def _judged(
     rows: Intervals,
     t: Transmission,
     cut: Mask,
+    play_of_joint: float,
     settings: EstimatorSettings,
 ) -> FrictionFit:
     gravity = _gravity_scale(i, rows, t, solved.coefficients)
     verdict, reason = _verdict(rows.theta_dot[:, i], float(cut[:, i].mean()), gravity, solved)
+    if wider := _wider(play_of_joint, float(t.half_gap[i])):
+        verdict, reason = Verdict.WRONG_GAP, wider
     known = np.isfinite(solved.errors)
     return FrictionFit(
         joint=name,
@@ -227,6 +235,18 @@ def _verdict(
     if solved.r2 < LOWEST_R2:
         return Verdict.BAD_FIT, f"R2 {solved.r2:.3f} on held-out motion, at least {LOWEST_R2}"
     return Verdict.GOOD, ""
+
+
+def _wider(moved: float, half_gap: float) -> str:
+    """Why the gap cannot be right, where link and rotor usually move `moved` [rad] against each
+    other: a hand that stopped short of a border makes a half-gap too small."""
+    if moved <= WIDEST_PLAY * half_gap + GIVE:
+        return ""
+    return (
+        f"in this motion link and rotor moved by {1e3 * moved:.3g} mrad against each other; a "
+        f"half-gap of {1e3 * half_gap:.3g} mrad lets them move by {2e3 * half_gap:.3g}: identify "
+        "the gap again"
+    )
 
 
 def _gravity_scale(i: int, rows: Intervals, t: Transmission, coefficients: Vector) -> float:

@@ -23,6 +23,7 @@ from estimator.types import Matrix, Vector
 Mask = NDArray[np.bool_]
 
 _BOTH = (1.5, 3.0)  # half-gaps that phi spans where it met both borders, and kept its zero
+_WINDOW_S = 4.0  # of motion, in which an integrated theta drifts by less than a gap
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +134,15 @@ class Located:
     """It may have carried, or not"""
     phi: Matrix
     """At the end [rad]"""
+
+
+def play(rows: Intervals) -> Vector:
+    """(n,) How far link and rotor usually move against each other within a few seconds [rad]: both
+    borders of the gap, and what gear and encoders add."""
+    apart = rows.ends[:, 0] - np.cumsum(rows.advance, axis=0)
+    windows = np.array_split(apart, max(1, round(float(rows.dt.sum()) / _WINDOW_S)))
+    spans = [np.ptp(np.percentile(window, [2.0, 98.0], axis=0), axis=0) for window in windows]
+    return np.asarray(np.percentile(spans, 75.0, axis=0))
 
 
 def locate(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> Located:

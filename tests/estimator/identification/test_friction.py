@@ -212,3 +212,14 @@ def test_missing_samples_only_cost_themselves(moved, identify):
     assert len(cut.stretches()) == 4
     fits, _ = identify(cut, true.half_gap)
     assert np.abs(errors(fits, true, "K_theta_s")).max() < 0.10
+
+
+@pytest.mark.parametrize(("share", "wider"), [(0.0, [1, 3, 6]), (0.5, [1, 3, 6]), (0.9, [])])
+def test_a_gap_that_is_wider_than_was_found_is_named(moved, identify, share, wider):
+    """A hand that stops short of a border makes a half-gap too small; joint 0 and 2 never left one
+    border in this motion."""
+    log, true = moved.filtered[1], moved.arms[1]
+    fits, _ = identify(log, share * true.half_gap)
+    assert [i for i, fit in enumerate(fits) if fit.verdict is Verdict.WRONG_GAP] == wider
+    for i in wider:
+        assert "identify the gap again" in fits[i].reason
