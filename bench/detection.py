@@ -30,7 +30,7 @@ from bench.detection_report import joint_table, picture, table
 from bench.detection_score import Score, score
 from bench.figures import Target, print_report
 from bench.lockstep import ROMEO
-from bench.monte_carlo import Job, Kind, run, spread
+from bench.monte_carlo import Job, Kind, Result, run, spread
 from bench.population import FRICTIONS, Friction
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
@@ -69,6 +69,17 @@ def worth(deciding: Score, classical: Score, gaps: Sequence[int]) -> float:
     residual; the least of them, NaN where it is not known of one."""
     ratios = [classical.smallest_moving_nm[i] / deciding.smallest_moving_nm[i] for i in gaps]
     return float(np.min(ratios)) if ratios else math.nan  # NaN of a joint is NaN of all
+
+
+def alarmed(results: Sequence[Result], joints: Sequence[str]) -> list[str]:
+    """Which joints of which arms raised false alarms of the residual that decides, how often."""
+    return [
+        f"{joint} of arm {result.job.seed} ({count})"
+        for result in results
+        if result.job.kind == "free"
+        for joint, count in zip(joints, result.alarms[0].tolist(), strict=True)
+        if count
+    ]
 
 
 def targets(found: Mapping[Friction, dict[str, Score]], c: Configuration) -> list[Target]:
@@ -147,6 +158,7 @@ def main(
         f: Counter(named for r in results if r.job.friction == f for named in r.named)
         for f in frictions
     }
+    alarms = {f: alarmed([r for r in results if r.job.friction == f], c.joint_names) for f in found}
     drawn = picture(found, c, OUT / f"detection-{motor_position}.png")
     if not as_json:
         filter_ms = 1000 * math.log(2) / c.estimator.gain
@@ -159,7 +171,8 @@ def main(
             console.print(table(f, by_name, title))
             console.print(joint_table(f, by_name, c))
             told = ", ".join(f"{count} {named}" for named, count in links[f].most_common())
-            click.echo(f"  link touched, {links[f].total()} forces of 5 to 30 N: {told}\n")
+            click.echo(f"link touched, {links[f].total()} forces of 5 to 30 N: {told}")
+            click.echo(f"false alarms of {next(iter(by_name))}: {', '.join(alarms[f]) or 'none'}\n")
         click.echo(f"picture: {drawn}")
     data = {
         "minutes": len(seeds),
@@ -169,6 +182,7 @@ def main(
         "stiction_share": c.estimator.stiction_share if stiction_share is None else stiction_share,
         "ln2_over_K_ms": 1000 * math.log(2) / c.estimator.gain,
         "joints": c.joint_names,
+        "alarms": alarms,
         "links": {f: dict(counts) for f, counts in links.items()},
         "scores": {f: {n: asdict(s) for n, s in by_name.items()} for f, by_name in found.items()},
     }

@@ -8,7 +8,6 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from bench.detection_score import Score
@@ -18,11 +17,15 @@ from daemon.config.schema import Configuration
 mpl.use("Agg")
 
 
+# Both tables fit into 80 columns.
+NARROW: dict[str, Any] = {"box": None, "padding": (0, 1, 0, 0), "title_justify": "left"}
+
+
 def table(friction: str, by_name: dict[str, Score], title: str) -> Table:
-    """One row per residual; delays as p50 / p95."""
-    shown = Table(title=f"{friction} friction: {title}", title_justify="left", box=SIMPLE_HEAD)
+    """One row per residual; delays as p50/p95."""
+    shown = Table(title=f"{friction} friction: {title}", header_style="bold", **NARROW)
     shown.add_column("residual", no_wrap=True)
-    for heading in ("alarms", "per h", "delay\nms", "through\ngap", "at\nrest"):
+    for heading in ("alarms", "per h", "delay\n[ms]", "through\ngap", "at\nrest"):
         shown.add_column(heading, justify="right", no_wrap=True)
     for heading in ("missed\nmoving", "missed\nat rest"):
         shown.add_column(heading, justify="right", no_wrap=True)
@@ -32,28 +35,28 @@ def table(friction: str, by_name: dict[str, Score], title: str) -> Table:
             name,
             f"{s.alarms}",
             f"{s.alarms_per_hour:.0f}",
-            *(f"{p50:.0f} / {p95:.0f}" for p50, p95 in pairs),
-            f"{s.missed_moving} / {s.tried_moving}",
-            f"{s.missed_rest} / {s.tried_rest}",
+            *(f"{p50:.0f}/{p95:.0f}" for p50, p95 in pairs),
+            f"{s.missed_moving}/{s.tried_moving}",
+            f"{s.missed_rest}/{s.tried_rest}",
         )
     return shown
 
 
 def joint_table(friction: str, by_name: dict[str, Score], c: Configuration) -> Table:
     """Torques per joint [Nm]."""
-    shown = Table(title=f"{friction} friction: joints [Nm]", title_justify="left", box=SIMPLE_HEAD)
+    shown = Table(title=f"{friction} friction: joints [Nm]", header_style="bold", **NARROW)
     shown.add_column("", no_wrap=True)
     for i in range(len(c.joints)):
         shown.add_column(str(i + 1), justify="right", no_wrap=True)
     shown.add_row("configured threshold", *(f"{j.thresholds.contact:.2f}" for j in c.joints))
     rows = (
-        ("lowest threshold without an alarm", "quiet_nm"),
-        ("smallest step felt at it in motion", "smallest_moving_nm"),
-        ("the same at rest", "smallest_rest_nm"),
-        ("rms error in motion, engaged", "rms_nm"),
+        ("lowest quiet threshold", "quiet_nm"),
+        ("smallest step, in motion", "smallest_moving_nm"),
+        ("smallest step, at rest", "smallest_rest_nm"),
+        ("rms error, engaged", "rms_nm"),
     )
     for title, field in rows:
-        shown.add_section()
+        shown.add_row("")
         shown.add_row(title, style="bold")
         for name, s in by_name.items():
             shown.add_row(f"  {name}", *(_number(x) for x in getattr(s, field)))

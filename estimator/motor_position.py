@@ -53,7 +53,10 @@ class GapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 LINK_REST = 0.01
 """[rad/s]; a link encoder's noise stays below it"""
-_CLEAR = 1.3  # standard uncertainties between phi and a border that it is clear of
+# Standard uncertainties between phi and a border that it is clear of. Where phi rests, a border is
+# near that is not where it is believed: inside the gap the link would fall.
+_CLEAR, _CLEAR_AT_REST = 1.3, 2.5
+_RESTS_S, _RESTS_WITHIN = 0.3, 0.0005  # [rad]
 _PULL = 0.2  # share of a border's error that is corrected in one tick
 # Looking a member up in its enumeration costs as much as five sums.
 _LEFT, _GAP, _RIGHT, _UNKNOWN = map(int, Side)
@@ -110,6 +113,8 @@ class JointGap:
         self.gap = False
         # How far the link has moved while theta was held, and how far at most [rad].
         self.q, self.slipped, self.slipped_most = q, 0.0, 0.0
+        # Where phi has been for how long [rad, s].
+        self.rested_at, self.rested_s = 0.0, 0.0
 
     def step(
         self,
@@ -146,7 +151,11 @@ class JointGap:
         engaged = abs(self.streak) >= self._hold_ticks
 
         phi = self._correct(q, engaged, load * self._compliance)
-        border = alpha - max(self._margin, _CLEAR * self.sigma)
+        if abs(phi - self.rested_at) > _RESTS_WITHIN:
+            self.rested_at, self.rested_s = phi, 0.0
+        self.rested_s += dt
+        clearance = _CLEAR_AT_REST if self.rested_s > _RESTS_S else _CLEAR
+        border = alpha - max(self._margin, clearance * self.sigma)
         # Whoever is in the gap is so up to the border; the way in leads further.
         clear = abs(phi) < (border if self.gap else border - self._hysteresis)
         self.gap = clear and load < doubt and not engaged
@@ -195,7 +204,10 @@ class JointGap:
 class MotorPosition:
     """All rotors of an arm: theta [rad], sigma [rad], side, gap; new arrays of shape (n,)."""
 
-    _STATE = ("theta", "sigma", "streak", "side", "gap", "q", "slipped", "slipped_most")
+    _STATE: tuple[str, ...] = (
+        *("theta", "sigma", "streak", "side", "gap"),
+        *("q", "slipped", "slipped_most", "rested_at", "rested_s"),
+    )
 
     def __init__(
         self, transmission: Transmission, settings: GapSettings, *, measured: bool = False

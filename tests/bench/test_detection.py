@@ -9,8 +9,8 @@ import pytest
 from rich.console import Console
 
 from bench import population
-from bench.detection import targets, worth
-from bench.detection_report import table
+from bench.detection import alarmed, targets, worth
+from bench.detection_report import joint_table, table
 from bench.detection_score import score
 from bench.estimates import Estimates
 from bench.harness import Harness, Recording
@@ -135,10 +135,17 @@ def test_scores_and_targets_of_few_runs(configuration: Configuration, moving: Re
     assert math.isnan(best.smallest_rest_nm[0])
     found = {target.name: target for target in targets({"smooth": by_name}, configuration)}
     assert found["false alarms in 0.000833 h, backlash, smooth"].met
-    shown = Console(record=True, width=120, file=io.StringIO())
-    shown.print(table("smooth", by_name, "title"))
-    row = next(line.split() for line in shown.export_text().splitlines() if " classical " in line)
-    assert row[1:3] == [str(classical.alarms), str(1200 * classical.alarms)]
+    shown = Console(record=True, width=80, file=io.StringIO())
+    many = {**by_name, "classical": replace(classical, alarms=9999, tried_moving=999)}
+    shown.print(table("smooth", many, "title"), joint_table("smooth", many, configuration))
+    text = shown.export_text()
+    assert "…" not in text
+    row = next(line.split() for line in text.splitlines() if line.startswith("classical "))
+    assert row[1:3] == ["9999", str(1200 * classical.alarms)]
+    noisy = replace(free, alarms=np.eye(*free.alarms.shape, dtype=np.int64))
+    first = configuration.joints[0].name
+    assert alarmed([free, moving], configuration.joint_names) == []
+    assert alarmed([noisy, moving], configuration.joint_names) == [f"{first} of arm 21 (1)"]
 
 
 def test_a_joint_of_which_nothing_is_known_meets_no_target(

@@ -69,6 +69,24 @@ def test_clear_of_the_border_by_more_than_what_phi_may_be_off() -> None:
         assert gap == (phi < ALPHA - 1.3 * joint.sigma), phi
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_phi_that_rests_near_a_border_is_at_it(sign: float) -> None:
+    """In the middle it may rest: a hand, or friction, holds the link there. At 4 mrad/s it does not
+    rest."""
+    for uncertainties, way, gap in ((2.0, 0.0, False), (2.0, 0.004, True), (3.0, 0.0, True)):
+        joint = Joint()
+        joint.settle(2.0)
+        phi = sign * (ALPHA - uncertainties * joint.sigma)
+        joint.set(phi=phi)
+        for _ in range(25):
+            joint.step()
+        assert joint.side == Side.GAP
+        for k in range(25):
+            joint.set(phi=phi - sign * way * 0.01 * k)
+            joint.step()
+        assert (joint.side == Side.GAP) is gap, (uncertainties, way)
+
+
 def test_no_gap_once_theta_is_as_uncertain_as_the_gap_is_wide() -> None:
     joint = Joint(GapSettings(velocity_bias=0.01))
     joint.settle(2.0)
@@ -101,7 +119,8 @@ def test_at_the_border_an_encoders_noise_changes_nothing(sign: float, noise: flo
             sides.append(joint.side)
         changes.append(sum(before != after for before, after in pairwise(sides)))
         said |= set(sides)
-    assert max(changes) <= 1
+    # Once into the gap, and once more when phi has rested there.
+    assert max(changes) <= 2
     assert said == {Side.GAP, Side.RIGHT if sign > 0.0 else Side.LEFT}
 
 
