@@ -118,3 +118,36 @@ def test_refusals() -> None:
         ContactDetector(("a", "b"), levels, gain=25.0)
     with pytest.raises(ModelError, match="debounce"):
         ContactDetector(("a",), levels, gain=25.0, debounce=0)
+
+
+def test_a_joint_counts_as_touched_once_debounced_and_as_long_as_it_is() -> None:
+    d = detector(debounce=2)
+    d.thresholds(np.zeros(2), SPEED, 0.01)
+    told = []
+    for r in ([1.5, 0.0], [1.5, 0.0], [1.5, -2.5], [0.5, -2.5], [0.0, 0.0]):
+        d.step(np.array(r), SIDE, 0.0)
+        told.append(d.touched().tolist())
+    assert told == [[False, False], [True, False], [True, False], [False, True], [False, False]]
+
+
+def test_debounce_and_raise_are_remembered() -> None:
+    d = detector(debounce=3)
+    d.thresholds(np.full(2, 0.4), SPEED, 0.01)
+    for _ in range(2):
+        d.step(np.array([1.5, 0.0]), SIDE, 0.0)
+    other = detector(debounce=3)
+    other.restore(d.memory())
+    for each in (d, other):
+        np.testing.assert_allclose(
+            each.thresholds(np.zeros(2), SPEED, 0.01), [1.0, 2.0] + 0.4 * np.exp(-0.125)
+        )
+        assert len(each.step(np.array([1.5, 0.0]), SIDE, 0.0)) == 1
+
+
+def test_levels_are_read_only() -> None:
+    given = np.array([1.0, 2.0])
+    levels = Thresholds(given, np.array([3.0, 4.0]))
+    with pytest.raises(ValueError, match="read-only"):
+        levels.contact[0] = 9.0
+    given[0] = 9.0
+    assert levels.contact[0] == 1.0
