@@ -88,6 +88,7 @@ class Estimator:
         self._contact = thresholds.contact
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         t = transmission
+        self._has_gap = t.half_gap > 0.0
         self._held = t.stiction * t.engaged_coulomb
         self._hidden = Hidden(t, settings, thresholds.contact)
         # What a fit adds to tau_M while engaged, for the variants that know of engagement.
@@ -224,7 +225,7 @@ class Estimator:
             if self._measured:
                 turned = theta - self.interval.before[ROW["position"]]
             else:
-                turned = displacement(theta_dot, qd, q - self._shown[0], dt)
+                turned = displacement(theta_dot, qd, q - self._shown[0], self._has_gap, dt)
             self.stiction.step(turned)
         sign = smooth_sign(theta_dot, t.sign_width)
         np.multiply(self._held, self.stiction.z - sign, out=now[ROW["stiction"]])

@@ -153,6 +153,8 @@ class JointGap:
         phi = self._correct(q, engaged, load * self._compliance)
         if abs(phi - self.rested_at) > _RESTS_WITHIN:
             self.rested_at, self.rested_s = phi, 0.0
+        # It follows, so that a theta which drifts, slower than 2 mrad/s, rests all the same.
+        self.rested_at += (phi - self.rested_at) * dt / _RESTS_S
         self.rested_s += dt
         clearance = _CLEAR_AT_REST if self.rested_s > _RESTS_S else _CLEAR
         border = alpha - max(self._margin, clearance * self.sigma)

@@ -14,6 +14,7 @@ followed from both ends, which meet once the joint was displaced far enough.
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimator import memory
 from estimator.motor_position import LINK_REST
@@ -23,11 +24,14 @@ CREEP = 0.003
 """[rad/s]; a slower motor velocity may be noise and bias, and its integral nothing."""
 
 
-def displacement(theta_dot: Vector, qd: Vector, moved: Vector, dt: float) -> Vector:
+def displacement(
+    theta_dot: Vector, qd: Vector, moved: Vector, has_gap: NDArray[np.bool_], dt: float
+) -> Vector:
     """Of rotors whose position is not measured (n,) [rad], over dt seconds; `moved`: that of their
-    links. Where both creep, rotor and link are taken for one."""
-    clearly = (np.abs(theta_dot) > CREEP) | (np.abs(qd) > LINK_REST)
-    turned: Vector = np.where(clearly, theta_dot * dt, moved)
+    links. Where both creep, rotor and link are taken for one, as they are where there is no gap: a
+    link's encoder does not drift."""
+    alone = (np.abs(theta_dot) > CREEP) | (np.abs(qd) > LINK_REST)
+    turned: Vector = np.where(alone & has_gap, theta_dot * dt, moved)
     return turned
 
 

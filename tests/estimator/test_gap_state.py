@@ -87,6 +87,26 @@ def test_a_phi_that_rests_near_a_border_is_at_it(sign: float) -> None:
         assert (joint.side == Side.GAP) is gap, (uncertainties, way)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_phi_that_drifts_rests_all_the_same(sign: float) -> None:
+    """An integrated theta drifts by a velocity's bias while friction hides the gear's load."""
+    joint = Joint()
+    joint.settle(2.0)
+    phi = sign * (ALPHA - 2.0 * joint.sigma)
+    said = []
+    for k in range(300):
+        joint.set(phi=phi - sign * 0.001 * 0.01 * k)
+        joint.step(torque=-sign * 0.4)
+        said.append(joint.side)
+    # Clear by 2 to 4 sigma: in the gap only once it has drifted clear of where it would rest.
+    assert joint.sigma == pytest.approx(0.0014)
+    assert said[:29] == [Side.GAP] * 29
+    where = Side.RIGHT if sign > 0.0 else Side.LEFT
+    assert said[35:80] == [where] * 45
+    changes = [k for k, (before, after) in enumerate(pairwise(said)) if before != after]
+    assert len(changes) <= 2, changes
+
+
 def test_no_gap_once_theta_is_as_uncertain_as_the_gap_is_wide() -> None:
     joint = Joint(GapSettings(velocity_bias=0.01))
     joint.settle(2.0)

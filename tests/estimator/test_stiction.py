@@ -6,15 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from errors import ModelError
-from estimator.stiction import Stiction
+from estimator.stiction import Stiction, displacement
 
 PRESLIDING = 0.002
 
 
 def moved(*displacements: float, stiction: Stiction | None = None) -> Stiction:
     stiction = Stiction(1, PRESLIDING) if stiction is None else stiction
-    for displacement in displacements:
-        stiction.step(np.array([displacement]))
+    for turned in displacements:
+        stiction.step(np.array([turned]))
     return stiction
 
 
@@ -47,12 +47,31 @@ def test_the_last_motion_is_kept(
 def test_truth_lies_between_the_ends(begins: float, displacements: list[float]) -> None:
     true, stiction = begins, Stiction(1, PRESLIDING)
     unknown = 1.0
-    for displacement in displacements:
-        true = min(max(true + displacement / PRESLIDING, -1.0), 1.0)
-        stiction.step(np.array([displacement]))
+    for turned in displacements:
+        true = min(max(true + turned / PRESLIDING, -1.0), 1.0)
+        stiction.step(np.array([turned]))
         assert abs(true - stiction.z[0]) <= stiction.unknown[0] + 1e-9
         assert stiction.unknown[0] <= unknown + 1e-9
         unknown = float(stiction.unknown[0])
+
+
+@pytest.mark.parametrize(
+    ("theta_dot", "qd", "has_gap", "turned"),
+    [
+        (0.004, 0.0, True, 0.00004),  # the rotor runs through its gap, the link stands
+        (0.004, 0.0, False, 0.00001),  # the same without a gap: an error of the velocity
+        (-0.3, 0.3, True, -0.003),
+        (-0.3, 0.3, False, 0.00001),
+        (0.002, 0.009, True, 0.00001),  # both creep
+        (0.002, -0.011, True, 0.00002),
+    ],
+)
+def test_what_turns_a_rotor(theta_dot: float, qd: float, has_gap: bool, turned: float) -> None:
+    moved = 0.00001
+    found = displacement(
+        np.array([theta_dot]), np.array([qd]), np.array([moved]), np.array([has_gap]), 0.01
+    )
+    assert found[0] == pytest.approx(turned)
 
 
 def test_restart_forgets_and_memory_remembers() -> None:
