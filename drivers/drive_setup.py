@@ -170,7 +170,8 @@ def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[s
     variable = find_object(sheet, row.index, row.subindex)
     if variable is None:
         if not row.without:
-            yield f"{row.where} is missing, and {row.value} cannot be written to it"
+            meant = _meant(sheet, row.index, row.subindex)
+            yield f"{row.where} is missing, and {row.value} cannot be written to it{meant}"
         return
     lowest, highest = value_range(variable)
     if not variable.writable and row.group == "own objects":
@@ -212,8 +213,16 @@ def _pdo_problems(sheet: canopen.ObjectDictionary, pdo: Pdo, communication: int)
         where = f"{field.entry}, object 0x{field.index:04X}:{field.subindex:02X},"
         variable = find_object(sheet, field.index, field.subindex)
         if variable is None:
-            yield f"{where} is missing"
+            yield f"{where} is missing{_meant(sheet, field.index, field.subindex)}"
         elif type_name(variable) != field.type:
             yield f"{where} is {type_name(variable)}, not {field.type}"
         elif not variable.pdo_mappable:
             yield f"{where} cannot be mapped to a PDO"
+
+
+def _meant(sheet: canopen.ObjectDictionary, index: int, subindex: int) -> str:
+    """A hint, if the digits of a missing index would be right in hexadecimal."""
+    meant = int(str(index), 16)
+    if find_object(sheet, meant, subindex) is None:
+        return ""
+    return f"; 0x{meant:04X} is there: {index} without 0x is decimal"

@@ -42,6 +42,14 @@ def test_romeo_fits(setups):
         ({"current": {"object": 0x6079}}, "current, object 0x6079:00, is missing"),
         ({"current": {"type": "INTEGER32"}, "tpdo": {"1": ["statusword", "motor_velocity"],
           "2": ["link_position", "current"]}}, "current.* is INTEGER16, not INTEGER32"),
+        (
+            {"current": {"object": 6078}},
+            "0x17BE:00, is missing; 0x6078 is there: 6078 without 0x is decimal",
+        ),
+        (
+            {"write": [{"object": 6085, "value": 1}]},
+            "0x17C5:00 .* is missing, and 1 .*; 0x6085 is there: 6085 without 0x",
+        ),
         ({"link_position": {"subindex": 2}}, "0x60E4:02, is missing"),
         ({"motor_velocity": {"subindex": 1}}, "0x606C:01, is missing"),
         ({"target_velocity": {"object": 0x6007, "type": "INTEGER16"}}, "cannot be mapped"),
