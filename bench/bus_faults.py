@@ -20,6 +20,14 @@ def pdos_stale(on: Stage) -> Iterator[None]:
         yield from for_ever()
 
 
+def pdos_lost_in_turn(on: Stage) -> Iterator[None]:
+    """Never a tick with all drives, never two in a row without the same one."""
+    while True:
+        for node in (1, 2):
+            with on.losing(0x180 + node):
+                yield
+
+
 def pdos_stale_on_a_late_machine(on: Stage) -> Iterator[None]:
     with on.losing(0x181 + ELBOW, 0x281 + ELBOW), on.late(0.012):
         for _ in range(4):

@@ -45,7 +45,8 @@ CONDITION_OF: dict[type[Event], Condition] = {
 # These may be over at once: it counts how many ticks they last.
 DISTURBANCES = (BusTrouble, LateAnswer)
 FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
-# A late machine excuses stale samples for so many times `stale_ticks`.
+# A late machine excuses stale samples for so many times `stale_ticks`; drives that fail in turn count
+# as stale after as many.
 STARVED_FACTOR = 3
 
 
@@ -74,6 +75,8 @@ class Observer:
         self._missed_in_row = 0  # deadlines
         self._disturbed_in_row = 0
         self._since_late = patience.stale_ticks  # ticks
+        # Ticks in which a sample was missing, less those since in which none was.
+        self._incomplete = 0
         self._mode = Mode.OFF
         self._enabled = [DriveState.OPERATION_ENABLED] * len(names)
 
@@ -101,6 +104,7 @@ class Observer:
         if self._mode is Mode.FAULTED and mode is not Mode.FAULTED:
             # A person has looked at it: what is now is the truth.
             self._plausibility.restart()
+            self._incomplete = 0
         self._mode = mode
         if mode not in SENSING:
             self._following.restart()
@@ -110,6 +114,8 @@ class Observer:
         found += self._of_events(samples.events)
         if not all(samples.fresh.tolist()):
             found += self._of_samples(samples)
+        elif self._incomplete:
+            self._incomplete -= 1
         if samples.states != self._enabled:
             found += self._of_drives(samples, mode)
         if left_out:
@@ -135,12 +141,19 @@ class Observer:
 
     def _of_samples(self, samples: Samples) -> Iterator[Finding]:
         ticks = self._patience.stale_ticks
+        longest = STARVED_FACTOR * ticks
+        self._incomplete = min(self._incomplete + 1, longest)
         stale = samples.age_ticks >= ticks
-        if not stale.any():
+        starved = self._since_late < ticks and samples.age_ticks.max() < longest
+        if stale.any():
+            text = f"nothing from {self._named(stale)} for {ticks} ticks"
+        elif self._incomplete >= longest:
+            # The drives fail in turn. None is stale, but of a part of an arm nothing is estimated.
+            text = f"not all drives in most ticks, now without {self._named(~samples.fresh)}"
+            starved = False
+        else:
             yield Finding(Condition.SAMPLE_MISSING, self._named(~samples.fresh))
             return
-        text = f"nothing from {self._named(stale)} for {ticks} ticks"
-        starved = self._since_late < ticks and samples.age_ticks.max() < STARVED_FACTOR * ticks
         yield Finding(Condition.STARVED if starved else Condition.STALE, text)
 
     def _named(self, joints: NDArray[np.bool_]) -> str:

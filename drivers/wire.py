@@ -14,7 +14,7 @@ import socket
 import struct
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, Protocol
 
 import can
@@ -159,6 +159,23 @@ class RawWire:
         return can_id, data[:size]
 
 
+def _first(
+    frames: deque[Frame], port: socket.socket | int, read: Callable[[], None], timeout: float
+) -> Frame | None:
+    """The first of `frames`, which `read` fills from `port`. A text may be a piece of a frame, or
+    an adapter's word on what it was sent: the whole timeout is waited for one that makes a frame."""
+    left, deadline = timeout, time.monotonic() + timeout
+    while not frames:
+        # Not only to wait: a line that has nothing to say reads like one that has ended.
+        if not select.select([port], [], [], max(left, 0.0))[0]:
+            return None
+        read()
+        left = deadline - time.monotonic()
+        if left <= 0.0:
+            break
+    return frames.popleft() if frames else None
+
+
 class StreamWire:
     """socketcand's raw mode over TCP: text, any number of frames in a read."""
 
@@ -173,11 +190,7 @@ class StreamWire:
         self._rest = b""
 
     def receive(self, timeout: float) -> Frame | None:
-        if not self._queue:
-            if timeout > 0.0 and not select.select([self._socket], [], [], timeout)[0]:
-                return None
-            self._read()
-        return self._queue.popleft() if self._queue else None
+        return _first(self._queue, self._socket, self._read, timeout)
 
     def send(self, frames: Sequence[Frame]) -> None:
         text = "".join(
@@ -224,12 +237,7 @@ class SlcanWire:
         self._unsent = b""
 
     def receive(self, timeout: float) -> Frame | None:
-        if not self._queue:
-            # Without this a line that has nothing to say reads like one that has ended.
-            if not select.select([self._port], [], [], timeout)[0]:
-                return None
-            self._read()
-        return self._queue.popleft() if self._queue else None
+        return _first(self._queue, self._port, self._read, timeout)
 
     def send(self, frames: Sequence[Frame]) -> None:
         if self._unsent:

@@ -18,7 +18,7 @@ class Flag(IntFlag):
     LATE = 2
     """More than one and a half periods since the last samples; the true interval was used."""
     RESTARTED = 4
-    """More than two periods: residual and motor position start anew."""
+    """More than one sample missing: residual and motor position start anew."""
     STARTING = 8
     """Not enough samples yet for a link velocity: the residual is zero."""
 

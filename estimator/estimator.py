@@ -148,7 +148,8 @@ class Estimator:
         dt, self.pending = dt + self.pending, 0.0
         self.elapsed += dt
         flags = Flag.LATE if dt > 1.5 * self.period_s else Flag(0)
-        if dt > 2.0 * self.period_s * (1 + 1e-9):
+        # One sample may be missing, and the tick after it late.
+        if dt > 2.5 * self.period_s:
             flags |= Flag.RESTARTED
             self.restart()
         self.alignment.push(samples, dt)

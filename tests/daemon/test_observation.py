@@ -133,6 +133,47 @@ def test_missing_samples_are_named_and_stale_after_a_while(observer: Observer) -
     assert observe(observer, stale) == [(Condition.STALE, "nothing from elbow for 3 ticks")]
 
 
+def in_turn(
+    observer: Observer, ticks: int, mode: Mode = Mode.TRACKING, **how: object
+) -> list[list[tuple[Condition, str]]]:
+    """Each drive misses every other tick: none is stale, and no tick has all of them."""
+    found = []
+    for k in range(ticks):
+        fresh = (k % 2 == 0, k % 2 == 1)
+        taken = samples(fresh=fresh, age=(0, 1) if fresh[0] else (1, 0))
+        found.append(observe(observer, taken, mode, **how))
+    return found
+
+
+@pytest.mark.parametrize("left_out", [0, 1])
+def test_drives_that_fail_in_turn_are_stale_however_late_the_machine(
+    observer: Observer, left_out: int
+) -> None:
+    found = in_turn(observer, 11, left_out=left_out)
+    assert all(these[0][0] is Condition.SAMPLE_MISSING for these in found[:8])
+    text = "not all drives in most ticks, now without"
+    assert [these[0] for these in found[8:]] == [
+        (Condition.STALE, f"{text} elbow"),
+        (Condition.STALE, f"{text} shoulder"),
+        (Condition.STALE, f"{text} elbow"),
+    ]
+
+
+def test_every_complete_tick_makes_up_for_one_that_is_not(observer: Observer) -> None:
+    for _ in range(50):  # the estimator bridges one
+        assert in_turn(observer, 1) == [[(Condition.SAMPLE_MISSING, "elbow")]]
+        assert observe(observer, samples()) == []
+    for _ in range(7):  # two are too many for it
+        assert in_turn(observer, 2)[-1][0][0] is Condition.SAMPLE_MISSING
+        observe(observer, samples())
+    assert in_turn(observer, 2)[-1][0][0] is Condition.STALE
+
+
+def test_after_a_reset_incomplete_ticks_count_anew(observer: Observer) -> None:
+    in_turn(observer, 9, Mode.FAULTED)
+    assert in_turn(observer, 1)[0][0][0] is Condition.SAMPLE_MISSING
+
+
 def test_a_late_machine_excuses_stale_samples_for_a_while(observer: Observer) -> None:
     starved = (Condition.STARVED, "nothing from elbow for 3 ticks")
     stale = (Condition.STALE, "nothing from elbow for 3 ticks")

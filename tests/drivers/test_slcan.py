@@ -2,6 +2,8 @@
 
 import os
 import select
+import threading
+import time
 import tty
 from collections.abc import Iterator
 from contextlib import suppress
@@ -30,26 +32,48 @@ def line() -> Iterator[tuple[int, int]]:
             os.close(end)
 
 
+def read_until(adapter: int, end: bytes) -> bytes:
+    """The line hands on piece by piece what is written."""
+    said = b""
+    while end not in said:
+        said += os.read(adapter, 4096)
+    return said
+
+
 def test_opened_by_configuration_alone(line, monkeypatch):
     monkeypatch.setattr("can.interfaces.slcan.time.sleep", lambda _: None)
     adapter, ours = line
     settings = BusSettings(interface="slcan", channel=os.ttyname(ours), bitrate=500_000)
     bus = open_bus(settings)
     try:
-        said = b""
-        while b"O\r" not in said:  # the line hands on what is written piece by piece
-            said += os.read(adapter, 4096)
+        said = read_until(adapter, b"O\r")
         assert b"S6\r" in said
         assert said.endswith(b"O\r")
         wire = open_wire(bus)
         assert isinstance(wire, SlcanWire)
         wire.send([(0x080, b""), (0x201, bytearray(b"\x0f\x00\xff"))])
-        assert os.read(adapter, 4096) == b"t0800\rt20130f00ff\r"
+        assert read_until(adapter, b"ff\r") == b"t0800\rt20130f00ff\r"
         os.write(adapter, b"\rz\rt18122702\r")
         assert wire.receive(0.5) == (0x181, b"\x27\x02")
         assert wire.receive(0.0) is None
     finally:
         bus.shutdown()
+
+
+@pytest.mark.parametrize("word", [b"\r", b"z\r", b"\a", b"t181", b"t1819\r"])
+def test_an_adapters_word_is_not_the_end_of_waiting(line, word):
+    # Many acknowledge each frame that they send, SYNC too, and drives answer only then.
+    adapter, ours = line
+    wire = SlcanWire(ours)
+    os.write(adapter, word)
+    later = threading.Timer(0.02, os.write, (adapter, b"\rt18122702\r"))
+    later.start()
+    assert wire.receive(5.0) == (0x181, b"\x27\x02")
+    later.join()
+    os.write(adapter, word)
+    before = time.monotonic()
+    assert wire.receive(0.02) is None
+    assert 0.02 <= time.monotonic() - before < 1.0
 
 
 def test_no_adapter_is_said_so():

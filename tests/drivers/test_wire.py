@@ -100,6 +100,16 @@ def test_stream_frames_are_read(stream, text, frame):
     assert wire.receive(0.0) is None
 
 
+def test_half_a_frame_is_not_the_end_of_waiting(stream):
+    near, far = stream
+    wire = StreamWire(near)
+    far.sendall(b"< ok >< frame 181 1.0 27")
+    later = threading.Timer(0.02, far.sendall, (b"02 >",))
+    later.start()
+    assert wire.receive(5.0) == (0x181, b"\x27\x02")
+    later.join()
+
+
 def texts(frames: list[tuple[int, bytes]]) -> bytes:
     return b"".join(b"< frame %03X 1.5 %s >" % (i, d.hex().encode()) for i, d in frames)
 

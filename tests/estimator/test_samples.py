@@ -47,7 +47,22 @@ def test_a_missed_tick_uses_the_true_interval(make_estimator, sine_motion) -> No
     assert lie > 5 * error
 
 
-def test_beyond_two_periods_it_starts_anew(make_estimator, pushed_motion) -> None:
+@pytest.mark.parametrize(
+    ("periods", "restarts"), [(2.0, False), (2.005, False), (2.4, False), (2.6, True), (3.0, True)]
+)
+def test_one_missing_sample_costs_nothing_though_the_next_is_late(
+    make_estimator, pushed_motion, periods: float, restarts: bool
+) -> None:
+    estimator = make_estimator()
+    before = pushed_motion.replay(estimator, slice(0, 900))[-1]
+    row = (pushed_motion.current[901], pushed_motion.q[901], pushed_motion.theta_dot[901], None)
+    estimate = estimator.step(*row, periods * T)
+    assert (Flag.RESTARTED in estimate.flags) == restarts
+    kept = np.abs(estimate.residual - before.residual).max() < 0.2
+    assert kept != restarts
+
+
+def test_where_two_samples_are_missing_it_starts_anew(make_estimator, pushed_motion) -> None:
     estimator = make_estimator()
     before = pushed_motion.replay(estimator, slice(0, 900))[-1]
     assert np.any(before.residual > 0.2)
