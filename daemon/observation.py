@@ -45,8 +45,8 @@ CONDITION_OF: dict[type[Event], Condition] = {
 # These may be over at once: it counts how many ticks they last.
 DISTURBANCES = (BusTrouble, LateAnswer)
 FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
-# A late machine excuses stale samples for so many times `stale_ticks`; drives that fail in turn count
-# as stale after as many.
+# A late machine excuses stale samples for so many times `stale_ticks`; drives that fail in turn
+# count as stale after as many.
 STARVED_FACTOR = 3
 
 

@@ -162,8 +162,8 @@ class RawWire:
 def _first(
     frames: deque[Frame], port: socket.socket | int, read: Callable[[], None], timeout: float
 ) -> Frame | None:
-    """The first of `frames`, which `read` fills from `port`. A text may be a piece of a frame, or
-    an adapter's word on what it was sent: the whole timeout is waited for one that makes a frame."""
+    """The first of `frames`, which `read` fills from `port`. What comes may be a piece of a frame,
+    or an adapter's word on what it was sent: the whole timeout is waited for a frame."""
     left, deadline = timeout, time.monotonic() + timeout
     while not frames:
         # Not only to wait: a line that has nothing to say reads like one that has ended.
