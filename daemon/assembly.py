@@ -6,7 +6,7 @@ import can
 import numpy as np
 
 from daemon.admittance import AdmittanceLaw, Gains, GuidedBounds
-from daemon.config.identified import objections, unwired
+from daemon.config.identified import objections
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row
 from daemon.config.schema import Configuration
@@ -61,7 +61,7 @@ def heed_identification(cycle: Cycle, robot: Robot, serials: list[int | None]) -
     against = objections(found, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True)))
     text = "; ".join(against) or f"{c.identified} is of these drives"
     cycle.prearm.identification = Verdict(not against, text)
-    cycle.controller.motion.blind = bool(unwired(found, c))
+    cycle.controller.motion.blind = not cycle.prearm.identification.passed
 
 
 def build_setups(robot: Robot) -> list[DriveSetup]:

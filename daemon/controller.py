@@ -166,7 +166,10 @@ class Controller:
         if event in (Event.ENABLE, Event.START, Event.RESET) and observed is None:
             return ["no samples of the drives yet"]
         if event is Event.START and self.motion.blind and not place.path.motors_only:
-            return ["the wiring was never checked before this start (`contactd identify wiring`)"]
+            return [
+                "the links are not trusted: before this start the wiring was not checked, or not "
+                "with these drives and this configuration (`contactd identify wiring`)"
+            ]
         joints, limits = self._tuning.joints, self.motion.limits
         if event is Event.START and observed is not None:
             return not_startable(joints, observed.q, limits, place)
@@ -209,12 +212,17 @@ class Controller:
             self._touched_s = time_s
         self.quiet_s = time_s - self._touched_s
         mode, armed, reactions = self.machine.mode, self.machine.armed, self._tuning.reactions
+        retracting = mode is Mode.RETRACTING and self.motion.under_way
+        backed_away = mode is Mode.RETRACTING and not retracting
         if observed.hit and (event := reactions.to_collision(armed)):
-            self._apply(event, observed.hit, time_s)
-        elif observed.touched and (event := reactions.to_contact(armed)):
-            backed_away = mode is Mode.RETRACTING and not self.motion.under_way
-            if mode in ATTENTIVE or backed_away:
-                self._apply(event, observed.touched, time_s)
+            if not (retracting and event is Event.RETRACT):
+                self._apply(event, observed.hit, time_s)
+        elif (
+            observed.touched
+            and (mode in ATTENTIVE or backed_away)
+            and (event := reactions.to_contact(armed))
+        ):
+            self._apply(event, observed.touched, time_s)
 
     def _progress(self, time_s: float, dt: float, observed: Observed) -> None:
         """Events of the arm's own: energised, at rest, quiet, at a bound, arrived, too late."""
@@ -277,6 +285,9 @@ class Controller:
             self._reset_until_s = time_s + RESET_PATIENCE_S
         if self.machine.mode is not before:
             self._set_up(event, self._observed, time_s)
+        elif event is Event.RETRACT:
+            # From its reference: where it can get no further away, it stands stiff.
+            self.motion.retract(self.motion.reference, self._observed.thresholded)
 
     def _set_up(self, event: Event, observed: Observed, time_s: float) -> None:
         motion, allowance, mode = self.motion, self._allowance, self.machine.mode

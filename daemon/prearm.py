@@ -14,7 +14,7 @@ from daemon.limits import Limits
 from daemon.messages import Check
 from daemon.supervisor import Condition, Finding
 from drivers.cia402 import DriveState
-from drivers.events import Emergency
+from drivers.events import Emergency, Rebooted
 from drivers.samples import Samples
 from estimator.estimate import Estimate, Flag
 
@@ -101,20 +101,30 @@ class PreArm:
         """Take note of one tick."""
         self._time_s = time_s
         for event in samples.events:
-            if isinstance(event, Emergency):
+            if isinstance(event, Rebooted) or (isinstance(event, Emergency) and event.code == 0):
+                self._over(event.node)
+            elif isinstance(event, Emergency):
                 self._emergencies[event.node] = event
-                if event.code == 0:
-                    del self._emergencies[event.node]
         # A drive that leaves its fault has no emergency any more, whether it says so or not.
         for node in tuple(self._emergencies):
             faulted = node in self._index and samples.states[self._index[node]] in FAULT_STATES
             if faulted:
                 self._in_fault.add(node)
             elif node in self._in_fault:
-                self._in_fault.remove(node)
-                del self._emergencies[node]
+                self._over(node)
         if any(CHECK_OF.get(finding.condition) == "loop" for finding in findings):
             self._late_s.append(time_s)
+
+    def renewed(self, joints: Sequence[int]) -> None:
+        """These drives were set up again, and what they had said before is over: without ticks
+        nobody heard them say so."""
+        for node, joint in self._index.items():
+            if joint in joints:
+                self._over(node)
+
+    def _over(self, node: int) -> None:
+        self._emergencies.pop(node, None)
+        self._in_fault.discard(node)
 
     def objections(
         self,

@@ -240,6 +240,7 @@ class Service:
             return str(error).splitlines()
         else:
             cycle.arm.start(self.loop.time_s)
+            cycle.prearm.renewed(joints)
             return []
         finally:
             self.loop.resume()

@@ -202,7 +202,10 @@ class _Beat:
         now = time.monotonic()
         if now >= self._next_s:
             self._next_s = now + self._every_s
-            self._network.send_message(self._cob_id, [_OPERATIONAL])
+            try:
+                self._network.send_message(self._cob_id, [_OPERATIONAL])
+            except BUS_FAILURES as error:
+                raise BusError(f"the master's heartbeat: {error}") from error
             self._meanwhile()
 
 

@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
 from bench.house import House, open_house
+from bench.ideal_arm import LIMITS, IdealArm, T, tracking_arm
 from daemon.client import Client
 from daemon.commands import answers, contactctl
 from daemon.control import ControlSocket
@@ -29,7 +31,11 @@ from daemon.messages import (
     Timing,
     Trajectory,
 )
+from daemon.modes import Mode
 from daemon.peers import Peer
+from daemon.reactions import Reaction, Reactions
+
+MakeArm = Callable[..., IdealArm]
 
 JOINTS = [f"L{part}" for part in ("ShoulderPitch", "ShoulderYaw", "ElbowRoll", "ElbowYaw")]
 JOINTS += ["LWristRoll", "LWristYaw", "LWristPitch"]
@@ -255,3 +261,21 @@ def dial(control: ControlSocket) -> Iterator[Callable[[], socket.socket]]:
     yield connect
     for one in opened:
         one.close()
+
+
+@pytest.fixture
+def tracking() -> Iterator[MakeArm]:
+    """Makes tracking arms; whatever happens, their setpoints never jump."""
+    made: list[IdealArm] = []
+
+    def make(
+        contact: Reaction = Reaction.ADMITTANCE, collision: Reaction = Reaction.ADMITTANCE, **more
+    ):
+        made.append(tracking_arm(reactions=Reactions(contact, collision), **more))
+        return made[-1]
+
+    yield make
+    for arm in made:
+        velocity = np.array([decision.velocity for decision in arm.decisions])
+        step = np.abs(np.diff(velocity, axis=0))
+        assert arm.mode is Mode.FAULTED or (step <= LIMITS.acceleration * T + 1e-12).all()

@@ -312,19 +312,3 @@ def test_motors_alone_stand_while_a_hand_moves_the_link():
 
         assert run(motors_only=True) < 0.01
         assert run(motors_only=False) > 0.03
-
-
-def test_an_arm_that_was_never_wired_closes_no_loop_over_its_links():
-    with lockstep_rig(SINGLE_JOINT) as rig:
-        rig.cycle.controller.motion.blind = True
-        rig.enable()
-        controller = rig.cycle.controller
-        refused = controller.request(Event.START, "a test", rig.time_s)
-        assert "wiring was never checked" in refused[0]
-        rig.arm.external_torque[0] = 0.15
-        rig.run(1.0, lambda: check_still(rig))
-
-
-def check_still(rig):
-    assert rig.cycle.decision is not None
-    assert rig.cycle.decision.velocity.tolist() == [0.0]

@@ -11,7 +11,7 @@ from daemon.messages import Check
 from daemon.prearm import CHECK_OF, NAMES, Verdict
 from daemon.supervisor import Condition
 from drivers.cia402 import DriveState
-from drivers.events import Emergency
+from drivers.events import Emergency, Rebooted
 
 
 @pytest.fixture
@@ -141,6 +141,32 @@ def test_an_emergency_lasts_until_the_drive_takes_it_back(calm: Rig) -> None:
     text = checks(calm)["emergencies"].text
     assert text.startswith("node 1: emergency 0x4210")
     assert text.endswith("and not over")
+    watched(calm, Emergency(1, 0, 0))
+    assert failed(calm) == []
+
+
+def test_an_emergency_is_over_when_the_drive_restarts(calm: Rig) -> None:
+    watched(calm, Emergency(1, 0x3220, 5))
+    assert failed(calm) == ["emergencies"]
+    watched(calm, Rebooted(1))
+    assert failed(calm) == []
+    watched(calm, Rebooted(1), Emergency(1, 0x3220, 5))
+    assert failed(calm) == ["emergencies"]
+    calm.cycle.prearm.renewed([1])  # another joint's
+    assert failed(calm) == ["emergencies"]
+    calm.cycle.prearm.renewed([0])
+    assert failed(calm) == []
+
+
+def test_an_emergency_after_one_that_was_taken_back_counts(calm: Rig) -> None:
+    samples = calm.cycle.samples
+    assert samples is not None
+    samples.states, samples.events = [DriveState.FAULT], (Emergency(1, 0x2310, 1),)
+    calm.cycle.prearm.watch(samples, (), calm.time_s)
+    samples.states, samples.events = [DriveState.OPERATION_ENABLED], (Emergency(1, 0, 0),)
+    calm.cycle.prearm.watch(samples, (), calm.time_s)
+    watched(calm, Emergency(1, 0x4210, 8))  # of a drive that goes on
+    assert failed(calm) == ["emergencies"]
     watched(calm, Emergency(1, 0, 0))
     assert failed(calm) == []
 

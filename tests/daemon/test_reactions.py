@@ -1,17 +1,15 @@
-"""What a contact leads to, per level; retracting; what comes after the quiet time."""
-
-from collections.abc import Callable, Iterator
+"""What a contact leads to, per level, and what comes after the quiet time."""
 
 import numpy as np
 import pytest
 
-from bench.ideal_arm import LIMITS, MANNER, IdealArm, T, holding_arm, tracking_arm
+from bench.ideal_arm import MANNER, IdealArm, holding_arm
 from daemon.admittance import GuidedBounds
 from daemon.modes import Event, Mode
 from daemon.reactions import AfterQuiet, Reaction, Reactions
+from tests.daemon.conftest import MakeArm as Make
 
 R, M = Reaction, Mode
-Make = Callable[..., IdealArm]
 AFTER = {
     R.REPORT: M.TRACKING,
     R.ADMITTANCE: M.ADMITTANCE,
@@ -21,22 +19,6 @@ AFTER = {
 }
 NEAR = GuidedBounds(max_duration_s=100.0, max_excursion=0.4)
 FAR = GuidedBounds(max_duration_s=100.0, max_excursion=3.0)
-
-
-@pytest.fixture
-def tracking() -> Iterator[Make]:
-    """Makes tracking arms; whatever happens, their setpoints never jump."""
-    made: list[IdealArm] = []
-
-    def make(contact: Reaction = R.ADMITTANCE, collision: Reaction = R.ADMITTANCE, **more):
-        made.append(tracking_arm(reactions=Reactions(contact, collision), **more))
-        return made[-1]
-
-    yield make
-    for arm in made:
-        velocity = np.array([decision.velocity for decision in arm.decisions])
-        step = np.abs(np.diff(velocity, axis=0))
-        assert arm.mode is M.FAULTED or (step <= LIMITS.acceleration * T + 1e-12).all()
 
 
 # --- each reaction to each level ------------------------------------------------------------
@@ -121,71 +103,6 @@ def test_a_contact_to_stop_at_that_becomes_a_collision(
     assert arm.mode is mode
     arm.run(1.0, **arm.push(0.5))  # and what stops a moving arm does not interrupt this
     assert arm.mode is (M.ADMITTANCE if mode is M.ADMITTANCE else M.HOLDING)
-
-
-# --- retract --------------------------------------------------------------------------------
-
-
-def test_it_backs_away_the_way_it_was_pushed_and_no_further(tracking: Make) -> None:
-    for sign in (-1.0, 1.0):
-        arm = tracking(collision=R.RETRACT, contact=R.REPORT)
-        start = arm.q.copy()
-        arm.hit(sign * 2.0)
-        arm.run(1.5)
-        assert arm.mode is M.RETRACTING
-        away = arm.q - start
-        assert sign * away[0] == pytest.approx(MANNER.retract_distance, abs=2e-3)
-        assert abs(away[1]) < 1e-3
-        velocity = np.array([decision.velocity[0] for decision in arm.decisions[-150:]])
-        assert np.abs(velocity).max() < MANNER.retract_velocity + 0.05
-
-
-def test_it_goes_on_when_it_has_backed_away_and_is_quiet(tracking: Make) -> None:
-    arm = tracking(collision=R.RETRACT, contact=R.REPORT)
-    arm.hit(2.0)
-    arm.run(0.5, **arm.push(0.5))
-    assert arm.run_until(M.TRACKING) == pytest.approx(2.0, abs=0.02)
-
-
-def test_pushed_against_while_backing_away_it_stops(tracking: Make) -> None:
-    arm = tracking(collision=R.RETRACT, contact=R.REPORT)
-    arm.hit(2.0)
-    arm.run(0.1)
-    arm.touch(-0.3)
-    assert arm.mode is M.STOPPING
-    assert arm.cause == "pushed against while retracting"
-    assert arm.armed
-
-
-def test_a_contact_that_lasts_when_it_has_backed_away_makes_it_yield(tracking: Make) -> None:
-    arm = tracking(collision=R.RETRACT)
-    arm.hit(2.0)
-    took = arm.run_until(M.ADMITTANCE, **arm.push(0.3))
-    assert 0.2 < took < 0.6
-
-
-def test_it_backs_away_towards_a_limit_only_as_far_as_that(tracking: Make) -> None:
-    arm = tracking(collision=R.RETRACT, contact=R.REPORT, bounds=FAR)
-    arm.request(Event.PAUSE)
-    arm.run_until(M.HOLDING)
-    arm.q[0] = 0.97
-    arm.hit(2.0)
-    arm.run(1.0)
-    assert arm.q[0] == pytest.approx(1.0, abs=2e-3)
-    assert arm.q[0] <= 1.0
-    assert arm.decisions[-1].reference[0] == 1.0
-
-
-def test_a_joint_without_gain_does_not_back_away(tracking: Make) -> None:
-    arm = tracking(contact=R.RETRACT)
-    arm.controller.set_gain("a", 0.0, "me")
-    arm.run(0.6)
-    arm.request(Event.PAUSE)
-    arm.run_until(M.HOLDING)
-    where = arm.q.copy()
-    arm.touch(2.0)
-    arm.run(0.5)
-    np.testing.assert_allclose(arm.q, where, atol=1e-3)
 
 
 # --- after the quiet time -------------------------------------------------------------------

@@ -1,14 +1,16 @@
 """Boot-up of drives that do not answer, are in fault, or are set up again."""
 
+import errno
 import struct
 import time
 from dataclasses import replace
 
+import can
 import msgspec
 import pytest
 
 from drivers.boot_up import boot_up_again, forget_master
-from errors import DriveError
+from errors import BusError, DriveError
 
 
 def with_profile(setup, **changes):
@@ -124,6 +126,25 @@ def test_again_while_the_others_go_on_hearing_their_master(bench, setups, bears_
     assert len(heard) >= beats, "as often as the least patient of all drives wants it"
     assert set(heard) == {127}
     assert len(called) == len(heard)
+
+
+def test_a_bus_that_fails_while_a_drive_is_waited_for_is_one(bench, setups, monkeypatch):
+    bench.boot_up(setups)
+    drive = bench.simulated.drives[2]
+    intercept(drive, lambda *_: True)  # silent
+    send, beats = type(bench.bus).send, []
+
+    def failing(bus, message, timeout=None):
+        if bus is bench.bus and message.arbitration_id == 0x77F:
+            beats.append(message)
+            if len(beats) > 2:
+                raise can.CanOperationError("Network is down", errno.ENETDOWN)
+        return send(bus, message, timeout)
+
+    monkeypatch.setattr(type(bench.bus), "send", failing)
+    silent = with_profile(setups[2], sdo_timeout_ms=500)
+    with bench.lockstep.serving(), pytest.raises(BusError, match="heartbeat: Network is down"):
+        boot_up_again(bench.bus, [*setups[:2], silent, *setups[3:]], [2], period_ms=10)
 
 
 def test_drives_in_fault_boot_side_by_side(bench, setups):
