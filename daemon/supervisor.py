@@ -80,8 +80,10 @@ REACTIONS: Final[dict[Condition, Row]] = {
     ),
     _C.STALE: Row(
         _R.QUICK_STOP,
-        "`stale_ticks` ticks in a row without a TPDO of some drive",
-        "that joint is blind, and its drive may be deaf",
+        "`stale_ticks` ticks in a row without a TPDO of some drive; or drives that fail in turn: "
+        "three times as many ticks without all of them, less those with all",
+        "that joint is blind, and its drive may be deaf; nothing is estimated from a part of the "
+        "drives",
     ),
     _C.STARVED: Row(
         _R.HOLD,
