@@ -1,5 +1,6 @@
 """Rigid-body dynamics of the links: M(q), C(q, q_dot)^T q_dot and g(q), by pinocchio."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,6 +9,10 @@ import pinocchio as pin
 
 from errors import ModelError
 from estimator.types import Vector
+from estimator.urdf import moved_mass
+
+# That of a milligram at a millimetre: what is less is rounding.
+_NO_INERTIA = 1e-12  # kg m2
 
 
 class Model:
@@ -18,7 +23,8 @@ class Model:
     The rotors are not in here: B is diagonal and belongs to the transmission.
 
     Raises ModelError if the file cannot be read, a joint is missing, named twice, not measured or
-    not a joint of one coordinate with limits.
+    not a joint of one coordinate with limits; if the mass or inertia of a link that moves is none
+    that a body can have; and if a joint moves no mass or no inertia.
     """
 
     def __init__(self, urdf: Path | str, joints: Sequence[str]) -> None:
@@ -28,6 +34,7 @@ class Model:
         where = "the URDF" if isinstance(urdf, str) else str(urdf)
         order = _order(model, self.names, where)
         model.armature[:] = 0.0
+        _refuse_weightless(model, where)
         self.lower: Vector = model.lowerPositionLimit[order]
         self.upper: Vector = model.upperPositionLimit[order]
         # Row i of the caller is coordinate order[i] of pinocchio; `None` spares the permutation.
@@ -70,9 +77,20 @@ def _read(urdf: Path | str) -> pin.Model:
     where = "the URDF" if isinstance(urdf, str) else str(urdf)
     try:
         text = urdf if isinstance(urdf, str) else urdf.read_text(encoding="utf-8")
-        return pin.buildModelFromXML(text)
+        mass = moved_mass(text)
+        model = pin.buildModelFromXML(text)
+    except ModelError as error:
+        raise ModelError(f"{where}: {error}") from error
     except (OSError, ValueError, RuntimeError) as error:
         raise ModelError(f"{where}: not a URDF that can be read: {error}") from error
+    # XML makes spaces of tabs in a value, pinocchio's parser does not, and leaves the link out.
+    read = sum(body.mass for body in list(model.inertias)[1:])
+    if not math.isclose(read, mass, rel_tol=1e-6):
+        raise ModelError(
+            f"{where}: pinocchio reads only {read:g} of the {mass:g} kg that move: no tab and no "
+            "line break is allowed within a value of an <inertial>"
+        )
+    return model
 
 
 def _order(model: pin.Model, joints: tuple[str, ...], urdf: str) -> np.ndarray:
@@ -90,3 +108,24 @@ def _order(model: pin.Model, joints: tuple[str, ...], urdf: str) -> np.ndarray:
         if joint.nq != 1 or joint.nv != 1:
             raise ModelError(f"{urdf}: joint {name!r} must be revolute, with limits")
     return np.array([model.joints[model.getJointId(name)].idx_v for name in joints])
+
+
+def _refuse_weightless(model: pin.Model, urdf: str) -> None:
+    """A joint that moves no mass, or whose M_ii vanishes in some pose: M would be singular."""
+    data = model.createData()
+    pin.computeSubtreeMasses(model, data)
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    poses = (np.clip(0.0, lower, upper), lower, 0.5 * (lower + upper), upper)
+    least = np.min([np.diag(pin.crba(model, data, q)) for q in poses], axis=0)
+    for name in list(model.names)[1:]:
+        joint = model.getJointId(name)
+        if not data.mass[joint] > 0:
+            raise ModelError(
+                f"{urdf}: nothing that joint {name!r} moves has a mass; its link needs an "
+                "<inertial> with mass, in kg, and inertia"
+            )
+        if not (inertia := least[model.joints[joint].idx_v]) > _NO_INERTIA:
+            raise ModelError(
+                f"{urdf}: joint {name!r} moves an inertia of {inertia:.3g} kg m2 about its axis "
+                f"in some pose; it must be above {_NO_INERTIA:g}: the links need their <inertia>"
+            )

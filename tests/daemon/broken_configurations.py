@@ -1,4 +1,4 @@
-"""Edits of a configuration that must be refused, and with which words."""
+"""Edits of a configuration and of its URDF that must be refused, and with which words."""
 
 # What is edited (old, new), a mark in the line that must be named, the path in the file, and what
 # the message must say of what is wrong and allowed.
@@ -311,4 +311,40 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "",
         ("must be text",),
     ),
+}
+
+# What is edited in arm.urdf, everywhere (a pattern, what takes its place), and what the message
+# must say of what is wrong and allowed.
+BROKEN_URDF: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "no masses": (
+        r"(?s)<inertial>.*?</inertial>",
+        "",
+        ("nothing that joint 'LShoulderPitch' moves has a mass", "needs an <inertial>"),
+    ),
+    "no mass at the hand": (
+        r"(?s)(<link name=.l_wrist.>\s*)<inertial>.*?</inertial>",
+        r"\1",
+        ("nothing that joint 'LWristPitch' moves has a mass",),
+    ),
+    "masses below zero": (
+        '<mass value="',
+        '<mass value="-',
+        ("'LShoulderPitchLink', line 23", "mass of -0.69402 kg must not be negative"),
+    ),
+    "a mass with its unit": (
+        'value="0.57151"',
+        'value="0.57151 kg"',
+        ("'LShoulderYawLink', line 39", '<mass value="0.57151 kg">', "must be one finite number"),
+    ),
+    "a mass that is misspelt": (
+        '<mass value="0.57151"',
+        '<masss value="0.57151"',
+        ("line 37: its <inertial> has no <mass> but <origin>, <masss>, <inertia>",),
+    ),
+    "an inertia below zero": (
+        'ixx="0.00201004"',
+        'ixx="-0.00201004"',
+        ("line 24: its <inertia> has a principal moment of -0.00201 kg m2", "negative"),
+    ),
+    "no XML": ("</robot>", "", ("not XML that can be read: no element found: line 125",)),
 }

@@ -1,5 +1,6 @@
 """Every broken configuration is refused with file, line, path in the file, and what is allowed."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import pytest
 
 from daemon.config.load import load_robot
 from errors import ConfigurationError
-from tests.daemon.broken_configurations import BROKEN
+from tests.daemon.broken_configurations import BROKEN, BROKEN_URDF
 
 ROMEO = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
 
@@ -55,6 +56,22 @@ def test_a_broken_configuration_is_refused(name: str, tmp_path: Path) -> None:
     assert first is not None, f"{start!r} begins no line of\n{message}"
     for word in words:
         assert word in first
+
+
+@pytest.mark.parametrize("name", BROKEN_URDF)
+def test_a_broken_urdf_is_refused(
+    name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pattern, new, words = BROKEN_URDF[name]
+    path, urdf = edited(tmp_path), tmp_path / "arm.urdf"
+    text, count = re.subn(pattern, new, urdf.read_text())
+    assert count > 0
+    urdf.write_text(text)
+    (message,) = refusal(path).splitlines()
+    assert message.startswith(f"{path}:{line_of(path, 'urdf: arm.urdf')}: urdf (arm.urdf): ")
+    for word in words:
+        assert word in message
+    assert capfd.readouterr().err == ""  # where the parser would have its say
 
 
 def test_everything_that_does_not_fit_is_listed_at_once(tmp_path: Path) -> None:

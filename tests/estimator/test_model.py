@@ -1,5 +1,7 @@
 """Rigid-body dynamics against finite differences, energy, and the caller's order of joints."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -111,3 +113,36 @@ def test_files_that_do_not_fit(tmp_path, romeo: Model, romeo_urdf) -> None:
     endless.write_text(romeo_urdf.read_text().replace('"revolute"', '"continuous"', 1))
     with pytest.raises(ModelError, match="'LShoulderPitch' must be revolute"):
         Model(endless, romeo.names)
+
+
+def without(urdf: str, pattern: str) -> str:
+    return re.sub(pattern, "", urdf, flags=re.DOTALL)
+
+
+INERTIAL = r"<inertial>.*?</inertial>"
+
+
+def test_joints_that_move_no_mass(romeo: Model, romeo_urdf) -> None:
+    text = romeo_urdf.read_text()
+    with pytest.raises(ModelError, match="nothing that joint 'LShoulderPitch' moves has a mass"):
+        Model(without(text, INERTIAL), romeo.names)
+    start = text.index('name="LWristYawLink"')
+    with pytest.raises(ModelError, match="nothing that joint 'LWristYaw' moves has a mass"):
+        Model(text[:start] + without(text[start:], INERTIAL), romeo.names)
+    # A link may be without: here the upper arm, of which the next one may have all.
+    Model(re.sub(INERTIAL, "", text, count=1, flags=re.DOTALL), romeo.names)
+
+
+def test_points_of_mass_are_enough_beside_an_axis(romeo: Model, romeo_urdf) -> None:
+    points = re.sub(r'(i[xyz][xyz])="[^"]*"', r'\1="0"', romeo_urdf.read_text())
+    model = Model(points, romeo.names)
+    assert np.diag(mass(model, np.zeros(7))).min() > 1e-6
+    # The whole of the wrist on the axis of LWristRoll, x, where it is straight: at zero, and not in
+    # the middle between these limits.
+    points = points.replace('upper="0.977384"', 'upper="0.5"')
+    start = points.index('name="LWristRollLink"')
+    on_axis = points[:start] + re.sub(
+        r'<origin xyz="([^ "]*)[^"]*"', r'<origin xyz="\1 0 0"', points[start:]
+    )
+    with pytest.raises(ModelError, match=r"'LWristRoll' moves an inertia of \S+ kg m2 about its"):
+        Model(on_axis, romeo.names)

@@ -1,0 +1,129 @@
+"""What a URDF says of masses, checked before pinocchio reads it.
+
+pinocchio's parser takes a link whose <inertial> it cannot read for a link without one, and tells
+only stderr. Gravity would lack that link, and the arm would take its own weight for a contact.
+"""
+
+import math
+import re
+from xml.etree import ElementTree as ET
+from xml.parsers import expat
+
+import numpy as np
+
+from errors import ModelError
+
+_COUNTS = {1: "one finite number", 3: "three finite numbers"}  # of an attribute
+# Less than Python takes for a number, as is what the parser of URDFs takes.
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+# Figures of three digits may make the tensor of a thin rod a little negative along it.
+_ROUNDING = 1e-3
+
+_Lines = dict[ET.Element, int]
+
+
+def moved_mass(text: str) -> float:
+    """Of all links that movable joints carry, on a chain of `fixed` joints, too [kg].
+
+    Raises ModelError for a text that is not XML, and for an <inertial> of such a link that lacks
+    mass or inertia, says them in anything but finite numbers, or is of no body that can be. A link
+    may be without one: a frame, or what others weigh for it.
+    """
+    root, lines = _parsed(text)
+    moved = _moved(root)
+    mass = 0.0
+    for link in root.findall("link"):
+        inertial = link.find("inertial")
+        if inertial is not None and link.get("name") in moved:
+            try:
+                mass += _mass(inertial, lines)
+                _check_tensor(inertial, lines)
+            except ModelError as error:
+                raise ModelError(f"link {link.get('name')!r}, {error}") from error
+    return mass
+
+
+def _parsed(text: str) -> tuple[ET.Element, _Lines]:
+    """Elements, and the line of each. Without namespaces, of which pinocchio knows nothing."""
+    builder, parser = ET.TreeBuilder(), expat.ParserCreate()
+    lines: _Lines = {}
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        lines[builder.start(tag, attributes)] = parser.CurrentLineNumber
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = builder.end
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise ModelError(f"not XML that can be read: {error}") from error
+    return builder.close(), lines
+
+
+def _moved(root: ET.Element) -> set[str]:
+    """Names of the links that a movable joint carries."""
+    joints = [
+        (joint.get("type"), _link(joint, "parent"), _link(joint, "child"))
+        for joint in root.findall("joint")
+    ]
+    moved = {child for kind, _, child in joints if kind != "fixed"}
+    for _ in joints:  # no chain is longer
+        moved |= {child for _, parent, child in joints if parent in moved}
+    return moved
+
+
+def _link(joint: ET.Element, role: str) -> str:
+    element = joint.find(role)
+    return "" if element is None else element.get("link", "")
+
+
+def _mass(inertial: ET.Element, lines: _Lines) -> float:
+    """Of one link, its centre checked. Raises ModelError that begins with the line."""
+    origin = inertial.find("origin")
+    for attribute in ("xyz", "rpy"):
+        if origin is not None and attribute in origin.attrib:
+            _numbers(origin, attribute, 3, lines)
+    element = _child(inertial, "mass", lines)
+    (mass,) = _numbers(element, "value", 1, lines)
+    if mass < 0:
+        raise ModelError(f"line {lines[element]}: its mass of {mass:g} kg must not be negative")
+    return mass
+
+
+def _check_tensor(inertial: ET.Element, lines: _Lines) -> None:
+    element = _child(inertial, "inertia", lines)
+    xx, xy, xz, yy, yz, zz = (
+        _numbers(element, name, 1, lines)[0] for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    principal = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if principal[0] < -_ROUNDING * np.abs(principal).max():
+        raise ModelError(
+            f"line {lines[element]}: its <inertia> has a principal moment of {principal[0]:.3g} "
+            "kg m2; none may be negative"
+        )
+
+
+def _child(inertial: ET.Element, tag: str, lines: _Lines) -> ET.Element:
+    element = inertial.find(tag)
+    if element is None:
+        found = ", ".join(f"<{child.tag}>" for child in inertial) or "nothing"
+        raise ModelError(
+            f"line {lines[inertial]}: its <inertial> has no <{tag}> but {found}; allowed are both "
+            "<mass> and <inertia>, or no <inertial>"
+        )
+    return element
+
+
+def _numbers(element: ET.Element, attribute: str, count: int, lines: _Lines) -> list[float]:
+    line, text = lines[element], element.get(attribute)
+    if text is None:
+        raise ModelError(f"line {line}: its <{element.tag}> has no {attribute}")
+    # A lone number may not be followed by a space: the parser takes it for an error.
+    words = text.split() if count > 1 else [text.lstrip()]
+    numbers = [float(word) for word in words if _NUMBER.fullmatch(word)]
+    if not len(numbers) == len(words) == count or not all(map(math.isfinite, numbers)):
+        raise ModelError(
+            f'line {line}: <{element.tag} {attribute}="{text}">: must be {_COUNTS[count]} and '
+            "nothing else"
+        )
+    return numbers
