@@ -11,6 +11,7 @@ from rich.table import Table
 from daemon.assembly import build_setups
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
+from daemon.gravity import Load, worst_loads
 from daemon.travel import worst_travel
 from drivers.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
 from drivers.codec import receive_pdos, transmit_pdos
@@ -42,7 +43,8 @@ def print_check(config: Path) -> None:
     robot = load_robot(config)
     c = robot.configuration
     console = Console() if sys.stdout.isatty() else Console(width=FOR_PIPES)
-    wiring, joints, travels = _wiring(c), _joints(c), _travels(c)
+    loads = worst_loads(c, robot.urdf)
+    wiring, joints, travels = _wiring(c), _joints(c, loads), _travels(c)
     quantities = {name: _quantities(name, profile) for name, profile in c.drives.items()}
     tables = [wiring, joints, travels, *quantities.values()]
     # On a narrow terminal a line that goes on in the next can still be read, a cut figure cannot.
@@ -72,6 +74,15 @@ def print_check(config: Path) -> None:
         f"one exchange takes {exchange_ms:.2f} of {c.period_ms} ms",
         highlight=False,
     )
+    # At the end, where nobody overlooks it.
+    for joint, asked in zip(c.joints, loads, strict=True):
+        if asked.too_much:
+            console.print(
+                f"{joint.name}: gravity is more than the motor can hold ({asked.gravity:.4g} Nm of "
+                f"{asked.motor:.4g} Nm): are masses in kg and lengths in m?",
+                highlight=False,
+                soft_wrap=True,
+            )
     click.echo(f"{robot.path}: good")
 
 
@@ -124,7 +135,10 @@ def _pdos(profile: DriveProfile) -> Table:
 
 
 def _wiring(c: Configuration) -> Table:
-    table = _table("\nwiring", "joint", "node", "gear", "A rated", "A max", "signs m l", "zero rad")
+    table = _table(
+        "\nwiring",
+        *("joint", "node", "gear", "A rated", "A max", "K_c Nm/A", "signs m l", "zero rad"),
+    )
     for joint in c.joints:
         table.add_row(
             joint.name,
@@ -132,21 +146,26 @@ def _wiring(c: Configuration) -> Table:
             f"{joint.wiring.gear:g}",
             f"{joint.wiring.rated_current_A:g}",
             f"{joint.wiring.max_current_A:g}",
+            f"{joint.torque_constant:g}",
             f"{joint.wiring.motor_sign:+d} {joint.wiring.link_sign:+d}",
             f"{joint.wiring.link_offset:g}",
         )
     return table
 
 
-def _joints(c: Configuration) -> Table:
-    table = _table("\njoints", "joint", "K_c Nm/A", "gap mrad", "level Nm", "limits rad", "end")
-    for joint in c.joints:
+def _joints(c: Configuration, loads: list[Load]) -> Table:
+    """`gravity Nm`: at worst, of what the motor gives at its largest current."""
+    table = _table(
+        "\njoints",
+        *("joint", "half-gap mrad", "level Nm", "limits rad", "gravity Nm", "end"),
+    )
+    for joint, load in zip(c.joints, loads, strict=True):
         table.add_row(
             joint.name,
-            f"{joint.torque_constant:g}",
             f"{joint.half_gap * 1000:g}",
             f"{joint.thresholds.contact:g}",
             f"{joint.limits.lower:+.2f} {joint.limits.upper:+.2f}",
+            f"{load.gravity:.2f} of {load.motor:.2f}",
             joint.end,
         )
     return table

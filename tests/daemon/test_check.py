@@ -1,11 +1,13 @@
 """`contactd check`: quantities, PDOs and the load of the bus that follow from a configuration."""
 
+import re
+import shutil
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from bench.lockstep import DESK_ARM, ROMEO
+from bench.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
 from daemon.commands.check import print_check
 from daemon.commands.contactd import main
 
@@ -67,3 +69,51 @@ def test_no_figure_is_cut_on_a_narrow_terminal(columns, monkeypatch, capsys):
         "LElbowRoll      1.2    100          12      0.120        0.060        0.180",
     ):
         assert row in printed
+
+
+def test_gravity_is_shown_beside_what_the_motor_gives():
+    lines = [line.split() for line in check(DESK_ARM).output.splitlines()]
+    # 0.8 kg at 0.15 m, 1.3 rad off the vertical; 2.4 Nm/A times 2 A.
+    for row in (
+        "swing 12 80 1 2 2.4 +1 +1 0",
+        "joint half-gap mrad level Nm limits rad gravity Nm end",
+        "column 12 0.6 -1.40 +1.40 0.00 of 9.00 hold",
+        "swing 8 0.5 -1.30 +1.30 1.13 of 4.80 brake",
+    ):
+        assert row.split() in lines, row
+
+
+@pytest.mark.parametrize("folder", [ROMEO, DESK_ARM, SINGLE_JOINT])
+def test_shipped_arms_hold_themselves(folder):
+    output = check(folder).output
+    assert output.endswith("config.yaml: good\n")
+    assert "more than the motor can hold" not in output
+
+
+@pytest.mark.parametrize("scaled", ["mass value", "xyz"])
+def test_an_arm_in_grams_or_millimetres_is_told(tmp_path, scaled):
+    folder = shutil.copytree(DESK_ARM, tmp_path / "arm")
+    urdf = folder / "arm.urdf"
+    urdf.write_text(
+        re.sub(
+            rf'({scaled}=")([^"]*)',
+            lambda found: found[1] + " ".join(f"{1000 * float(x):g}" for x in found[2].split()),
+            urdf.read_text(),
+        )
+    )
+    result = check(folder)
+    assert result.exit_code == 0
+    *_, exchange, warning, good = result.output.splitlines()
+    assert exchange.startswith("bus load")  # and no warning of the column: it is upright
+    assert warning == (
+        "swing: gravity is more than the motor can hold (1134 Nm of 4.8 Nm): "
+        "are masses in kg and lengths in m?"
+    )
+    assert good.endswith("config.yaml: good")
+
+
+def test_the_tables_of_the_arm_fit_into_80_columns():
+    lines = check(ROMEO).output.splitlines()
+    for title in ("wiring", "joints", "travel at worst, if the daemon dies at full speed"):
+        start = next(i for i, line in enumerate(lines) if line.strip() == title)
+        assert max(len(line.rstrip()) for line in lines[start : start + 9]) <= 80

@@ -1,0 +1,44 @@
+"""What gravity asks of each joint at worst, beside what its motor gives."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from daemon.config.schema import Configuration
+from estimator.model import Model
+
+_POSES = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """Of one joint [Nm at the link]."""
+
+    gravity: float  # largest within the limits of all joints
+    motor: float  # at its largest current
+
+    @property
+    def too_much(self) -> bool:
+        """The motor alone cannot hold the arm in every pose."""
+        return self.gravity > self.motor
+
+
+def worst_loads(c: Configuration, urdf: str) -> list[Load]:
+    """Per joint, max |g_i(q)| over poses within the limits, and K_c times the largest current.
+
+    The poses are drawn, always the same; the true maximum is up to some per cent more.
+    """
+    model = Model(urdf, c.joint_names)
+    lower = np.array([joint.limits.lower for joint in c.joints])
+    upper = np.array([joint.limits.upper for joint in c.joints])
+    span = upper - lower
+    # Half of the coordinates are at a limit, where an arm that cannot reach out further is worst.
+    drawn = np.random.default_rng(0).uniform(
+        lower - 0.5 * span, upper + 0.5 * span, (_POSES, model.n)
+    )
+    gravity = [np.abs(model.gravity(q)) for q in np.clip(drawn, lower, upper)]
+    worst = np.max(gravity, axis=0)
+    return [
+        Load(float(g), joint.torque_constant * joint.wiring.max_current_A)
+        for g, joint in zip(worst, c.joints, strict=True)
+    ]
