@@ -28,7 +28,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from bench import population
+from bench import population, scores
 from bench.estimates import Estimates, build, estimates
 from bench.figures import Target, print_report
 from bench.harness import Recording, Scenario, recordings
@@ -75,6 +75,8 @@ class Tally:
     called_gap: NDArray[np.int64]
     false_gap: NDArray[np.int64]
     """said to be in the gap while the gear carries more than half the threshold"""
+    alarms: NDArray[np.int64]
+    """of the residual with integrated theta: false, as nobody touches the arm"""
     unknown: NDArray[np.int64]
     overconfident: NDArray[np.int64]
     """error of phi beyond three times its stated uncertainty"""
@@ -114,6 +116,7 @@ def tally(recording: Recording, integrated: Estimates, exact: Estimates, contact
         recognised=count(in_gap & said_gap),
         called_gap=count(said_gap),
         false_gap=count(said_gap & (load > 0.5 * contact)),
+        alarms=scores.alarms(residual, integrated.threshold),
         unknown=count(integrated.side == Side.UNKNOWN),
         overconfident=count(np.abs(error) > 3.0 * integrated.sigma_phi),
         errors=error[::EVERY],
@@ -190,6 +193,7 @@ def targets(arms: Mapping[Friction, Sequence[Tally]], c: Configuration) -> list[
                 "x",
                 "lower",
             ),
+            Target(f"false alarms, integrated, {f}", int(t.alarms.sum()), 0, "", "lower"),
             Target(f"gap recognised, {f}", 100.0 * recall(t, alpha), 40, "%", "higher"),
             Target(f"called gap under load, worst joint, {f}", false_percent, 0.01, "%", "lower"),
         ]
@@ -205,6 +209,7 @@ def rows_of(t: Tally, c: Configuration) -> dict[str, list[float]]:
         "max |r|, integrated [Nm]": t.largest_integrated,
         "max |r|, exact [Nm]": t.largest_exact,
         "their ratio (1: small)": ratio(t, contact),
+        "false alarms": t.alarms,
         "in the gap [%]": percent * t.in_gap,
         "of it recognised [%]": 100.0 * t.recognised / np.maximum(t.in_gap, 1),
         "called gap [%]": percent * t.called_gap,

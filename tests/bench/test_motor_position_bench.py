@@ -54,8 +54,16 @@ def test_samples_are_counted_for_what_they_are(counted: Tally) -> None:
     expected = {
         "samples": 5, "in_gap": 3, "recognised": 2, "called_gap": 4, "false_gap": 1,
         "unknown": 1, "overconfident": 1, "largest_integrated": 0.5, "largest_exact": 0.4,
+        "alarms": 0,
     }  # fmt: skip
     assert {name: getattr(counted, name)[0] for name in expected} == expected
+
+
+def test_whatever_goes_beyond_its_threshold_is_a_false_alarm() -> None:
+    truth = stretch([0.0] * 5, [0.0] * 5)
+    quiet, loud = (said([Side.LEFT] * 5, [0.0] * 5, residual) for residual in (0.9, 1.3))
+    assert tally(truth, loud, quiet, CONTACT).alarms.tolist() == [1]
+    assert tally(truth, quiet, loud, CONTACT).alarms.tolist() == [0]
 
 
 def test_tallies_add_up(counted: Tally) -> None:
@@ -107,9 +115,13 @@ def test_targets_are_those_of_the_project_and_the_worst_arm_counts(counted: Tall
     for limit in (pooled.limit, worst.limit):
         assert limit == 1.15
     assert all(t.met for t in found.values())
-    (recognised, under_load) = found.values()
-    assert (recognised.limit, under_load.limit) == (40, 0.01)
-    for wrong in (of([1.0] * 7, recognised=399), of([1.0] * 7, false=2)):
+    alarms, recognised, under_load = found.values()
+    assert (alarms.limit, recognised.limit, under_load.limit) == (0, 40, 0.01)
+    for wrong in (
+        of([1.0] * 7, recognised=399),
+        of([1.0] * 7, false=2),
+        replace(first, alarms=np.array([0, 0, 1, 0, 0, 0, 0])),
+    ):
         assert sum(not t.met for t in targets({"smooth": [wrong]}, c)) == 1
 
 
