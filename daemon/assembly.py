@@ -143,7 +143,8 @@ def build_observer(c: Configuration) -> Observer:
         current=bounds.current,
         lag_s=c.control.drive_lag_ms / 1000.0,
     )
-    return Observer(c.joint_names, patience, Plausibility(bounds), Following(following, c.period_s))
+    joints = {joint.wiring.node: joint.name for joint in c.joints}
+    return Observer(joints, patience, Plausibility(bounds), Following(following, c.period_s))
 
 
 def build_controller(robot: Robot) -> Controller:

@@ -1,6 +1,6 @@
 """From one tick's samples and estimate to the supervisor's findings. No I/O."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,7 @@ from drivers.events import (
     NotOperational,
     Rebooted,
     Unstoppable,
+    told,
 )
 from drivers.samples import Samples
 
@@ -64,12 +65,13 @@ class Observer:
 
     def __init__(
         self,
-        names: Sequence[str],
+        joints: Mapping[int, str],
         patience: Patience,
         plausibility: Plausibility,
         following: Following,
     ) -> None:
-        self._names = tuple(names)
+        """joints: by node, in the order of the arm."""
+        self._joints, self._names = dict(joints), tuple(joints.values())
         self._patience = patience
         self._plausibility, self._following = plausibility, following
         self._missed_in_row = 0  # deadlines
@@ -78,7 +80,7 @@ class Observer:
         # Ticks in which a sample was missing, less those since in which none was.
         self._incomplete = 0
         self._mode = Mode.OFF
-        self._enabled = [DriveState.OPERATION_ENABLED] * len(names)
+        self._enabled = [DriveState.OPERATION_ENABLED] * len(joints)
 
     def findings(
         self,
@@ -133,11 +135,11 @@ class Observer:
             # Code 0 says that an earlier emergency is over.
             over = isinstance(event, Emergency) and event.code == 0
             if not over and (condition := CONDITION_OF.get(type(event))):
-                yield Finding(condition, str(event))
+                yield Finding(condition, told(event, self._joints))
         if disturbances:
             lasts = self._disturbed_in_row >= self._patience.stale_ticks
             condition = Condition.BUS_TROUBLE if lasts else Condition.BUS_DISTURBED
-            yield Finding(condition, str(disturbances[0]))
+            yield Finding(condition, told(disturbances[0], self._joints))
 
     def _of_samples(self, samples: Samples) -> Iterator[Finding]:
         ticks = self._patience.stale_ticks

@@ -14,7 +14,7 @@ from daemon.limits import Limits
 from daemon.messages import Check
 from daemon.supervisor import Condition, Finding
 from drivers.cia402 import DriveState
-from drivers.events import Emergency, Rebooted
+from drivers.events import Emergency, Rebooted, told
 from drivers.samples import Samples
 from estimator.estimate import Estimate, Flag
 
@@ -92,6 +92,7 @@ class PreArm:
         self.identification = Verdict(True, "none; the values of config.yaml are trusted")
         self._joints, self._limits = tuple(joints), limits
         self._index = {node: i for i, node in enumerate(nodes)}
+        self._joint_of = dict(zip(nodes, self._joints, strict=True))
         self._emergencies: dict[int, Emergency] = {}
         self._in_fault: set[int] = set()
         self._late_s: deque[float] = deque(maxlen=LATE_TICKS + 1)
@@ -145,7 +146,8 @@ class PreArm:
             found.append(Objection("heartbeats", f"not heard from {', '.join(unheard)}"))
         for emergency in self._emergencies.values():
             check = "heartbeats" if emergency.code == MASTER_SILENT else "emergencies"
-            found.append(Objection(check, f"{emergency}, and not over"))
+            words = told(emergency, self._joint_of)
+            found.append(Objection(check, f"emergency of {words}, and not over"))
         if forgetful:
             reason = f"restarted, and without their set-up: {', '.join(forgetful)}"
             found.append(Objection("set-up", f"{reason} (`contactctl reset`)"))

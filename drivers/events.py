@@ -1,6 +1,10 @@
-"""What may happen on the bus beside samples: typed facts, judged elsewhere."""
+"""What may happen on the bus beside samples: typed facts, judged elsewhere.
+
+`str()` of one is what its type's name leaves to say, `told` puts the drive in front.
+"""
 
 import errno
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,10 +21,8 @@ class Emergency:
 
     def __str__(self) -> str:
         words = emergency_words(self.code)
-        return (
-            f"node {self.node}: emergency 0x{self.code:04X}{words and f' ({words})'}, "
-            f"error register 0x{self.register:02X}"
-        )
+        code = f"0x{self.code:04X}{words and f' ({words})'}"
+        return f"{code}, error register 0x{self.register:02X}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,7 @@ class HeartbeatLost:
     node: int
 
     def __str__(self) -> str:
-        return f"node {self.node}: heartbeat lost"
+        return ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ class NotOperational:
     nmt_state: int
 
     def __str__(self) -> str:
-        return f"node {self.node}: no longer operational (NMT state {self.nmt_state})"
+        return f"no longer operational (NMT state {self.nmt_state})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,7 @@ class Disobedient:
     node: int
 
     def __str__(self) -> str:
-        return f"node {self.node}: goes on although told to stop; NMT stop sent"
+        return "NMT stop sent"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +63,7 @@ class Unstoppable:
     node: int
 
     def __str__(self) -> str:
-        return f"node {self.node}: goes on after an NMT stop, too"
+        return "goes on after an NMT stop, too"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,7 @@ class Rebooted:
     node: int
 
     def __str__(self) -> str:
-        return f"node {self.node}: restarted, its set-up is lost"
+        return "its set-up is lost"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,7 @@ class ForeignMaster:
     cob_id: int
 
     def __str__(self) -> str:
-        return f"another master is on this bus: it sends 0x{self.cob_id:03X}"
+        return f"it sends 0x{self.cob_id:03X}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +104,7 @@ class LateAnswer:
     node: int
 
     def __str__(self) -> str:
-        return f"node {self.node} answers later than a whole period"
+        return "answers later than a whole period"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +112,7 @@ class ErrorPassive:
     """The CAN controller has counted 128 errors: the bus still works, but badly."""
 
     def __str__(self) -> str:
-        return "the controller is error-passive (cable, termination, bitrate?)"
+        return "cable, termination, bitrate?"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +120,7 @@ class BusOff:
     """The CAN controller has taken itself off the bus."""
 
     def __str__(self) -> str:
-        return "the controller has taken itself off the bus"
+        return ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +155,16 @@ Event = (
     | BadSetpoint
     | BusEvent
 )
+
+
+def told(event: Event, joints: Mapping[int, str]) -> str:
+    """An event in words, for people who know their drives by joint; `joints`: of each node."""
+    node = getattr(event, "node", None)
+    if node is None:
+        return str(event)
+    drive = f"node {node} ({joints[node]})" if node in joints else f"node {node}"
+    return ": ".join(filter(None, (drive, str(event))))
+
 
 # A socket that said one of these does not come back, whatever becomes of the adapter. ENETDOWN is
 # not among them: an interface that is set up again serves the sockets it had.

@@ -58,7 +58,7 @@ def test_a_fault_of_one_drive_stops_all_and_stays_until_reset(rig: Rig) -> None:
     rig.arm.drives[ELBOW].fault(0x2310, "injected by the test")
     states = rig.states(0.3)
     assert [s.mode for s in states[:2]] == ["faulted"] * 2
-    assert "node 3: emergency 0x2310" in states[0].cause
+    assert "emergency message: node 3 (LElbowRoll): 0x2310 (over-current), error" in states[0].cause
     told = [e.text for s in states for e in s.events if e.kind == "fault"]
     assert sum("0x2310" in text for text in told) == 1
     others = [name for i, name in enumerate(states[-1].drives) if i != ELBOW]

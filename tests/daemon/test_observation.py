@@ -27,7 +27,7 @@ from drivers.events import (
 )
 from drivers.samples import Samples
 
-NAMES = ("shoulder", "elbow")
+JOINTS = {1: "shoulder", 3: "elbow"}  # by node
 T = 0.01
 ON = DriveState.OPERATION_ENABLED
 
@@ -76,7 +76,7 @@ def observer() -> Observer:
     )
     patience = Patience(stale_ticks=3, overrun_ticks=5, master_timeout_s=0.1)
     following = FollowingBounds(deviation=0.2 * two, current=two, lag_s=0.01)
-    return Observer(NAMES, patience, Plausibility(bounds), Following(following, T))
+    return Observer(JOINTS, patience, Plausibility(bounds), Following(following, T))
 
 
 @pytest.mark.parametrize("mode", sorted(SENSING))
@@ -86,24 +86,42 @@ def test_an_undisturbed_tick_finds_nothing(observer: Observer, mode: Mode) -> No
 
 
 @pytest.mark.parametrize(
-    ("event", "condition"),
+    ("event", "words"),
     [
-        (HeartbeatLost(3), Condition.HEARTBEAT_LOST),
-        (Emergency(3, 0x8130, 0x11), Condition.EMERGENCY),
-        (Emergency(3, 0x3220, 0x05), Condition.EMERGENCY),
-        (Rebooted(3), Condition.REBOOTED),
-        (Disobedient(3), Condition.DISOBEDIENT),
-        (Unstoppable(3), Condition.UNSTOPPABLE),
-        (NotOperational(3, 127), Condition.DRIVE_DROPPED),
-        (ForeignMaster(0x080), Condition.FOREIGN_MASTER),
-        (BadSetpoint("elbow: nan"), Condition.NOT_FINITE),
-        (ErrorPassive(), Condition.ERROR_PASSIVE),
-        (BusOff(), Condition.BUS_OFF),
-        (AdapterGone("sending failed: no such device"), Condition.ADAPTER_GONE),
+        (HeartbeatLost(3), "heartbeat lost: node 3 (elbow)"),
+        (HeartbeatLost(7), "heartbeat lost: node 7"),
+        (
+            Emergency(1, 0x8130, 0x11),
+            "emergency message: node 1 (shoulder): 0x8130 (heartbeat of the master lost), "
+            "error register 0x11",
+        ),
+        (
+            Emergency(3, 0xA123, 0x05),
+            "emergency message: node 3 (elbow): 0xA123, error register 0x05",
+        ),
+        (Rebooted(3), "drive restarted: node 3 (elbow): its set-up is lost"),
+        (Disobedient(3), "drive does not stop: node 3 (elbow): NMT stop sent"),
+        (
+            Unstoppable(3),
+            "drive cannot be stopped: node 3 (elbow): goes on after an NMT stop, too",
+        ),
+        (
+            NotOperational(3, 127),
+            "drive left operation: node 3 (elbow): no longer operational (NMT state 127)",
+        ),
+        (ForeignMaster(0x080), "another master on the bus: it sends 0x080"),
+        (BadSetpoint("elbow: nan"), "not a finite number: elbow: nan"),
+        (ErrorPassive(), "bus error-passive: cable, termination, bitrate?"),
+        (BusOff(), "bus off"),
+        (
+            AdapterGone("sending failed: no such device"),
+            "adapter gone: sending failed: no such device",
+        ),
     ],
 )
-def test_an_event_of_the_bus(observer: Observer, event: Event, condition: Condition) -> None:
-    assert observe(observer, samples(event)) == [(condition, str(event))]
+def test_an_event_of_the_bus_names_the_joint(observer: Observer, event: Event, words: str) -> None:
+    found = observer.findings(samples(event), Mode.TRACKING)
+    assert [str(finding) for finding in found] == [words]
 
 
 def test_an_emergency_that_is_over_is_none(observer: Observer) -> None:
@@ -111,14 +129,18 @@ def test_an_emergency_that_is_over_is_none(observer: Observer) -> None:
 
 
 @pytest.mark.parametrize(
-    "event", [BusTrouble("sending failed: No buffer space available"), LateAnswer(2)]
+    ("event", "words"),
+    [
+        (BusTrouble("sending failed: No buffer space"), "sending failed: No buffer space"),
+        (LateAnswer(3), "node 3 (elbow): answers later than a whole period"),
+    ],
 )
-def test_a_disturbance_counts_when_it_lasts(observer: Observer, event: Event) -> None:
+def test_a_disturbance_counts_when_it_lasts(observer: Observer, event: Event, words: str) -> None:
     trouble = samples(event)
     for _ in range(2):
-        assert observe(observer, trouble) == [(Condition.BUS_DISTURBED, str(event))]
+        assert observe(observer, trouble) == [(Condition.BUS_DISTURBED, words)]
     for _ in range(2):
-        assert observe(observer, trouble) == [(Condition.BUS_TROUBLE, str(event))]
+        assert observe(observer, trouble) == [(Condition.BUS_TROUBLE, words)]
     assert observe(observer, samples()) == []
     for _ in range(2):  # counted anew
         assert observe(observer, trouble)[0][0] is Condition.BUS_DISTURBED

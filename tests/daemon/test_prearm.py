@@ -104,7 +104,7 @@ def often_late(rig: Rig) -> None:
     ("disturb", "names", "words"),
     [
         (touch, {"residual"}, "joint feels"),
-        (fault, {"mode", "drives", "emergencies"}, "emergency 0x2310"),
+        (fault, {"mode", "drives", "emergencies"}, "emergency of node 1 (joint): 0x2310"),
         (often_late, {"loop"}, "3 ticks were late"),
     ],
 )
@@ -139,7 +139,7 @@ def test_an_emergency_lasts_until_the_drive_takes_it_back(calm: Rig) -> None:
     watched(calm, Emergency(1, 0x4210, 8))
     assert failed(calm) == ["emergencies"]
     text = checks(calm)["emergencies"].text
-    assert text.startswith("node 1: emergency 0x4210")
+    assert text.startswith("emergency of node 1 (joint): 0x4210 (over-temperature")
     assert text.endswith("and not over")
     watched(calm, Emergency(1, 0, 0))
     assert failed(calm) == []

@@ -34,7 +34,6 @@ def test_first_an_nmt_stop_then_silence(target: PowerTarget, period_s: float, af
         (again, Unstoppable(3)),
         (again + after + 1, Unstoppable(3)),
     ]
-    assert all(str(event).startswith("node 3: goes on") for _, event in found)
 
 
 @pytest.mark.parametrize("state", set(DriveState) - {ON})
