@@ -113,6 +113,9 @@ class Observer:
         elif setpoint is not None:
             self._following.tell(setpoint)
         found: list[Finding] = []
+        # First, as the first of equals is the cause: while we stood still, the drives complained.
+        if left_out:
+            found += self._of_time(lateness_s)
         found += self._of_events(samples.events)
         if not all(samples.fresh.tolist()):
             found += self._of_samples(samples)
@@ -120,8 +123,6 @@ class Observer:
             self._incomplete -= 1
         if samples.states != self._enabled:
             found += self._of_drives(samples, mode)
-        if left_out:
-            found += self._of_time(lateness_s)
         if not finite:
             found.append(Finding(Condition.NOT_FINITE, "in the estimate"))
         if residual is not None:

@@ -7,7 +7,7 @@ from daemon.following import TICKS, Following, FollowingBounds
 from daemon.modes import SENSING, Mode
 from daemon.observation import Observer, Patience
 from daemon.plausibility import Bounds, Plausibility
-from daemon.supervisor import Condition, Finding, Reaction
+from daemon.supervisor import Condition, Finding, Reaction, strongest
 from drivers.cia402 import DriveState
 from drivers.events import (
     AdapterGone,
@@ -172,9 +172,9 @@ def test_drives_that_fail_in_turn_are_stale_however_late_the_machine(
     observer: Observer, left_out: int
 ) -> None:
     found = in_turn(observer, 11, left_out=left_out)
-    assert all(these[0][0] is Condition.SAMPLE_MISSING for these in found[:8])
+    assert all(these[-1][0] is Condition.SAMPLE_MISSING for these in found[:8])
     text = "not all drives in most ticks, now without"
-    assert [these[0] for these in found[8:]] == [
+    assert [these[-1] for these in found[8:]] == [
         (Condition.STALE, f"{text} elbow"),
         (Condition.STALE, f"{text} shoulder"),
         (Condition.STALE, f"{text} elbow"),
@@ -202,7 +202,7 @@ def test_a_late_machine_excuses_stale_samples_for_a_while(observer: Observer) ->
 
     def found(age: int, left_out: int = 0) -> tuple[Condition, str]:
         taken = samples(fresh=(True, False), age=(0, age))
-        return observe(observer, taken, left_out=left_out)[0]
+        return observe(observer, taken, left_out=left_out)[-1]
 
     assert found(3, left_out=1) == starved
     assert found(4) == found(5) == starved  # it came late two ticks ago
@@ -253,6 +253,16 @@ def test_a_daemon_that_stood_still_for_longer_than_the_drives_wait(observer: Obs
     assert [str(f) for f in found] == ["the daemon stood still (100 ms late, 20 deadlines missed)"]
     found = observer.findings(samples(), Mode.TRACKING, lateness_s=2.5, left_out=250)
     assert str(found[0]) == "the daemon stood still (2500 ms late, 270 deadlines missed)"
+
+
+def test_a_daemon_that_stood_still_is_the_cause_of_what_waited_for_it(observer: Observer) -> None:
+    waited = samples(
+        Emergency(1, 0x8130, 0x11), fresh=(False, True), age=(9, 0), states=(ON, DriveState.FAULT)
+    )
+    found = observer.findings(waited, Mode.TRACKING, lateness_s=0.4, left_out=40, finite=False)
+    assert {f.reaction for f in found} == {Reaction.QUICK_STOP}
+    assert strongest(found) == Finding(Condition.SUSPENDED)
+    assert len(found) == 5
 
 
 def test_estimates_that_are_not_finite(observer: Observer) -> None:
@@ -353,10 +363,10 @@ def test_everything_at_once_is_listed(observer: Observer) -> None:
         interval_s=T,
     )
     assert [f.condition for f in findings] == [
+        Condition.LATE,
         Condition.HEARTBEAT_LOST,
         Condition.STALE,
         Condition.DRIVE_FAULT,
-        Condition.LATE,
         Condition.NOT_FINITE,
         Condition.RESIDUAL_LIMIT,
     ]
