@@ -17,6 +17,7 @@ from mcap.writer import Writer
 
 from daemon.client import Client
 from daemon.messages import Snapshot, State
+from daemon.new_file import refuse_unless_new
 from errors import LogError, UnreachableError
 
 KINDS: dict[str, type[Snapshot] | type[State]] = {"/snapshot": Snapshot, "/state": State}
@@ -67,8 +68,7 @@ def record(
     file is finished properly. Raises LogError if `path` exists or cannot be written, ControlError
     if there is no daemon to begin with.
     """
-    if path.exists():
-        raise LogError(f"{path} exists: a recording is never overwritten")
+    refuse_unless_new(path)
     client = connect()
     try:
         snapshot, _ = client.subscribe()

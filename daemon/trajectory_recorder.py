@@ -12,6 +12,7 @@ from pathlib import Path
 
 from daemon.client import Client
 from daemon.messages import State
+from daemon.new_file import refuse_unless_new
 from daemon.trajectory_file import MAX_ROWS, TIME
 from errors import LogError, UnreachableError
 
@@ -45,8 +46,7 @@ def record_trajectory(
     Raises LogError if `path` exists or cannot be written, ControlError if there is no daemon to
     begin with.
     """
-    if path.exists():
-        raise LogError(f"{path} exists: a recording is never overwritten")
+    refuse_unless_new(path)
     ended, samples, first_s, last_s = "", 0, 0.0, 0.0
     with connect() as client:
         snapshot, states = client.subscribe()

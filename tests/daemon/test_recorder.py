@@ -16,6 +16,7 @@ from mcap.writer import Writer
 from daemon.client import Client
 from daemon.messages import Contact, Event, Snapshot, State
 from daemon.recorder import CHUNK_BYTES, read_log, record, viewer_schema
+from daemon.trajectory_recorder import record_trajectory
 from errors import ControlError, LogError, UnreachableError
 
 MakeState = Callable[..., State]
@@ -133,6 +134,20 @@ def test_never_overwrites(connect: Callable[[], Client], tmp_path: Path) -> None
     assert path.read_text() == "precious"
 
 
+@pytest.mark.parametrize("make", [record, record_trajectory])
+def test_a_folder_that_nobody_may_look_into(make: Callable[..., Any]) -> None:
+    class Closed(type(Path())):  # type: ignore[misc]
+        def lstat(self) -> Any:  # as it is for users other than root
+            raise PermissionError(13, "Permission denied", str(self))
+
+    def connect() -> Client:
+        raise AssertionError("refused before")
+
+    with pytest.raises(LogError) as caught:
+        make(connect, Closed("/closed/made"))
+    assert str(caught.value) == "cannot write /closed/made: Permission denied"
+
+
 def test_no_daemon_makes_no_file(tmp_path: Path) -> None:
     with pytest.raises(UnreachableError):
         record(lambda: Client(tmp_path / "nothing"), tmp_path / "made.mcap")
@@ -156,8 +171,8 @@ def test_impossible_path(connect: Callable[[], Client], path: str) -> None:
 
 def test_disk_full(connect: Callable[[], Client]) -> None:
     class Full(type(Path())):  # type: ignore[misc]
-        def exists(self) -> bool:
-            return False
+        def lstat(self) -> Any:
+            raise FileNotFoundError
 
         def open(self, mode: str) -> Any:
             assert mode == "xb"
