@@ -16,6 +16,7 @@ from daemon.commands.ranges import Range
 from daemon.commands.session_options import Group, Options, json_option, socket_option
 from daemon.commands.streams import record_csv, record_states, show_live, stream_json
 from daemon.lease import LONGEST_S, PERSON_S
+from daemon.new_file import refuse_suffix
 from errors import TrajectoryError, UnreachableError
 
 
@@ -230,6 +231,7 @@ def record(options: Options, file: Path, seconds: float | None) -> None:
     FILE.mcap: every state, for Foxglove, PlotJuggler and `contactd replay`. FILE.csv: where the
     joints go, as a trajectory that `contactctl start` runs.
     """
+    refuse_suffix(file, (".mcap", ".csv"))
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: signals.append(received))

@@ -58,6 +58,23 @@ def test_record(run: Run, tmp_path: Path) -> None:
     assert "never overwritten" in again.stderr
 
 
+@pytest.mark.parametrize("name", ["lead.cvs", "lead.txt", "lead", ".csv", "lead.mcap.gz"])
+def test_record_takes_no_other_suffix(
+    run: Run, fake_daemon: Any, tmp_path: Path, name: str
+) -> None:
+    result = run("record", str(tmp_path / name), "--seconds", "0.1")
+    assert result.exit_code == 65
+    assert result.stderr == f"contactctl: {tmp_path / name}: must end in .mcap or .csv\n"
+    assert not list(tmp_path.glob("*lead*"))
+    assert not fake_daemon.seen
+
+
+@pytest.mark.usefixtures("keep_signals")
+def test_record_takes_a_suffix_in_any_case(run: Run, tmp_path: Path) -> None:
+    assert run("record", str(tmp_path / "A.CSV"), "--seconds", "0.1").exit_code == 0
+    assert (tmp_path / "A.CSV").read_text().startswith("time_s,")
+
+
 @pytest.mark.usefixtures("keep_signals")
 def test_record_says_what_the_daemon_did(
     run: Run, fake_daemon: Any, tmp_path: Path, make_state: Callable[..., State]
