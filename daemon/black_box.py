@@ -6,6 +6,7 @@ its end is the daemon's death, however it came. Either way the helper writes the
 python-can in the state directory. An orderly end says so, and leaves nothing.
 """
 
+import contextlib
 import fcntl
 import logging
 import math
@@ -22,6 +23,7 @@ from typing import IO, Final
 import can
 
 from daemon.journal import log_to_stderr
+from daemon.new_file import refuse_suffix, refuse_unless_new
 from drivers.frame_ring import KEPT_S, FrameRing, Recorded, read_frames
 from drivers.wire import ERROR, EXTENDED, REMOTE
 from errors import LogError
@@ -29,6 +31,8 @@ from errors import LogError
 # After a fault the helper waits so long for what the drives do about it.
 AFTERMATH_S: Final = 2.0
 LOGS_KEPT: Final = 20
+# Of the many that python-can writes, those that others read.
+FORMATS: Final = (".blf", ".log", ".asc")
 # Emergencies and whatever else is on the bus take room, too.
 MARGIN: Final = 1.2
 _PATIENCE_S: Final = 10.0
@@ -166,8 +170,10 @@ def new_log(directory: Path) -> Path:
 def write_log(frames: list[Recorded], target: Path) -> Path:
     """Write frames by python-can's own writers, the format by the suffix of `target`.
 
-    Nothing half-written gets that name. Raises LogError.
+    Nothing half-written gets that name, and no file is overwritten. Raises LogError.
     """
+    refuse_suffix(target, FORMATS)
+    refuse_unless_new(target)
     partial = target.with_name(f".{target.name}.partial{target.suffix}")
     try:
         with can.Logger(str(partial)) as log:
@@ -175,8 +181,11 @@ def write_log(frames: list[Recorded], target: Path) -> Path:
                 log(_message(frame))
         partial.rename(target)
     except (OSError, ValueError) as error:
-        partial.unlink(missing_ok=True)
-        raise LogError(f"{target}: {error}") from error
+        with contextlib.suppress(OSError):
+            partial.unlink()
+        # `error` itself may name the partial file, which is nobody's business.
+        why = getattr(error, "strerror", None) or error
+        raise LogError(f"cannot write {target}: {why}") from error
     return target
 
 

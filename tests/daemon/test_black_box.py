@@ -50,7 +50,7 @@ def ids(log: Path) -> list[int]:
         return [frame.arbitration_id for frame in frames]
 
 
-@pytest.mark.parametrize("suffix", [".blf", ".log"])
+@pytest.mark.parametrize("suffix", [".blf", ".log", ".LOG"])
 def test_a_log_of_python_can(tmp_path, suffix):
     target = write_log(FRAMES, tmp_path / f"x{suffix}")
     with can.LogReader(str(target)) as log:
@@ -72,9 +72,40 @@ def test_error_frames_keep_their_class(tmp_path):
     assert message.arbitration_id == 0x40
 
 
-def test_an_unknown_format_is_refused_and_leaves_nothing(tmp_path):
-    with pytest.raises(LogError, match=r"x\.exe"):
-        write_log(FRAMES, tmp_path / "x.exe")
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("x.exe", "{}: must end in .blf, .log or .asc"),
+        ("x.txt", "{}: must end in .blf, .log or .asc"),
+        ("x.log.gz", "{}: must end in .blf, .log or .asc"),
+        ("folder", "{}: must end in .blf, .log or .asc"),
+        ("folder/there.log", "{} exists: a recording is never overwritten"),
+        ("folder/there.blf", "{} exists: a recording is never overwritten"),
+        ("nowhere/x.blf", "cannot write {}: No such file or directory"),
+        ("folder/there.log/x.blf", "cannot write {}: Not a directory"),
+        (f"{250 * 'x'}.blf", "cannot write {}: File name too long"),
+    ],
+)
+def test_where_a_log_cannot_go_nothing_changes(tmp_path, name, words):
+    folder = tmp_path / "folder"
+    (folder / "there.blf").mkdir(parents=True)
+    (folder / "there.log").write_text("evidence")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(LogError) as caught:
+        write_log(FRAMES, tmp_path / name)
+    assert str(caught.value) == words.format(tmp_path / name)
+    assert sorted(tmp_path.rglob("*")) == before
+    assert (folder / "there.log").read_text() == "evidence"
+
+
+def test_a_full_disk_leaves_nothing(tmp_path, monkeypatch):
+    def full(_: str) -> None:
+        (tmp_path / ".x.blf.partial.blf").touch()
+        raise OSError(28, "No space left on device", ".x.blf.partial.blf")
+
+    monkeypatch.setattr(can, "Logger", full)
+    with pytest.raises(LogError, match=r"cannot write .*/x\.blf: No space left on device$"):
+        write_log(FRAMES, tmp_path / "x.blf")
     assert not list(tmp_path.iterdir())
 
 
