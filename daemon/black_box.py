@@ -22,6 +22,7 @@ from typing import IO, Final
 
 import can
 
+from daemon.control_path import open_to_group
 from daemon.journal import log_to_stderr
 from daemon.new_file import refuse_suffix, refuse_unless_new
 from drivers.frame_ring import KEPT_S, FrameRing, Recorded, read_frames
@@ -69,6 +70,7 @@ class BlackBox:
             save_left_over(path, directory, patience_s=0.0)
             directory.mkdir(parents=True, exist_ok=True)
             self.ring = FrameRing(path, math.ceil(KEPT_S * MARGIN * rate_hz), time.monotonic)
+            open_to_group(path, 0o640)
             self._helper = _start_helper(path, directory)
         except (OSError, LogError) as error:
             _log.warning("no black box: %s", error)

@@ -13,7 +13,7 @@ from typing import Self, TypeVar
 import msgspec
 
 from daemon.control import MAX_REQUEST_BYTES
-from daemon.control_path import GROUP, default_socket_path
+from daemon.control_path import default_socket_path, how_to_be_let_in
 from daemon.lease import LONGEST_S
 from daemon.messages import Command, Header, Reply, Request, Snapshot, State, printable
 from daemon.trajectory_file import PLAUSIBLE, refuse_shapes, rows_of, slopes
@@ -247,11 +247,7 @@ def _why_unreachable(path: Path, error: OSError) -> str:
         case FileNotFoundError() | ConnectionRefusedError():
             return f"no contactd serves {path}: is it running? (systemctl status contactd)"
         case PermissionError():
-            try:
-                group = path.group()
-            except (KeyError, OSError):
-                group = GROUP
-            return f"you may not use {path}: join the group {group} (usermod -aG {group} YOU)"
+            return how_to_be_let_in(path)
         case TimeoutError():
             return f"the daemon at {path} is busy: it accepts no connections"
         case _:

@@ -49,7 +49,9 @@ def listen(path: Path) -> socket.socket:
         # Linux takes the file's mode from the socket: nobody gets in before the group is set.
         os.fchmod(listener.fileno(), 0o600)
         listener.bind(str(hidden))
-        _open_to_group(hidden)
+        if why := open_to_group(hidden, 0o660):
+            owner = hidden.stat().st_gid
+            _log.warning("group %s %s: the control socket is open to group %d", GROUP, why, owner)
         listener.listen(LISTEN_BACKLOG)
         hidden.rename(path)
     except OSError as error:
@@ -81,7 +83,27 @@ def _refuse_unless_stale(path: Path) -> None:
         raise ControlError(f"another contactd (pid {peer_of(probe).pid}) serves {path}")
 
 
-def _open_to_group(path: Path) -> None:
+def how_to_be_let_in(path: Path) -> str:
+    """For somebody who may not use the control socket, or what lies beside it."""
+    try:
+        group = path.group()
+    except KeyError:  # without a name
+        group = str(path.stat().st_gid)
+    except OSError:
+        return f"you may not use {path}: its folder is closed to you"
+    if group == GROUP:
+        join = f"sudo usermod -aG {GROUP} YOU; it counts from your next login"
+        return f"you may not use {path}: join the group {GROUP} ({join})"
+    # Whoever joined that one, root's for instance, would get far more than an arm.
+    return (
+        f"you may not use {path}: it belongs to the group {group}. Create the group {GROUP}, add "
+        "yourself, and start the daemon again (docs/installing.md)"
+    )
+
+
+def open_to_group(path: Path, mode: int) -> str:
+    """Let the group in with `mode`; returns why that is another group than it should be, if so."""
+    why = ""
     try:
         group = grp.getgrnam(GROUP).gr_gid
         # As a service the daemon makes it so from the beginning, and may change no owners.
@@ -89,6 +111,5 @@ def _open_to_group(path: Path) -> None:
             os.chown(path, -1, group)
     except (KeyError, PermissionError) as error:
         why = "does not exist" if isinstance(error, KeyError) else "is not one of the daemon's"
-        owner = path.stat().st_gid
-        _log.warning("group %s %s: the control socket is open to group %d", GROUP, why, owner)
-    path.chmod(0o660)
+    path.chmod(mode)
+    return why

@@ -12,6 +12,7 @@ from pathlib import Path
 import click
 
 from daemon.commands.answers import answer, carry_out, print_json, status_of
+from daemon.commands.paths import PATH
 from daemon.commands.ranges import Range
 from daemon.commands.session_options import Group, Options, json_option, socket_option
 from daemon.commands.streams import record_csv, record_states, show_live, stream_json
@@ -73,7 +74,7 @@ def arm(options: Options, lease_s: float) -> None:
 
 
 @main.command()
-@click.argument("file", required=False, type=click.Path(path_type=Path), metavar="[FILE.csv]")
+@click.argument("file", required=False, type=PATH, metavar="[FILE.csv]")
 @click.option(
     "--from-here",
     is_flag=True,
@@ -217,7 +218,7 @@ def watch(options: Options) -> None:
 
 
 @main.command()
-@click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
+@click.argument("file", type=PATH, metavar="FILE")
 @click.option(
     "--seconds",
     type=Range(min=0, min_open=True),

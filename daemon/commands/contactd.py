@@ -8,13 +8,14 @@ from typing import Any
 
 import click
 
+from daemon.commands.paths import PATH
 from daemon.commands.ranges import Range
 from errors import ContactdError
 
-CONFIG = click.argument("config", type=click.Path(path_type=Path))
+CONFIG = click.argument("config", type=PATH)
 SOCKET = click.option(
     "--socket",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="PATH",
     help="Control socket, where it is not the usual one.",
 )
@@ -55,8 +56,8 @@ def main() -> None:
     CONFIG is a robot's config.yaml, or the folder that holds it.
 
     The program is no certified safety function: an arm needs a hardware emergency stop within
-    reach. Exit status: 0 done, 1 failed, 2 usage, 65 damaged recording, 69 bus or daemon not
-    there, 70 error in the program, 78 wrong configuration.
+    reach. Exit status: 0 done, 1 failed, 2 usage, 65 a file is bad or cannot be written, 69 bus or
+    daemon not there, 70 error in the program, 78 wrong configuration.
     """
 
 
@@ -97,7 +98,7 @@ def check(config: Path) -> None:
 )
 @click.option(
     "--hand",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help="Script of a person's hand (YAML), played from the arm's first motion on.",
 )
@@ -140,7 +141,7 @@ def demo(as_json: bool, seconds: float) -> None:
 
 
 @main.command()
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON.")
 def replay(file: Path, as_json: bool) -> None:
     """Run the estimator over a recording again and say whether its output is bit-identical."""
@@ -153,7 +154,7 @@ def replay(file: Path, as_json: bool) -> None:
 @SOCKET
 @click.option(
     "--output",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help="Log to write: .blf, .log (candump), .asc; by default a new one in the state directory.",
 )
@@ -187,9 +188,9 @@ def identify() -> None:
 def _identification(step: Any) -> Any:
     """Options that all steps share."""
     options = [
-        click.option("--config", type=click.Path(path_type=Path),
+        click.option("--config", type=PATH,
                      help="Robot's folder; by default that of the running daemon."),
-        click.option("--log", "logs", type=click.Path(path_type=Path), multiple=True,
+        click.option("--log", "logs", type=PATH, multiple=True,
                      metavar="FILE",
                      help="Learn from a recording (.mcap, may be repeated) or a .csv, "
                      "instead of moving the arm."),

@@ -5,14 +5,16 @@ from pathlib import Path
 import click
 
 from daemon.black_box import default_directory, new_log, ring_path, save_left_over, write_log
-from daemon.control_path import default_socket_path
+from daemon.control_path import default_socket_path, how_to_be_let_in
 from drivers.frame_ring import read_frames
-from errors import LogError
+from errors import LogError, UnreachableError
 
 
 def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -> None:
-    """Write a log and say where it is. Raises LogError."""
+    """Write a log and say where it is. Raises LogError, UnreachableError for those who may not."""
     path, directory = ring_path(socket or default_socket_path()), default_directory()
+    if not _open_to_us(path):
+        raise UnreachableError(how_to_be_let_in(path))
     if left_over:
         saved = save_left_over(path, directory)
         click.echo(f"saved: {saved}" if saved else "nothing is left over")
@@ -23,3 +25,14 @@ def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -
     target = write_log(frames, output or new_log(directory))
     seconds = frames[-1].time_s - frames[0].time_s if frames else 0.0
     click.echo(f"{len(frames)} frames, {seconds:.1f} s: {target}")
+
+
+def _open_to_us(path: Path) -> bool:
+    """Also where there is nothing."""
+    try:
+        path.open("rb").close()
+    except PermissionError:
+        return False
+    except OSError:
+        pass
+    return True

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from daemon.commands.paths import PATH
 from errors import ContactdError
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def socket_option(callback: Any = None) -> click.Option:
     """--socket."""
     return click.Option(
         ["--socket"],
-        type=click.Path(path_type=Path),
+        type=PATH,
         metavar="PATH",
         help="The daemon's control socket, where it is not the usual one.",
         callback=callback,

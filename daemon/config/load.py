@@ -1,6 +1,7 @@
 """From files to a checked `Configuration`; every refusal names file, line, path and what is
 allowed."""
 
+import os
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -53,7 +54,7 @@ def load_robot(path: Path) -> Robot:
 
     Raises ConfigurationError; types stop at the first error, cross-checks list all.
     """
-    if path.is_dir():
+    if os.path.isdir(path):  # False, too, where nobody may look
         path = path / "config.yaml"
     source = read_yaml(path)
     configuration = convert(source, Configuration)

@@ -1,6 +1,7 @@
 """Frames of the last minute, in a log after a fault or a death, and none after an orderly end."""
 
 import fcntl
+import grp
 import os
 import signal
 import subprocess
@@ -13,7 +14,7 @@ import can
 import pytest
 from click.testing import CliRunner
 
-from daemon import black_box
+from daemon import black_box, control_path
 from daemon.black_box import BlackBox, follow, ring_path, save, save_left_over, write_log
 from daemon.commands.contactd import main
 from drivers.frame_ring import FrameRing, Recorded
@@ -223,6 +224,30 @@ def test_kill_9_with_the_real_helper(path, logs):
         time.sleep(0.05)
     (log,) = logs.glob("*.blf")
     assert ids(log) == [0x200 + k for k in range(300)]
+
+
+def test_the_ring_is_open_to_the_group_of_the_socket(path, logs, monkeypatch):
+    if os.getuid() != 0:
+        pytest.skip("only root may give a file to any group")
+    other = next(g for g in grp.getgrall() if g.gr_gid != os.getgid())
+    monkeypatch.setattr(control_path, "GROUP", other.gr_name)
+    with BlackBox(path, logs, 10.0):
+        assert path.stat().st_gid == other.gr_gid
+        assert path.stat().st_mode & 0o777 == 0o640
+
+
+@pytest.mark.parametrize("more", [[], ["--left-over"]])
+def test_who_may_not_read_the_ring_is_told_how_to_be_let_in(tmp_path, monkeypatch, more):
+    def denied(self, *_):
+        raise PermissionError(13, "Permission denied", str(self))
+
+    ring = ring_path(tmp_path / "control")
+    filled(ring)
+    monkeypatch.setattr(Path, "open", denied)
+    monkeypatch.setattr(Path, "group", lambda _: "contact")
+    result = CliRunner().invoke(main, ["black-box", "--socket", str(tmp_path / "control"), *more])
+    assert result.exit_code == 69
+    assert result.stderr.startswith(f"contactd: you may not use {ring}: join the group contact")
 
 
 def test_by_hand(tmp_path, monkeypatch):

@@ -84,16 +84,33 @@ def test_dead_daemon(tmp_path: Path) -> None:
         Client(tmp_path / "control")
 
 
-def test_permission_denied_names_the_group(
-    fake_daemon: Any, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("group", "words"),
+    [
+        ("contact", "join the group contact (sudo usermod -aG contact YOU; it counts from your"),
+        ("root", "it belongs to the group root. Create the group contact, add yourself, and start"),
+        (KeyError(), "it belongs to the group {}. Create the group contact, add yourself, and"),
+        (PermissionError(), "its folder is closed to you"),
+    ],
+)
+def test_who_may_not_use_the_socket_is_told_how_to_be_let_in(
+    fake_daemon: Any, monkeypatch: pytest.MonkeyPatch, group: str | Exception, words: str
 ) -> None:
     def denied(self: socket.socket, address: str) -> None:
         raise PermissionError(13, "Permission denied")
 
+    def group_of(self: Path) -> str:
+        if isinstance(group, Exception):
+            raise group
+        return group
+
     monkeypatch.setattr(client_module.socket.socket, "connect", denied)
-    group = fake_daemon.path.group()
-    with pytest.raises(UnreachableError, match=f"join the group {group}"):
+    monkeypatch.setattr(Path, "group", group_of)
+    with pytest.raises(UnreachableError) as caught:
         Client(fake_daemon.path)
+    words = words.format(fake_daemon.path.stat().st_gid)
+    assert str(caught.value).startswith(f"you may not use {fake_daemon.path}: {words}")
+    assert "usermod -aG root" not in str(caught.value)
 
 
 def test_daemon_that_never_answers(listener: socket.socket) -> None:

@@ -132,6 +132,11 @@ def test_what_is_no_configuration_at_all(text: str, words: str, tmp_path: Path) 
     assert words in message
 
 
+def test_a_folder_that_nobody_can_look_into() -> None:
+    path = Path("x" * 300)
+    assert refusal(path) == f"{path}: cannot be read: File name too long"
+
+
 def test_text_that_is_not_utf_8(tmp_path: Path) -> None:
     path = edited(tmp_path)
     path.write_bytes(b"name: Rom\xe9o\n")

@@ -5,14 +5,15 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 
-from daemon.commands import contactctl
+from daemon.commands import contactctl, contactd
 from daemon.messages import COMMANDS
 
 ROOT = Path(contactctl.__file__).parents[2]
@@ -139,6 +140,20 @@ def test_no_daemon(tmp_path: Path) -> None:
         assert result.exit_code == 69
         assert result.stderr.startswith("contactctl: no contactd serves ")
         assert result.stderr.count("\n") == 1
+
+
+def path_options(group: click.Group) -> Iterator[click.Parameter]:
+    for command in group.commands.values():
+        yield from (one for one in command.params if isinstance(one.type, click.Path))
+        if isinstance(command, click.Group):
+            yield from path_options(command)
+
+
+def test_whoever_opens_a_file_says_that_it_may_not_be_read() -> None:
+    """Not click, whose exit status is that of a wrong command line."""
+    found = [one for main in (contactd.main, contactctl.main) for one in path_options(main)]
+    assert {one.name for one in found} >= {"config", "socket", "file", "output", "hand", "logs"}
+    assert [one.name for one in found if one.type.readable] == []
 
 
 @pytest.mark.parametrize(
