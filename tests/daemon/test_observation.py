@@ -193,7 +193,8 @@ def test_every_complete_tick_makes_up_for_one_that_is_not(observer: Observer) ->
 
 def test_after_a_reset_incomplete_ticks_count_anew(observer: Observer) -> None:
     in_turn(observer, 9, Mode.FAULTED)
-    assert in_turn(observer, 1)[0][0][0] is Condition.SAMPLE_MISSING
+    found = [these[0][0] for these in in_turn(observer, 9)]
+    assert found == [Condition.SAMPLE_MISSING] * 8 + [Condition.STALE]
 
 
 def test_a_late_machine_excuses_stale_samples_for_a_while(observer: Observer) -> None:
