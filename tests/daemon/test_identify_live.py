@@ -1,11 +1,9 @@
 """`contactd identify` on a live arm, in lockstep: stopped, touched, and left by a drive."""
 
-import ctypes
 import itertools
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,42 +11,30 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 
 from bench.afternoon import Arm
 from bench.house import House
 from bench.lockstep import ROMEO, SINGLE_JOINT
+from bench.typed import MOTION_S, Typed, identify, stopped, wired_joint
 from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot
 from daemon.identify.live import followed
 from daemon.identify.live_source import Hand
 from daemon.identify.logs import read_measured
-from daemon.identify.steps import merged
 from daemon.messages import State
 from daemon.modes import Mode
 from errors import LogError
 from estimator.identification.log import MotionLog
 
-MOTION_S = 3.0
 APPROACH_S = 0.9
 """Of the single joint, from where it hangs to where its excitation begins."""
 
 
 @pytest.fixture
 def arm(tmp_path: Path) -> Arm:
-    """The single joint, on a bus as of a robot, its wiring checked; its true gap is of 20 mrad."""
-
-    def gap(written) -> None:
-        written["joints"][0]["half_gap"] = 0.02
-
-    arm = Arm(tmp_path, SINGLE_JOINT, change=gap, really=gap)
-    robot = load_robot(arm.folder)
-    wired = file.Wiring(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0)
-    file.write_identified(
-        arm.folder / "identified.yaml", merged(robot, "wiring", {"joint": wired}, {"joint": 1})
-    )
-    return arm
+    return wired_joint(tmp_path)
 
 
 @pytest.fixture
@@ -58,52 +44,9 @@ def house(arm: Arm) -> Iterator[House]:
         yield house
 
 
-class Typed:
-    """A command at the terminal, while time passes."""
-
-    def __init__(self, house: House, *words: str) -> None:
-        self.house = house
-        self._results: list[Result] = []
-        command = ["identify", *words, "--socket", str(house.path)]
-
-        def work() -> None:
-            self._results.append(CliRunner().invoke(contactd.main, command))
-
-        self._thread = threading.Thread(target=work)
-        self._thread.start()
-        self.ticks_in_motion = 0
-
-    def tick(self) -> None:
-        self.house.tick()
-        self.ticks_in_motion += self.house.rig.mode is Mode.TRACKING
-        self._thread.join(0.0 if self.house.service.control.readers else 0.005)
-
-    def moves(self, seconds: float = MOTION_S) -> None:
-        """Until the step's motion has lasted so long."""
-        while self._thread.is_alive() and self.ticks_in_motion < 100 * seconds:
-            self.tick()
-
-    def ctrl_c(self) -> None:
-        number = ctypes.c_ulong(self._thread.ident or 0)
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(KeyboardInterrupt))
-
-    def ends(self) -> tuple[int, str]:
-        """Exit status and what was said, in one line."""
-        while self._thread.is_alive():
-            self.tick()
-        return self._results[0].exit_code, " ".join(self._results[0].output.split())
-
-
 def recorded(part: Path) -> MotionLog:
     """What is in it."""
     return read_measured([part], load_robot(SINGLE_JOINT).configuration).log
-
-
-def stopped(house: House, *words: str, after_s: float = MOTION_S) -> tuple[int, str]:
-    typed = Typed(house, *words)
-    typed.moves(after_s)
-    typed.ctrl_c()
-    return typed.ends()
 
 
 @pytest.mark.parametrize(
@@ -247,11 +190,8 @@ def test_samples_of_another_wiring_are_refused(arm: Arm, house: House) -> None:
 def test_thresholds_are_those_of_the_values_in_force(arm: Arm, house: House) -> None:
     stopped(house, "thresholds")
     (part,) = (arm.folder / "identify").glob("*.mcap")
-    robot = load_robot(arm.folder)
     gap = file.Gap(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
-    file.write_identified(
-        arm.folder / "identified.yaml", merged(robot, "gap", {"joint": gap}, {"joint": 1})
-    )
+    identify(arm.folder, "gap", gap)
     refused(arm, house, part, "thresholds", live="residuals are those of others: start it again",
             log="has residuals of other values of the joints")  # fmt: skip
 

@@ -1,0 +1,83 @@
+"""`contactd identify` typed at a terminal while time passes in lockstep, and stopped there."""
+
+import ctypes
+import threading
+from pathlib import Path
+
+from click.testing import CliRunner, Result
+
+from bench.afternoon import Arm, Written
+from bench.house import House
+from bench.lockstep import SINGLE_JOINT
+from daemon.commands import contactd
+from daemon.config import identified as file
+from daemon.config.load import load_robot
+from daemon.identify.steps import merged
+from daemon.modes import Mode
+
+MOTION_S = 3.0
+"""In which a step measures something."""
+
+
+def wired_joint(folder: Path) -> Arm:
+    """The single joint, on a bus as of a robot, its wiring checked; its true gap is of 20 mrad."""
+
+    def gap(written: Written) -> None:
+        written["joints"][0]["half_gap"] = 0.02
+
+    arm = Arm(folder, SINGLE_JOINT, change=gap, really=gap)
+    wired = file.Wiring(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0)
+    identify(arm.folder, "wiring", wired)
+    return arm
+
+
+def identify(folder: Path, step: str, entry: file.Entry) -> None:
+    """As if the step had found `entry` of the single joint."""
+    found = merged(load_robot(folder), step, {"joint": entry}, {"joint": 1})
+    file.write_identified(folder / "identified.yaml", found)
+
+
+class Typed:
+    """A command at the terminal, while time passes."""
+
+    def __init__(self, house: House, *words: str) -> None:
+        self.house = house
+        self._results: list[Result] = []
+        command = ["identify", *words, "--socket", str(house.path)]
+
+        def work() -> None:
+            self._results.append(CliRunner().invoke(contactd.main, command))
+
+        self._thread = threading.Thread(target=work)
+        self._thread.start()
+        self.ticks_in_motion = 0
+
+    def tick(self) -> None:
+        """The daemon's, and the command's where it waits for none."""
+        self.house.tick()
+        self.ticks_in_motion += self.house.rig.mode is Mode.TRACKING
+        self._thread.join(0.0 if self.house.service.control.readers else 0.005)
+
+    def moves(self, seconds: float = MOTION_S) -> None:
+        """Until the step's motion has lasted so long."""
+        while self._thread.is_alive() and self.ticks_in_motion < 100 * seconds:
+            self.tick()
+
+    def ctrl_c(self) -> None:
+        """As a person would."""
+        number = ctypes.c_ulong(self._thread.ident or 0)
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(KeyboardInterrupt))
+
+    def ends(self) -> tuple[int, str]:
+        """Exit status and what was said, in one line."""
+        while self._thread.is_alive():
+            self.tick()
+        return self._results[0].exit_code, " ".join(self._results[0].output.split())
+
+
+def stopped(house: House, *words: str, after_s: float = MOTION_S) -> tuple[int, str]:
+    """By Ctrl-C."""
+    typed = Typed(house, *words)
+    typed.moves(after_s)
+    typed.ctrl_c()
+    return typed.ends()
