@@ -204,7 +204,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """What `contactctl status` shows."""
 
     name: str
-    configuration: str  # path
+    configuration: str  # absolute path
     pid: int
     uptime_s: float
     mode: str

@@ -83,10 +83,12 @@ class Service:
     ending: bool = False  # the arm is being brought to rest for good
     dock: LoadingDock = field(init=False)
     permission: Permission = field(init=False)
+    place: str = field(init=False)  # of config.yaml; the file system is asked only once
     _limit: LogLimit = field(default_factory=LogLimit)
 
     def __post_init__(self) -> None:
         c = self.robot.configuration
+        self.place = str(self.robot.place())
         self.dock = LoadingDock(c.joint_names, limits_of(c), c.trajectory.ramp_s)
         cycle = self.loop.cycle
         self.permission = Permission(cycle.controller, cycle.checks)
@@ -195,6 +197,7 @@ class Service:
         return status_of(
             self.robot,
             self.loop,
+            place=self.place,
             pid=self.pid,
             permit=self.permission.permit(self.loop.time_s),
             realtime=self.realtime,

@@ -16,6 +16,7 @@ def status_of(
     robot: Robot,
     loop: Loop,
     *,
+    place: str,
     pid: int,
     permit: Permit | None,
     realtime: list[Grant],
@@ -23,14 +24,15 @@ def status_of(
     identities: Sequence[object],
     serials: list[int | None],
 ) -> Status:
-    """Everything that a person asks for; `identities` and `serials` are the drives'."""
+    """Everything that a person asks for; `place` is that of config.yaml, whoever asks from where;
+    `identities` and `serials` are the drives'."""
     c, cycle = robot.configuration, loop.cycle
     samples, estimate = cycle.samples, cycle.estimate
     zeros = [0.0] * len(c.joints)
     machine = cycle.controller.machine
     return Status(
         name=c.name,
-        configuration=str(robot.path),
+        configuration=place,
         pid=pid,
         uptime_s=loop.time_s,
         mode=machine.mode.value,

@@ -200,13 +200,21 @@ def identification(
     session = open_session(socket, console)
     with ExitStack() as refused:
         refused.callback(session.client.close)
-        robot = load_robot(Path(session.status().configuration))
+        robot = load_robot(from_here(Path(session.status().configuration)))
         if config is not None and load_robot(config).path.resolve() != robot.path.resolve():
             raise ConfigurationError(f"the running daemon is that of {robot.path}, not of {config}")
         session.folder = robot.folder / "identify"
         arm = LiveArm(robot, session, console)
         refused.pop_all()
     return Identification(robot, arm, console, dry=dry)
+
+
+def from_here(path: Path) -> Path:
+    """An absolute path as short as a person would type it in this folder; whole in the root's,
+    where it would only look like another."""
+    here = Path.cwd()
+    inside = path.is_relative_to(here) and here != Path(here.root)
+    return path.relative_to(here) if inside else path
 
 
 def terminal() -> Console:

@@ -41,6 +41,11 @@ class Robot:
         """What relative paths in the configuration start from."""
         return self.path.parent
 
+    def place(self) -> Path:
+        """`path` for those who run in another folder; asks the file system. A link that stands for
+        config.yaml itself is kept: what the file refers to lies beside the link."""
+        return self.folder.resolve() / self.path.name
+
     def with_port(self, port: int | None) -> "Robot":
         """The same robot on another TCP port, if one is given."""
         if port is None:

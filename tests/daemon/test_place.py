@@ -1,0 +1,74 @@
+"""Where the daemon's configuration is, for those who ask from another folder than its own."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from bench.afternoon import Arm
+from bench.house import open_house
+from bench.lockstep import SINGLE_JOINT
+from bench.typed import wired_joint
+from daemon.client import Client
+from daemon.commands.identify import from_here
+from daemon.config.load import load_robot
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Arm:
+    return wired_joint(tmp_path)
+
+
+def test_status_names_the_whole_path(
+    arm: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with open_house(tmp_path, Path("my_arm")) as house:
+        monkeypatch.chdir("/")
+        with Client(house.path) as client:
+            status = house.ask(client, "status").status
+    assert status is not None
+    assert status.configuration == str(arm.folder.resolve() / "config.yaml")
+
+
+def test_a_linked_configuration_stays_beside_what_it_refers_to(arm: Arm, tmp_path: Path) -> None:
+    """The folder may be a link, too."""
+    written = (arm.folder / "config.yaml").rename(tmp_path / "written.yaml")
+    (arm.folder / "config.yaml").symlink_to(written)
+    (tmp_path / "link").symlink_to(arm.folder)
+    assert load_robot(tmp_path / "link").place() == arm.folder.resolve() / "config.yaml"
+
+
+def test_identify_writes_to_the_daemons_folder_from_wherever_it_is_typed(
+    arm: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where another arm has the same path from there."""
+    (elsewhere := tmp_path / "elsewhere").mkdir()
+    other = shutil.copytree(SINGLE_JOINT, elsewhere / "my_arm")
+    before = (other / "identified.yaml").read_bytes()
+    (arm.folder / "identified.yaml").unlink()
+    monkeypatch.chdir(tmp_path)
+    with open_house(tmp_path, Path("my_arm"), truth=arm.truth) as house:
+        house.rig.enable()
+        monkeypatch.chdir(elsewhere)
+        result = house.contactd("identify", "wiring")
+    assert result.exit_code == 0, result.output
+    written = arm.folder.resolve() / "identified.yaml"
+    assert f"written to {written}: joint" in result.output
+    assert written.exists()
+    assert (other / "identified.yaml").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("here", "shown"),
+    [("arms", "left/config.yaml"), ("arms/left", "config.yaml"), ("other", ""), ("/", "")],
+)
+def test_a_path_is_shown_as_it_would_be_typed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, here: str, shown: str
+) -> None:
+    """From elsewhere it is whole, and in the root's folder, too."""
+    for name in ("arms/left", "other"):
+        (tmp_path / name).mkdir(parents=True)
+    path = tmp_path.resolve() / "arms/left/config.yaml"
+    monkeypatch.chdir(tmp_path / here)
+    assert str(from_here(path)) == (shown or str(path))
