@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
 from daemon.identify.live import Session
-from daemon.identify.logs import Measured, read_measured
+from daemon.identify.logs import Measured, read_measured, refuse_misfits
 from daemon.identify.motions import (
     HAND_S,
     WIDEST_GUESS,
@@ -101,11 +101,12 @@ class LiveArm:
                 "the daemon began before these values of the joints were there, and its residuals "
                 "are those of others: start it again"
             )
-        return self._excite("thresholds", seconds, seed=2)
+        return self._excite("thresholds", seconds, seed=2, residuals=True)
 
     def gap(self, joint: str) -> Measured:
         """Hold the motors while a person moves one link."""
         step, i = f"gap-{joint}", self._names.index(joint)
+        before = self._before(step)
         here = np.array(self._session.hold().position)
         self._tell(
             f"The motor of {joint} stands still. Move its link softly by hand from side to side: "
@@ -117,7 +118,7 @@ class LiveArm:
                 f"In this pose {abs(load):.1f} Nm of gravity hold it at one border: carry it, or "
                 "begin from a pose in which the joint hangs."
             )
-        hand = Hand(i, self._c.joints[i].torque_constant, joint, self._before(step))
+        hand = Hand(i, self._c.joints[i].torque_constant, joint, before)
         with Live(console=self._console, auto_refresh=False) as live:
 
             def each(state: State) -> bool:
@@ -130,10 +131,10 @@ class LiveArm:
             self._console.line()  # which `Live` owes a file
         return self._read(step)
 
-    def _excite(self, step: str, seconds: float, seed: int) -> Measured:
+    def _excite(self, step: str, seconds: float, seed: int, *, residuals: bool = False) -> Measured:
         motion = excitation(bounds_of(self._c), self._model, self._c.period_s, seed)
         already = 0.0
-        if (before := self._before(step)) is not None:
+        if (before := self._before(step, residuals=residuals)) is not None:
             # Each of them began with the way to the motion, on which little can be learned.
             for rows in before.stretches(PAUSE_S):
                 here, t = before.link_position[rows.start], before.time_s[rows]
@@ -144,11 +145,13 @@ class LiveArm:
             self._move(step, "all joints move, hands off", path)
         return self._read(step)
 
-    def _before(self, step: str) -> MotionLog | None:
-        """What was measured until the step was stopped."""
+    def _before(self, step: str, *, residuals: bool = False) -> MotionLog | None:
+        """What was measured until the step was stopped; refused while nothing moves yet where it
+        cannot be gone on with."""
         parts = self._session.parts(step)
         if not parts:
             return None
+        refuse_misfits(parts, self._c, residuals=residuals)
         files = ", ".join(str(part) for part in parts)
         self._tell(f"going on with what was measured before; to begin anew, delete {files}")
         try:

@@ -17,7 +17,7 @@ from daemon.config.schema import Configuration
 from daemon.messages import Snapshot, State
 from daemon.modes import SENSING
 from daemon.recorder import read_log
-from errors import LogError, ShortLogError
+from errors import ContactdError, LogError, ShortLogError
 from estimator.identification.log import MotionLog
 from estimator.types import Matrix
 
@@ -36,7 +36,7 @@ class Measured:
     threshold: Matrix | None = None  # in force
     touched: NDArray[np.bool_] | None = None  # (N,) thresholded residual not zero
     notes: tuple[str, ...] = ()
-    outdated: str = ""  # the recording whose residuals are of other values than today's
+    outdated: str = ""  # which recording's residuals are of other values than today's, in words
 
 
 def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
@@ -52,17 +52,52 @@ def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
     for path in paths:
         later = states[-1].time_s + _APART_S if states else 0.0
         found, broken, recorded = _states_of(path, c.joint_names)
-        if not samples_alike(recorded, c):
-            raise LogError(f"{path} was recorded with other drives, another wiring or another "
-                           "period than the configuration has now")  # fmt: skip
-        if not residuals_alike(recorded, c):
-            outdated = str(path)
+        if why := misfit(recorded, c):
+            raise LogError(f"{path} {why}")
+        if why := misfit(recorded, c, residuals=True):
+            outdated = f"{path} {why}"
         if broken:
             notes.append(f"{broken}; what is whole is used")
         begun = found[0].time_s
         states += [replace(s, time_s=s.time_s - begun + later) for s in found]
     measured = from_states(states, c.joint_names, tuple(notes))
     return dataclasses.replace(measured, outdated=outdated)
+
+
+def misfit(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
+    """Why samples, or residuals as well, that were recorded with one configuration are of no use
+    for `c`: to be said behind the recording's name. Empty where they are."""
+    if not samples_alike(recorded, c):
+        return ("was recorded with other drives, another wiring or another period than the "
+                "configuration has now")  # fmt: skip
+    if residuals and not residuals_alike(recorded, c):
+        return "has residuals of other values of the joints than are in force now"
+    return ""
+
+
+def refuse_misfits(paths: Sequence[Path], c: Configuration, *, residuals: bool) -> None:
+    """Look only at how recordings begin, before a motion adds another to them. Raises LogError,
+    which names those that are in its way."""
+    reasons = []
+    for path in paths:
+        try:
+            if why := misfit(_recorded_with(path), c, residuals=residuals):
+                reasons.append(f"{path} {why}")
+        except ContactdError as error:
+            reasons.append(str(error))
+    if reasons:
+        them = "it" if len(reasons) == 1 else "them"
+        raise LogError(f"{'; '.join(reasons)}: delete {them} and run this again")
+
+
+def _recorded_with(path: Path) -> Configuration:
+    begun: Snapshot | None = None
+    for message in read_log(path):
+        if isinstance(message, Snapshot):
+            begun = message
+        elif begun is not None:
+            return configuration_of(begun, path)
+    raise LogError(f"{path}: there are no samples in it")
 
 
 def _states_of(path: Path, joints: Sequence[str]) -> tuple[list[State], str, Configuration]:

@@ -138,10 +138,7 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
     if r is None or threshold is None or touched is None:
         raise LogError("thresholds need residuals: a recording of `contactctl record`, not a CSV")
     if measured.outdated:
-        raise LogError(
-            f"{measured.outdated} has residuals of other values of the joints than are in force "
-            "now: start the daemon again, and record anew"
-        )
+        raise LogError(f"{measured.outdated}: start the daemon again, and record anew")
     # What was in force beyond the level of the configuration that recorded it is the raise.
     raised = threshold - threshold.min(axis=0)
     levels = identify_levels(
