@@ -19,8 +19,9 @@ import numpy as np
 from daemon import recorder
 from daemon.client import Client
 from daemon.config.schema import Configuration
+from daemon.identify.felt import Told
 from daemon.identify.logs import configuration_of
-from daemon.messages import Command, State, Status
+from daemon.messages import Command, Event, State, Status
 from daemon.modes import Mode
 from errors import ContactdError, ControlError, LogError, UnreachableError
 from estimator.types import Matrix
@@ -50,15 +51,15 @@ class InterruptedStepError(ContactdError):
 
 
 def followed(
-    states: Iterable[State], each: Callable[[State], bool], say: Callable[[str], None]
+    states: Iterable[State], each: Callable[[State], bool], felt: Callable[[Event], None]
 ) -> str:
     """Until the trajectory has come to its end, or `each`, which sees all of it, has enough. The
-    answer says what else ended it; contacts are told by `say` as they come."""
+    answer says what else ended it; `felt` is told of contacts as they come."""
     begun = False
     for state in states:
         for event in state.events:
             if event.kind == "contact":
-                say(f"{event.text}: if that was you, hands off; it is discarded")
+                felt(event)
         tracking = state.mode == Mode.TRACKING
         begun = begun or tracking
         if state.mode not in _OURS or (begun and not tracking):
@@ -134,15 +135,22 @@ class Session:
         period_s: float,
         each: Callable[[State], bool],
         *,
+        of_contact: Told,
         motors_only: bool = False,
         to_go_on: str = "What was measured is kept: the same command goes on from there",
     ) -> None:
-        """Run link positions (N, n) and record them; `each` sees every State of it and may end it.
+        """Run link positions (N, n) and record them; `each` sees every State of it and may end it,
+        and what `of_contact` has to say of a contact is told at once.
 
         Raises InterruptedStepError for Ctrl-C and for whatever else ends it, with what `to_go_on`
         says; ControlError and TrajectoryError where it cannot begin, LogError where it cannot be
         recorded. The arm holds afterwards if it still can.
         """
+
+        def felt(event: Event) -> None:
+            if text := of_contact(event):
+                self.say(text)
+
         status = self.hold()
         times = (period_s * np.arange(len(path))).tolist()
         self.client.load_trajectory(
@@ -158,7 +166,7 @@ class Session:
                     reply = self.client.start_loaded()
                     if not reply.ok:
                         raise ControlError("; ".join([reply.message, *reply.reasons]))
-                    ended = followed(states, each, self.say)
+                    ended = followed(states, each, felt)
             except KeyboardInterrupt:
                 ended = "stopped by you"
             except UnreachableError as error:

@@ -10,6 +10,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
+from daemon.identify.felt import alone, left_out, spoils_wiring_of
 from daemon.identify.live import Session
 from daemon.identify.logs import Measured, read_measured, refuse_misfits
 from daemon.identify.motions import (
@@ -77,7 +78,8 @@ class LiveArm:
             path = wiring_motion(here, i, half_gap, period)
             again = f"What passed is kept: to go on, name {joint} and those that are left"
             text = f"{joint} moves a little"
-            self._move(step, text, path, motors_only=True, to_go_on=again)
+            felt = spoils_wiring_of(joint)
+            self._move(step, text, path, of_contact=felt, motors_only=True, to_go_on=again)
             measured = self._read(step)
             if follows_both_ways(measured.log, i) or half_gap >= WIDEST_GUESS:
                 return measured
@@ -126,7 +128,8 @@ class LiveArm:
                     live.update(histogram(hand.phi, hand.gap), refresh=True)
                 return hand.done
 
-            self._session.run(step, stand(here), HAND_S, each, motors_only=True)
+            path, felt = stand(here), alone(joint)
+            self._session.run(step, path, HAND_S, each, of_contact=felt, motors_only=True)
         if not self._console.is_terminal:
             self._console.line()  # which `Live` owes a file
         return self._read(step)
@@ -142,7 +145,7 @@ class LiveArm:
             self._tell(f"{already:.0f} s of {seconds:.0f} s are measured already")
         if seconds - already > 1.0:
             path = motion.path(np.array(self._session.hold().position), seconds - already)
-            self._move(step, "all joints move, hands off", path)
+            self._move(step, "all joints move, hands off", path, of_contact=left_out)
         return self._read(step)
 
     def _before(self, step: str, *, residuals: bool = False) -> MotionLog | None:
