@@ -152,7 +152,7 @@ def test_a_refused_start_leaves_no_recording(arm: Arm) -> None:
         house.rig.enable()
         status, said = Typed(house, "friction", "--seconds", "20").ends()
     assert status == 1
-    assert "the wiring was never checked" in said
+    assert "the wiring was not checked" in said
     assert list((arm.folder / "identify").iterdir()) == []
 
 
