@@ -163,7 +163,7 @@ class JointGap:
         self.gap = clear and load < doubt and not engaged
         if self.gap:
             self.side = _GAP
-        elif self.sigma >= alpha > 0.0 or (clear and not engaged):
+        elif not engaged and (self.sigma >= alpha > 0.0 or clear):
             # Nothing is known, or a load that came just now contradicts what is.
             self.side = _UNKNOWN
         else:

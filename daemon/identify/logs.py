@@ -18,7 +18,7 @@ from daemon.messages import Snapshot, State
 from daemon.modes import SENSING
 from daemon.recorder import read_log
 from errors import ContactdError, LogError, ShortLogError
-from estimator.identification.log import MotionLog
+from estimator.identification.log import PAUSE_S, MotionLog
 from estimator.types import Matrix
 
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position")
@@ -33,7 +33,7 @@ class Measured:
     log: MotionLog
     sha256: str
     residual: Matrix | None = None  # (N, n) [Nm]
-    threshold: Matrix | None = None  # in force
+    raised: Matrix | None = None  # (N, n) threshold in force beyond its level [Nm]
     touched: NDArray[np.bool_] | None = None  # (N,) thresholded residual not zero
     notes: tuple[str, ...] = ()
     outdated: str = ""  # which recording's residuals are of other values than today's, in words
@@ -59,9 +59,16 @@ def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
         if broken:
             notes.append(f"{broken}; what is whole is used")
         begun = found[0].time_s
-        states += [replace(s, time_s=s.time_s - begun + later) for s in found]
+        states += [replace(s, time_s=s.time_s - begun + later) for s in raised(found, recorded)]
     measured = from_states(states, c.joint_names, tuple(notes))
     return dataclasses.replace(measured, outdated=outdated)
+
+
+def raised(states: Iterable[State], c: Configuration) -> list[State]:
+    """With only that part of the threshold in force which is beyond the contact level of `c`: one
+    recording's level may be another than the next one's."""
+    levels = [joint.thresholds.contact for joint in c.joints]
+    return [replace(s, threshold=np.subtract(s.threshold, levels).tolist()) for s in states]
 
 
 def misfit(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
@@ -132,7 +139,8 @@ def configuration_of(begun: Snapshot, path: Path | None = None) -> Configuration
 def from_states(
     states: Iterable[State], joints: Sequence[str], notes: tuple[str, ...] = ()
 ) -> Measured:
-    """Of ticks with complete samples in which the arm was energised. Raises LogError."""
+    """Of ticks with complete samples in which the arm was energised, `raised` if their thresholds
+    count. Raises LogError."""
     used = [s for s in states if s.updated and s.mode in _SENSING]
     if len(used) < 2:
         raise ShortLogError("the log is too short: the arm was never energised in it")
@@ -147,7 +155,7 @@ def from_states(
         log=log,
         sha256=_hash(log),
         residual=np.array([s.residual for s in used]),
-        threshold=np.array([s.threshold for s in used]),
+        raised=np.array([s.threshold for s in used]),
         touched=(thresholded != 0.0).any(axis=1),
         notes=notes,
     )
@@ -196,9 +204,12 @@ def _numbers(path: Path, line: int, row: list[str]) -> list[float]:
 
 def _spread(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     steps = np.diff(time_s)
-    if len(steps) and (steps >= 0.0).all() and (steps == 0.0).any() and time_s[-1] > time_s[0]:
-        return np.linspace(time_s[0], time_s[-1], len(time_s))
-    return time_s
+    rounded = (steps >= 0.0).all() and (steps == 0.0).any() and (steps > 0.0).any()
+    if not rounded:
+        return time_s
+    # Each stretch for itself: a pause is no part of any period.
+    stretches = np.split(time_s, np.flatnonzero(steps > PAUSE_S) + 1)
+    return np.concatenate([np.linspace(t[0], t[-1], len(t)) for t in stretches])
 
 
 def _hash(log: MotionLog) -> str:

@@ -134,18 +134,16 @@ def _friction_figures(fit: FrictionFit) -> str:
 def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str) -> Outcome:
     """Two levels per joint from contact-free motion."""
     c = robot.configuration
-    r, threshold, touched = measured.residual, measured.threshold, measured.touched
-    if r is None or threshold is None or touched is None:
+    r, raised, touched = measured.residual, measured.raised, measured.touched
+    if r is None or raised is None or touched is None:
         raise LogError("thresholds need residuals: a recording of `contactctl record`, not a CSV")
     if measured.outdated:
         raise LogError(f"{measured.outdated}: start the daemon again, and record anew")
-    # What was in force beyond the level of the configuration that recorded it is the raise.
-    raised = threshold - threshold.min(axis=0)
     levels = identify_levels(
         measured.log.joints, measured.log.period_s, r, raised, touched, _level_settings(c, per_hour)
     )
     lines, entries = [], dict[str, file.Entry]()
-    for one in levels:
+    for one, joint in zip(levels, c.joints, strict=True):
         good = one.verdict is LevelVerdict.GOOD
         figures = ""
         if np.isfinite(one.contact):
@@ -157,7 +155,10 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
                 date=date,
                 log=measured.sha256,
                 thresholds=Levels(
-                    contact=float(f"{one.contact:.4g}"), collision=float(f"{one.collision:.4g}")
+                    contact=float(f"{one.contact:.4g}"),
+                    collision=float(f"{one.collision:.4g}"),
+                    # What grows with speed was in the raise, and is not in the level.
+                    per_speed=joint.thresholds.per_speed,
                 ),
                 per_hour=per_hour,
                 largest=float(f"{one.largest:.4g}"),

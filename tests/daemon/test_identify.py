@@ -15,7 +15,7 @@ from bench.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.commands.contactd import main
 from daemon.config import identified as file
 from daemon.config.load import load_robot, parse_configuration
-from daemon.identify.logs import from_states
+from daemon.identify.logs import from_states, raised
 from daemon.identify.steps import friction_step, merged, thresholds_step
 from daemon.modes import Event, Mode
 from daemon.prearm import Verdict
@@ -180,8 +180,9 @@ def test_what_no_arm_can_have_measured(states, folder, change, says):
 
 
 def test_thresholds_leave_the_touch_out(states, folder):
-    doubled = from_states([*states, *later(states)], ["joint"])
-    outcome = thresholds_step(load_robot(folder), doubled, 1.0, DAY)
+    robot = load_robot(folder)
+    doubled = from_states(raised([*states, *later(states)], robot.configuration), ["joint"])
+    outcome = thresholds_step(robot, doubled, 1.0, DAY)
     (line,) = outcome.lines
     assert line.good, line
     levels = outcome.entries["joint"].thresholds

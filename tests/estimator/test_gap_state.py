@@ -107,6 +107,16 @@ def test_a_phi_that_drifts_rests_all_the_same(sign: float) -> None:
     assert len(changes) <= 2, changes
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_load_that_bends_the_gear_as_far_as_the_gap_is_wide_tells_the_side(sign: float) -> None:
+    joint = Joint(GapSettings(compliance=0.001))
+    joint.settle(sign * 30.0)
+    assert joint.sigma == ALPHA
+    assert joint.side == (Side.LEFT if sign > 0.0 else Side.RIGHT)
+    joint.step(torque=-sign * 30.0)  # nobody knows until it has been there for some ticks
+    assert joint.side == Side.UNKNOWN
+
+
 def test_no_gap_once_theta_is_as_uncertain_as_the_gap_is_wide() -> None:
     joint = Joint(GapSettings(velocity_bias=0.01))
     joint.settle(2.0)

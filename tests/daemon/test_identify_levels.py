@@ -1,0 +1,84 @@
+"""Thresholds from what was recorded at other levels, and times that were rounded."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from bench.lockstep import SINGLE_JOINT
+from daemon.config.load import load_robot
+from daemon.config.schema import Configuration
+from daemon.identify.logs import COLUMNS, from_csv, from_states, raised
+from daemon.identify.steps import thresholds_step
+from daemon.messages import State
+
+T = 0.01
+
+
+def with_levels(c: Configuration, **changes: float) -> Configuration:
+    (joint,) = c.joints
+    levels = msgspec.structs.replace(joint.thresholds, **changes)
+    return msgspec.structs.replace(c, joints=(msgspec.structs.replace(joint, thresholds=levels),))
+
+
+def moved(state: State, seconds: float, c: Configuration, begins_s: float) -> list[State]:
+    """Contact-free; with noise in the residual, and a raise that comes and goes."""
+    level, rng = c.joints[0].thresholds.contact, np.random.default_rng(round(begins_s))
+    return [
+        msgspec.structs.replace(
+            state,
+            time_s=begins_s + T * k,
+            mode="tracking",
+            updated=True,
+            current=[0.0],
+            link_position=[0.2 * np.sin(T * k)],
+            motor_velocity=[0.2 * np.cos(T * k)],
+            motor_position=[0.2 * np.sin(T * k)],
+            residual=[float(r)],
+            thresholded=[0.0],
+            threshold=[level + 0.1 * max(np.sin(T * k), 0.0)],
+        )
+        for k, r in enumerate(rng.uniform(-0.2, 0.2, round(seconds / T)))
+    ]
+
+
+def test_a_level_is_that_of_its_own_recording(make_state) -> None:
+    robot = load_robot(SINGLE_JOINT)
+    c, state = robot.configuration, make_state(0)
+    higher = with_levels(c, contact=c.joints[0].thresholds.contact + 0.8)
+
+    def learned(*configurations: Configuration) -> float:
+        states: list[State] = []
+        for k, then in enumerate(configurations):
+            states += raised(moved(state, 60.0, then, 100.0 * k), then)
+        outcome = thresholds_step(robot, from_states(states, ["joint"]), 1.0, "2026-01-02")
+        return outcome.entries["joint"].thresholds.contact
+
+    alone = learned(c, c)
+    assert learned(c, higher) == learned(higher, c) == learned(higher, higher) == alone
+    assert alone > 0.15
+
+
+@pytest.mark.parametrize("per_speed", [0.0, 0.5])
+def test_what_grows_with_speed_goes_on_to_grow(make_state, per_speed: float) -> None:
+    robot = load_robot(SINGLE_JOINT)
+    c = with_levels(robot.configuration, per_speed=per_speed)
+    states = raised(moved(make_state(0), 120.0, c, 0.0), c)
+    outcome = thresholds_step(
+        replace(robot, configuration=c), from_states(states, ["joint"]), 1.0, "2026-01-02"
+    )
+    assert outcome.entries["joint"].thresholds.per_speed == per_speed
+
+
+def test_a_pause_is_no_part_of_rounded_times(tmp_path: Path) -> None:
+    times = np.concatenate((0.004 * np.arange(300), 20.0 + 0.004 * np.arange(300)))
+    rows = [f"{t:.2f},0,{np.sin(t):.6f},{np.cos(t):.6f}" for t in times]
+    path = tmp_path / "log.csv"
+    names = [f"{column}.joint" for column in COLUMNS[:3]]
+    path.write_text("\n".join([",".join(["time", *names]), *rows]) + "\n")
+    log = from_csv(path, ["joint"]).log
+    assert log.period_s == pytest.approx(0.004, abs=1e-4)
+    np.testing.assert_allclose(log.time_s, times, atol=0.006)
+    assert [s.stop - s.start for s in log.stretches(1.0)] == [300, 300]
