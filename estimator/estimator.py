@@ -70,7 +70,8 @@ class Estimator:
             period_s,
             current_delay=settings.current_delay_ms / 1000,
             link_delay=settings.link_position_delay_ms / 1000,
-            motor_delay=settings.motor_velocity_delay_ms / 1000,
+            velocity_delay=settings.motor_velocity_delay_ms / 1000,
+            position_delay=settings.motor_position_delay_ms / 1000,
         )
         self._measured = settings.motor_position == "measured"
         self.motor_position = MotorPosition(transmission, settings.gap, measured=self._measured)

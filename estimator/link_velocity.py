@@ -64,13 +64,15 @@ class Alignment:
         *,
         current_delay: float,
         link_delay: float,
-        motor_delay: float,
+        velocity_delay: float,
+        position_delay: float,
     ) -> None:
         self._back = DELAY_PERIODS[method] * period
         self.delay = self._back + link_delay
         """The common instant lies this long before the newest sample arrived [s]."""
         self._current_age = self.delay - current_delay
-        self._motor_age = self.delay - motor_delay
+        self._velocity_age = self.delay - velocity_delay  # of the motor, as its position
+        self._position_age = self.delay - position_delay
         self.count = 0
         self.interval = period
         self.interval_before = period
@@ -97,9 +99,10 @@ class Alignment:
         """The rows of ALIGNED at the common instant into out (5, n)."""
         weights = self._weights
         weights[:2, 3::4] = parabola(self.interval, self.interval_before, self._back)
-        current, motor = self._current_age / self.interval, self._motor_age / self.interval
-        weights[2, 0], weights[2, 4] = 1.0 - current, current
-        weights[3, 1], weights[3, 5] = weights[4, 2], weights[4, 6] = 1.0 - motor, motor
+        ages = (self._current_age, self._velocity_age, self._position_age)
+        for row, age in enumerate(ages):
+            share = age / self.interval
+            weights[2 + row, row], weights[2 + row, 4 + row] = 1.0 - share, share
         np.dot(weights, self.history, out=out)
 
     def restart(self) -> None:

@@ -28,5 +28,6 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     presliding: Annotated[float, Meta(gt=0, le=0.1)] = 0.0015  # [rad] until friction is built up
     current_delay_ms: Delay = 3.0  # of the drive's current filter
     link_position_delay_ms: Delay = 0.0
-    motor_velocity_delay_ms: Delay = 0.0
+    motor_velocity_delay_ms: Delay = 0.0  # of a filter in the drive, for one
+    motor_position_delay_ms: Delay = 0.0
     gap: GapSettings = GapSettings()

@@ -88,7 +88,8 @@ def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inter
         period,
         current_delay=settings.current_delay_ms / 1000,
         link_delay=settings.link_position_delay_ms / 1000,
-        motor_delay=settings.motor_velocity_delay_ms / 1000,
+        velocity_delay=settings.motor_velocity_delay_ms / 1000,
+        position_delay=settings.motor_position_delay_ms / 1000,
     )
     position = log.motor_position if settings.motor_position == "measured" else None
     measured = position is not None

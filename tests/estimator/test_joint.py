@@ -97,12 +97,12 @@ def test_each_signal_has_its_own_delay(built) -> None:
     # All of them grow by one per second; each arrives late by what is configured.
     estimator = built(
         current_delay_ms=3.0, link_position_delay_ms=1.0, motor_velocity_delay_ms=2.0,
-        motor_position="measured",
+        motor_position_delay_ms=0.5, motor_position="measured",
     )  # fmt: skip
     for k in range(5):
         t = T * k
-        current, motor, link = (t - 0.003) * ONE, (t - 0.002) * ONE, (t - 0.001) * ONE
-        estimate = estimator.step(current, link, motor, motor)
+        current, link = (t - 0.003) * ONE, (t - 0.001) * ONE
+        estimate = estimator.step(current, link, (t - 0.002) * ONE, (t - 0.0005) * ONE)
     assert estimator.delay_s == pytest.approx(T / 2 + 0.001)
     instant = 4 * T - estimator.delay_s
     np.testing.assert_allclose(estimate.q, instant, atol=1e-12)

@@ -10,7 +10,8 @@ METHODS = tuple(DELAY_PERIODS)
 
 
 def alignment(method: str, **delays: float) -> Alignment:
-    values = {"current_delay": 0.0, "link_delay": 0.0, "motor_delay": 0.0, **delays}
+    names = ("current_delay", "link_delay", "velocity_delay", "position_delay")
+    values = {**dict.fromkeys(names, 0.0), **delays}
     return Alignment(2, method, T, **values)
 
 
@@ -30,10 +31,11 @@ def test_exact_on_parabolas(intervals: tuple[float, float], delay: float) -> Non
 @pytest.mark.parametrize("method", METHODS)
 def test_everything_belongs_to_one_instant(method: str) -> None:
     # Signals linear in time, each sampled late by its own delay: all come out at the same time.
-    a = alignment(method, current_delay=0.003, link_delay=0.001, motor_delay=0.0005)
+    delays = {"velocity_delay": 0.0005, "position_delay": 0.0002}
+    a = alignment(method, current_delay=0.003, link_delay=0.001, **delays)
     times = np.cumsum([0.01, 0.01, 0.02, 0.009])
     for t, dt in zip(times, np.diff(times, prepend=0.0), strict=True):
-        late = np.array([t - 0.003, t - 0.0005, t - 0.0005, t - 0.001])
+        late = np.array([t - 0.003, t - 0.0005, t - 0.0002, t - 0.001])
         a.push(np.repeat(late[:, None], 2, axis=1), dt)
     instant = times[-1] - a.delay
     aligned = np.zeros((len(ALIGNED), 2))
