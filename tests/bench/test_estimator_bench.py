@@ -39,4 +39,5 @@ def test_two_arms_are_twice_the_arm() -> None:
 def test_a_step_that_keeps_something_is_seen() -> None:
     heap: list[object] = []
     assert kept(lambda: None) <= 20
-    assert kept(lambda: heap.append(object())) >= LATE // TURN - 20
+    # Meanwhile other tests' threads may give some blocks back.
+    assert kept(lambda: heap.append(object())) > 0.9 * LATE // TURN
