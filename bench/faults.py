@@ -83,8 +83,8 @@ _C = Condition
 CASES = (
     Case("one PDO missing", _C.SAMPLE_MISSING, one_pdo_missing, 1),
     Case("a drive's PDOs missing", _C.STALE, pdos_stale, 3),
-    Case("drives' PDOs missing in turn", _C.STALE, pdos_lost_in_turn, 9),
     Case("... on a late machine", _C.STARVED, pdos_stale_on_a_late_machine, 3),
+    Case("PDOs missing in turn", _C.STALE, pdos_lost_in_turn, 9),
     Case("heartbeat of a drive lost", _C.HEARTBEAT_LOST, heartbeat_lost, 21),
     Case("over-temperature", _C.EMERGENCY, emergency(OVER_TEMPERATURE), 1),
     Case("under-voltage", _C.EMERGENCY, emergency(UNDER_VOLTAGE), 1),
