@@ -147,17 +147,16 @@ class Observer:
         longest = STARVED_FACTOR * ticks
         self._incomplete = min(self._incomplete + 1, longest)
         stale = samples.age_ticks >= ticks
-        starved = self._since_late < ticks and samples.age_ticks.max() < longest
         if stale.any():
+            starved = self._since_late < ticks and samples.age_ticks.max() < longest
             text = f"nothing from {self._named(stale)} for {ticks} ticks"
+            yield Finding(Condition.STARVED if starved else Condition.STALE, text)
         elif self._incomplete >= longest:
             # The drives fail in turn. None is stale, but of a part of an arm nothing is estimated.
             text = f"not all drives in most ticks, now without {self._named(~samples.fresh)}"
-            starved = False
+            yield Finding(Condition.STALE, text)
         else:
             yield Finding(Condition.SAMPLE_MISSING, self._named(~samples.fresh))
-            return
-        yield Finding(Condition.STARVED if starved else Condition.STALE, text)
 
     def _named(self, joints: NDArray[np.bool_]) -> str:
         return ", ".join(self._names[i] for i in np.flatnonzero(joints))
