@@ -206,4 +206,17 @@ def _print_report(console: Console, story: Story, passed: bool, *, ended: bool) 
         f"{late['max'] / 1000:.2f} ms (max); tick {work['p50'] / 1000:.2f} ms (median), "
         f"{work['max'] / 1000:.2f} ms (max)"
     )
-    console.print("[bold green]the story happened[/]" if passed else "[bold red]it failed[/]")
+    console.print(verdict(passed, report["missed"]))
+
+
+def verdict(passed: bool, missed: int) -> str:
+    """The last line, with rich's markup; missed: deadlines."""
+    if passed:
+        return "[bold green]the story happened[/]"
+    if not missed:
+        return "[bold red]it failed[/]"
+    # Late ticks make the daemon stop and hold, which is right, and another story.
+    return (
+        f"[bold red]it failed[/]: this machine was too busy, {missed} deadlines were missed; "
+        "try again"
+    )

@@ -2,8 +2,10 @@
 
 import msgspec
 import pytest
+from rich.text import Text
 
 from bench.lockstep import ROMEO, lockstep_rig
+from daemon.commands.demo import verdict
 from daemon.commands.story import Story, Touch, touch_of
 from daemon.config.load import load_robot
 from daemon.messages import Snapshot
@@ -113,3 +115,15 @@ def test_touch_needs_a_begin_and_a_release():
     assert touch_of([begin, end]) == Touch(1.0, 3.0)
     assert touch_of([begin]) is None
     assert touch_of([{**end, "kind": "drive"}]) is None
+
+
+@pytest.mark.parametrize(
+    ("passed", "missed", "says"),
+    [
+        (True, 3, "the story happened"),
+        (False, 0, "it failed"),
+        (False, 6, "it failed: this machine was too busy, 6 deadlines were missed; try again"),
+    ],
+)
+def test_a_machine_that_was_late_is_said_so(passed: bool, missed: int, says: str) -> None:
+    assert Text.from_markup(verdict(passed, missed)).plain == says
