@@ -71,7 +71,8 @@ class Alignment:
         self.delay = self._back + link_delay
         """The common instant lies this long before the newest sample arrived [s]."""
         self._current_age = self.delay - current_delay
-        self._velocity_age = self.delay - velocity_delay  # of the motor, as its position
+        # Of the motor.
+        self._velocity_age = self.delay - velocity_delay
         self._position_age = self.delay - position_delay
         self.count = 0
         self.interval = period

@@ -1,9 +1,11 @@
 """Drives that are set up again must be those of the start."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
+from bench.house import open_house
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.assembly import build_setups
 from daemon.drives import Drives
@@ -46,3 +48,24 @@ def test_another_drive_in_its_place_is_refused(rig: Rig, drives: Drives) -> None
         drives.renew([0], lambda: None)
     rig.arm.drives[0].objects.values[SERIAL] = serial
     drives.renew([0], lambda: None)
+
+
+def test_what_a_drive_said_before_it_was_set_up_again_is_over(tmp_path: Path) -> None:
+    with open_house(tmp_path) as house:
+        rig, c = house.rig, house.rig.robot.configuration
+        house.service.drives = Drives(
+            rig.bus, build_setups(rig.robot), c.period_ms, c.bus.master_node
+        )
+        (drive,) = rig.arm.drives
+        drive.boot()
+        house.run(0.05)
+        drive._send_emergency(bytes([0x20, 0x32, 0x05, 0, 0, 0, 0, 0]))
+        house.run(0.1)
+        assert "emergency of node 1" in house.contactctl("status").output
+        with rig.lockstep.serving():
+            assert house.contactctl("reset").exit_code == 0
+        house.run(0.5)
+        assert house.contactctl("enable").exit_code == 0
+        house.run(1.0)
+        armed = house.contactctl("arm")
+        assert armed.exit_code == 0, armed.output

@@ -3,14 +3,23 @@
 import numpy as np
 import pytest
 
-from bench.ideal_arm import MANNER
+from bench.ideal_arm import MANNER, IdealArm, holding_arm
 from daemon.admittance import GuidedBounds
 from daemon.modes import Event, Mode
-from daemon.reactions import Reaction
+from daemon.reactions import Reaction, Reactions
 from tests.daemon.conftest import MakeArm as Make
 
 R, M = Reaction, Mode
 FAR = GuidedBounds(max_duration_s=100.0, max_excursion=3.0)
+
+
+def hit_at(q: float, arm: IdealArm) -> IdealArm:
+    """Paused, its first joint at q, and hit there."""
+    arm.request(Event.PAUSE)
+    arm.run_until(M.HOLDING)
+    arm.q[0] = q
+    arm.hit(2.0)
+    return arm
 
 
 def test_it_backs_away_the_way_it_was_pushed_and_no_further(tracking: Make) -> None:
@@ -52,11 +61,7 @@ def test_a_contact_that_lasts_when_it_has_backed_away_makes_it_yield(tracking: M
 
 
 def test_from_a_contact_that_lasts_it_backs_away_again(tracking: Make) -> None:
-    arm = tracking(contact=R.RETRACT, collision=R.RETRACT, bounds=FAR)
-    arm.request(Event.PAUSE)
-    arm.run_until(M.HOLDING)
-    arm.q[0] = 0.0
-    arm.hit(2.0)
+    arm = hit_at(0.0, tracking(contact=R.RETRACT, collision=R.RETRACT, bounds=FAR))
     arm.run(4.0, **arm.push(0.3))
     assert arm.mode is M.RETRACTING
     assert arm.q[0] > 4 * MANNER.retract_distance
@@ -67,13 +72,31 @@ def test_from_a_contact_that_lasts_it_backs_away_again(tracking: Make) -> None:
     arm.run_until(M.HOLDING)
 
 
+@pytest.mark.parametrize(
+    ("bounds", "says"),
+    [
+        (GuidedBounds(max_duration_s=100.0, max_excursion=0.4), "further than 0.4 rad"),
+        (GuidedBounds(max_duration_s=2.0, max_excursion=3.0), "for more than 2 s"),
+    ],
+)
+def test_a_biased_residual_does_not_make_it_back_away_for_ever(
+    bounds: GuidedBounds, says: str
+) -> None:
+    arm = holding_arm(reactions=Reactions(R.RETRACT, R.RETRACT), bounds=bounds)
+    assert arm.controller.arm("me") == []
+    start = arm.q[0]
+    arm.run(10.0, **arm.push(0.3))
+    assert not arm.armed
+    assert says in arm.cause
+    assert arm.mode is M.HOLDING
+    furthest = min(bounds.max_excursion, 2.0 * MANNER.retract_velocity)
+    assert 0.3 < arm.q[0] - start < furthest + 0.05
+    assert not arm.decisions[-1].velocity.any()
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_from_a_second_blow_it_backs_away_too(tracking: Make, sign: float) -> None:
-    arm = tracking(contact=R.REPORT, collision=R.RETRACT, bounds=FAR)
-    arm.request(Event.PAUSE)
-    arm.run_until(M.HOLDING)
-    arm.q[0] = 0.0
-    arm.hit(2.0)
+    arm = hit_at(0.0, tracking(contact=R.REPORT, collision=R.RETRACT, bounds=FAR))
     arm.run(1.0)
     between = arm.q[0]
     assert between == pytest.approx(MANNER.retract_distance, abs=2e-3)
@@ -97,11 +120,7 @@ def test_a_second_blow_on_the_way(tracking: Make, sign: float, mode: M) -> None:
 
 
 def test_it_backs_away_towards_a_limit_only_as_far_as_that(tracking: Make) -> None:
-    arm = tracking(collision=R.RETRACT, contact=R.REPORT, bounds=FAR)
-    arm.request(Event.PAUSE)
-    arm.run_until(M.HOLDING)
-    arm.q[0] = 0.97
-    arm.hit(2.0)
+    arm = hit_at(0.97, tracking(collision=R.RETRACT, contact=R.REPORT, bounds=FAR))
     arm.run(1.0)
     assert arm.q[0] == pytest.approx(1.0, abs=2e-3)
     assert arm.q[0] <= 1.0
