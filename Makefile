@@ -15,7 +15,7 @@ SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
-.PHONY: help demo test check commissioning units soak mutants system install install-env install-files uninstall verify reference lock clean
+.PHONY: help demo test fuzz check commissioning units soak mutants system install install-env install-files uninstall verify reference lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
@@ -45,6 +45,13 @@ demo: $(STAMP)  ## the paper's third experiment on a simulated arm, about 30 s
 
 test: $(STAMP)  ## all tests, under 3 minutes
 	$(BIN)/python -m pytest -q -n auto --dist loadfile
+
+# New examples for every property in tests/: a failure prints the example and how to repeat it.
+fuzz: SEED ?= $(shell date +%s)
+fuzz: $(STAMP)  ## thousands of new examples for the property-based tests; SEED=n repeats a run
+	@echo "seed $(SEED): repeat with make fuzz SEED=$(SEED)"
+	$(BIN)/python -m pytest -q -n auto --dist loadfile -m hypothesis --hypothesis-profile=fuzz \
+	  --hypothesis-seed=$(SEED)
 
 commissioning: $(STAMP)  ## docs/commissioning.md on a simulated arm, from zero to armed, some minutes
 	$(BIN)/python -m bench.commissioning

@@ -1,10 +1,12 @@
-"""For all tests: how long a machine takes is no property of the code."""
+"""Hypothesis profiles: the same examples on every machine for `make test`, new ones for `make fuzz`.
 
-import os
+How long a machine takes is no property of the code, so neither has a deadline. `make test` draws
+its examples from the tests themselves, so that a failure is the change's, and is found again by
+whoever runs it. `make fuzz` draws thousands from a random seed that it prints.
+"""
 
 from hypothesis import settings
 
-# CI tries the same examples each time: what it finds is then the change's, and found again. At the
-# developers' they are others in every run.
-settings.register_profile("contactd", deadline=None, derandomize=bool(os.environ.get("CI")))
+settings.register_profile("contactd", deadline=None, derandomize=True)
+settings.register_profile("fuzz", deadline=None, max_examples=3000, print_blob=True)
 settings.load_profile("contactd")

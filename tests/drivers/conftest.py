@@ -47,7 +47,7 @@ def joints() -> list[Joint]:
 @pytest.fixture(scope="session")
 def setups(joints: list[Joint], profile: DriveProfile) -> list[DriveSetup]:
     sheet = load_data_sheet(ROBOT / "drive.eds")
-    profile = msgspec.structs.replace(profile, sdo_timeout_ms=100)
+    profile = msgspec.structs.replace(profile, sdo_timeout_ms=500)
     limits = [j["limits"] for j in CONFIG["joints"]]
     return [
         DriveSetup(name, wiring, profile, sheet, limit["velocity"], limit["quick_stop"])

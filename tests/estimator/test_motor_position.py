@@ -142,13 +142,9 @@ TORQUE = st.floats(-20.0, 20.0)
 def test_a_correction_never_goes_beyond_where_phi_can_be(
     ticks: list[tuple[float, float, float, float]], alpha: float, compliance: float, measured: bool
 ) -> None:
-    joint = JointGap(
-        GapSettings(compliance=compliance),
-        alpha=alpha,
-        coulomb=0.5,
-        viscous=0.1,
-        measured=measured,
-    )
+    settings = GapSettings(compliance=compliance)
+    coulomb, viscous = 0.5, 0.1
+    joint = JointGap(settings, alpha=alpha, coulomb=coulomb, viscous=viscous, measured=measured)
     q = 0.3
     joint.start(q)
     for q_dot, theta_dot, tau_M, transmitted in ticks:
@@ -173,5 +169,6 @@ def test_a_correction_never_goes_beyond_where_phi_can_be(
             assert done == pytest.approx(needed, abs=1e-12)
         assert 0.0 <= joint.sigma <= alpha
         # Never "in the gap" while the gear carries more than can be friction.
-        doubtful = 0.2 * (0.5 + 0.1 * abs(theta_dot)) + 0.05 * abs(tau_M)
+        doubtful = settings.friction_error * (coulomb + viscous * abs(theta_dot))
+        doubtful += settings.current_error * abs(tau_M)
         assert not (joint.gap and abs(transmitted) > doubtful)
