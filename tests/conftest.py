@@ -1,4 +1,4 @@
-"""Hypothesis profiles: the same examples on every machine for `make test`, new ones for `make fuzz`.
+"""Hypothesis profiles: the same examples everywhere for `make test`, new ones for `make fuzz`.
 
 How long a machine takes is no property of the code, so neither has a deadline. `make test` draws
 its examples from the tests themselves, so that a failure is the change's, and is found again by
