@@ -26,7 +26,7 @@ from bench.lockstep import SINGLE_JOINT
 from bench.processes import pair
 from bench.rude_clients import ATTACKS, BESIDE, attacking
 from daemon.client import Client
-from daemon.messages import State, Timing
+from daemon.protocol.messages import State, Timing
 from errors import ContactdError
 
 PERIOD_US = 10_000.0

@@ -16,8 +16,8 @@ from daemon.client import Client
 from daemon.commands import contactctl, contactd
 from daemon.control import ControlSocket
 from daemon.loop import Clock, Loop
-from daemon.messages import Reply, State
 from daemon.notify import Notifier
+from daemon.protocol.messages import Reply, State
 from daemon.service import Service
 
 _PATIENCE_S = 5.0

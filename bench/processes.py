@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from daemon.client import Client
-from daemon.messages import Snapshot, State
+from daemon.protocol.messages import Snapshot, State
 from errors import ContactdError
 
 PATIENCE_S = 30.0

@@ -22,9 +22,9 @@ from typing import IO, Final
 
 import can
 
-from daemon.control_path import open_to_group
 from daemon.journal import log_to_stderr
 from daemon.new_file import refuse_suffix, refuse_unless_new
+from daemon.protocol.socket_path import open_to_group
 from drivers.frame_ring import KEPT_S, FrameRing, Recorded, read_frames
 from drivers.wire import ERROR, EXTENDED, REMOTE
 from errors import LogError

@@ -13,9 +13,9 @@ from typing import Self, TypeVar
 import msgspec
 
 from daemon.control import MAX_REQUEST_BYTES
-from daemon.control_path import default_socket_path, how_to_be_let_in
-from daemon.lease import LONGEST_S
-from daemon.messages import Command, Header, Reply, Request, Snapshot, State, printable
+from daemon.protocol.lease import LONGEST_S
+from daemon.protocol.messages import Command, Header, Reply, Request, Snapshot, State, printable
+from daemon.protocol.socket_path import default_socket_path, how_to_be_let_in
 from daemon.trajectory_file import PLAUSIBLE, refuse_shapes, rows_of, slopes
 from errors import ControlError, TrajectoryError, UnreachableError
 

@@ -23,9 +23,8 @@ from typing import Self
 
 import msgspec
 
-from daemon.control_path import listen
-from daemon.messages import AWAITED, COMMANDS, Reply, Request, State
-from daemon.peers import Peer, groups_of, peer_of
+from daemon.protocol.messages import AWAITED, COMMANDS, Reply, Request, State
+from daemon.protocol.socket_path import Peer, groups_of, listen, peer_of
 from errors import ContactdError
 
 MAX_REQUEST_BYTES = 8192

@@ -11,10 +11,10 @@ import numpy as np
 
 from daemon.controller import Controller, Decision, Observed
 from daemon.limits import all_finite
-from daemon.messages import Check, Contact, Event, State, Timing, Vector
 from daemon.modes import SENSING, Mode
 from daemon.observation import Observer
 from daemon.prearm import FLAG_NAMES, Objection, PreArm
+from daemon.protocol.messages import Check, Contact, Event, State, Timing, Vector
 from daemon.supervisor import Finding, Reaction
 from drivers.arm import Arm
 from drivers.cia402 import DriveState, PowerTarget

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from daemon.limits import Limits
-from daemon.messages import Header
+from daemon.protocol.messages import Header
 from daemon.sampled_path import PathBuilder, SampledPath
 from errors import ControlError
 

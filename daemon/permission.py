@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from daemon.controller import Controller
-from daemon.lease import PERSON_S, PROGRAM_S, Lease, Owner, in_words
-from daemon.messages import Check, Permit, Request
-from daemon.peers import Peer
+from daemon.protocol.lease import PERSON_S, PROGRAM_S, Lease, Owner, in_words
+from daemon.protocol.messages import Check, Permit, Request
+from daemon.protocol.socket_path import Peer
 
 
 @dataclass(frozen=True, slots=True)

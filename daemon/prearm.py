@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from daemon.limits import Limits
-from daemon.messages import Check
+from daemon.protocol.messages import Check
 from daemon.supervisor import Condition, Finding
 from drivers.cia402 import DriveState
 from drivers.events import Emergency, Rebooted, told

@@ -9,7 +9,7 @@ import os
 import threading
 from pathlib import Path
 
-from daemon.messages import Grant
+from daemon.protocol.messages import Grant
 
 # A robot's loop goes before everything of the user, after the kernel's own interrupt threads (50).
 FIFO_PRIORITY = 40

@@ -16,8 +16,8 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from daemon.client import Client
-from daemon.messages import Snapshot, State
 from daemon.new_file import refuse_unless_new
+from daemon.protocol.messages import Snapshot, State
 from errors import LogError, UnreachableError
 
 KINDS: dict[str, type[Snapshot] | type[State]] = {"/snapshot": Snapshot, "/state": State}

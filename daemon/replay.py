@@ -9,9 +9,9 @@ import numpy as np
 from daemon.assembly import build_estimator
 from daemon.config.load import parse_configuration
 from daemon.cycle import SIDE_NAMES
-from daemon.messages import Snapshot, State
 from daemon.modes import Mode
 from daemon.prearm import FLAG_NAMES
+from daemon.protocol.messages import Snapshot, State
 from daemon.recorder import read_log
 from errors import LogError
 from estimator.estimate import Estimate

@@ -14,13 +14,13 @@ from daemon.assembly import build_cycle, build_estimator, build_setups, heed_ide
 from daemon.black_box import BlackBox, default_directory, ring_path
 from daemon.config.load import Robot
 from daemon.control import ControlSocket
-from daemon.control_path import default_socket_path
 from daemon.drives import Drives
 from daemon.journal import log_to_stderr
 from daemon.last_resort import stop_on_error
 from daemon.loop import Clock, Loop
 from daemon.modes import Mode
 from daemon.notify import Notifier, notifier_of
+from daemon.protocol.socket_path import default_socket_path
 from daemon.realtime import go_realtime
 from daemon.service import Service
 from daemon.winding_down import wind_down

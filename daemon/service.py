@@ -8,11 +8,14 @@ from daemon.config.load import Robot
 from daemon.config.motion import limits_of
 from daemon.control import ControlSocket
 from daemon.drives import Drives
-from daemon.lease import Owner, in_words
 from daemon.loading import LoadingDock
 from daemon.log_limit import LogLimit
 from daemon.loop import Loop
-from daemon.messages import (
+from daemon.modes import Event, ModeMachine
+from daemon.notify import Notifier
+from daemon.permission import Permission
+from daemon.protocol.lease import Owner, in_words
+from daemon.protocol.messages import (
     Check,
     Grant,
     Reply,
@@ -20,10 +23,7 @@ from daemon.messages import (
     Snapshot,
     Status,
 )
-from daemon.modes import Event, ModeMachine
-from daemon.notify import Notifier
-from daemon.peers import Peer
-from daemon.permission import Permission
+from daemon.protocol.socket_path import Peer
 from daemon.status import snapshot_of, status_of
 from errors import ContactdError, TrajectoryError
 

@@ -8,7 +8,7 @@ from daemon.config.load import Robot
 from daemon.controller import Controller
 from daemon.cycle import DRIVE_STATE_NAMES, SIDE_NAMES, Cycle, finite_list
 from daemon.loop import Loop
-from daemon.messages import Grant, Permit, Snapshot, Status, Trajectory
+from daemon.protocol.messages import Grant, Permit, Snapshot, Status, Trajectory
 from errors import ControlError
 
 

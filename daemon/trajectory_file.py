@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from daemon.messages import printable
+from daemon.protocol.messages import printable
 from errors import TrajectoryError
 
 if TYPE_CHECKING:

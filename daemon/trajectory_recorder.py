@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from daemon.client import Client
-from daemon.messages import State
 from daemon.new_file import refuse_unless_new
+from daemon.protocol.messages import State
 from daemon.trajectory_file import MAX_ROWS, TIME
 from errors import LogError, UnreachableError
 

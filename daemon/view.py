@@ -13,8 +13,8 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from daemon.lease import in_words
-from daemon.messages import Check, Grant, Snapshot, State, Status, Trajectory
+from daemon.protocol.lease import in_words
+from daemon.protocol.messages import Check, Grant, Snapshot, State, Status, Trajectory
 
 WINDOW_TICKS = 1000
 EVENTS_KEPT = 12

@@ -36,9 +36,9 @@ from daemon.config.load import load_robot
 from daemon.control import ControlSocket
 from daemon.drives import Drives
 from daemon.loop import Clock, Loop
-from daemon.messages import Reply, State
 from daemon.notify import Notifier
-from daemon.peers import Peer
+from daemon.protocol.messages import Reply, State
+from daemon.protocol.socket_path import Peer
 from daemon.service import Service
 from errors import ContactdError
 

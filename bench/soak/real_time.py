@@ -27,8 +27,8 @@ from bench.soak.robot import gives_way, hand_script, write_robot
 from daemon.client import Client
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from daemon.messages import State
 from daemon.modes import Mode
+from daemon.protocol.messages import State
 from errors import ContactdError
 
 MEAN_PAUSE_S = 25.0  # between two faults, two rude clients, two recordings

@@ -12,7 +12,7 @@ from errors import ControlError
 
 if TYPE_CHECKING:
     from daemon.client import Client
-    from daemon.messages import Command, Reply, Status
+    from daemon.protocol.messages import Command, Reply, Status
 
 WAIT_S = 5.0
 POLL_S = 0.02
@@ -59,7 +59,7 @@ def wait_for(
 ) -> "Reply":
     """Poll until the mode is in `goal`, comes to rest elsewhere, or WAIT_S have passed; with
     `yields` also while somebody has the arm, who may keep it for minutes."""
-    from daemon.messages import Reply
+    from daemon.protocol.messages import Reply
 
     deadline = time.monotonic() + WAIT_S
     left = False

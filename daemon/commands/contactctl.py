@@ -16,8 +16,8 @@ from daemon.commands.paths import PATH
 from daemon.commands.ranges import Range
 from daemon.commands.session_options import Group, Options, json_option, socket_option
 from daemon.commands.streams import record_csv, record_states, show_live, stream_json
-from daemon.lease import LONGEST_S, PERSON_S
 from daemon.new_file import refuse_suffix
+from daemon.protocol.lease import LONGEST_S, PERSON_S
 from errors import TrajectoryError, UnreachableError
 
 
@@ -166,7 +166,7 @@ def gain(options: Options, joint: str | None, value: float | None) -> None:
     The joint gets there within half a second, also in somebody's hand. The configuration is not
     changed: the next start of the daemon begins from it.
     """
-    from daemon.messages import Reply, Request
+    from daemon.protocol.messages import Reply, Request
 
     if value is not None and not math.isfinite(value):
         raise click.UsageError(f"{value:g} is not a gain")  # nor is it a number in JSON

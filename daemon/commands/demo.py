@@ -21,7 +21,7 @@ from rich.table import Table
 from daemon.client import Client
 from daemon.commands.story import Story, touch_of
 from daemon.config.load import load_robot
-from daemon.messages import Command, Snapshot, State
+from daemon.protocol.messages import Command, Snapshot, State
 from daemon.view import Dashboard, History
 from errors import ContactdError, ControlError
 

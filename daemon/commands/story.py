@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from daemon.config.schema import Configuration
-from daemon.messages import Snapshot, State
+from daemon.protocol.messages import Snapshot, State
 
 # After the hand is gone the residual still fades, and the arm swings back through its gaps [s].
 AFTERGLOW_S = 0.3

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from daemon.messages import Event
+from daemon.protocol.messages import Event
 
 Told = Callable[[Event], str]
 """Of a contact; empty where there is nothing to say."""

@@ -23,7 +23,7 @@ from daemon.identify.motions import (
     wiring_motion,
 )
 from daemon.identify.show import histogram
-from daemon.messages import State
+from daemon.protocol.messages import State
 from errors import ConfigurationError, ShortLogError
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_answer import CROSSINGS, Gap

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
-from daemon.messages import Snapshot, State
 from daemon.modes import SENSING
+from daemon.protocol.messages import Snapshot, State
 from daemon.recorder import read_log
 from errors import ContactdError, LogError, ShortLogError
 from estimator.identification.log import PAUSE_S, MotionLog

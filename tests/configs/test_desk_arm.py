@@ -14,10 +14,10 @@ from daemon.assembly import build_setups
 from daemon.control import ControlSocket
 from daemon.drives import Drives
 from daemon.loop import Clock, Loop
-from daemon.messages import Request
 from daemon.modes import Event, Mode
 from daemon.notify import Notifier
-from daemon.peers import Peer
+from daemon.protocol.messages import Request
+from daemon.protocol.socket_path import Peer
 from daemon.service import Service
 from drivers.cia402 import DriveState
 from simulator.state_machine import State

@@ -18,7 +18,8 @@ from bench.ideal_arm import LIMITS, IdealArm, T, tracking_arm
 from daemon.client import Client
 from daemon.commands import answers, contactctl
 from daemon.control import ControlSocket
-from daemon.messages import (
+from daemon.modes import Mode
+from daemon.protocol.messages import (
     Check,
     Contact,
     Event,
@@ -31,8 +32,7 @@ from daemon.messages import (
     Timing,
     Trajectory,
 )
-from daemon.modes import Mode
-from daemon.peers import Peer
+from daemon.protocol.socket_path import Peer
 from daemon.reactions import Reaction, Reactions
 
 MakeArm = Callable[..., IdealArm]

@@ -14,9 +14,10 @@ import can
 import pytest
 from click.testing import CliRunner
 
-from daemon import black_box, control_path
+from daemon import black_box
 from daemon.black_box import BlackBox, follow, ring_path, save, save_left_over, write_log
 from daemon.commands.contactd import main
+from daemon.protocol import socket_path
 from drivers.frame_ring import FrameRing, Recorded
 from drivers.wire import ERROR, EXTENDED, REMOTE
 from errors import LogError
@@ -230,7 +231,7 @@ def test_the_ring_is_open_to_the_group_of_the_socket(path, logs, monkeypatch):
     if os.getuid() != 0:
         pytest.skip("only root may give a file to any group")
     other = next(g for g in grp.getgrall() if g.gr_gid != os.getgid())
-    monkeypatch.setattr(control_path, "GROUP", other.gr_name)
+    monkeypatch.setattr(socket_path, "GROUP", other.gr_name)
     with BlackBox(path, logs, 10.0):
         assert path.stat().st_gid == other.gr_gid
         assert path.stat().st_mode & 0o777 == 0o640

@@ -13,7 +13,7 @@ import pytest
 
 from daemon import client as client_module
 from daemon.client import Client
-from daemon.messages import State
+from daemon.protocol.messages import State
 from errors import ControlError, UnreachableError
 
 

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from daemon.commands import contactctl, contactd
-from daemon.messages import COMMANDS
+from daemon.protocol.messages import COMMANDS
 
 ROOT = Path(contactctl.__file__).parents[2]
 Run = Callable[..., Result]

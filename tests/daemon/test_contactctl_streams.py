@@ -16,7 +16,7 @@ import pytest
 from click.testing import Result
 
 from daemon.commands import contactctl
-from daemon.messages import State
+from daemon.protocol.messages import State
 from daemon.recorder import read_log
 
 ROOT = Path(contactctl.__file__).parents[2]

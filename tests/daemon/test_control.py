@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from daemon.control import ControlSocket
-from daemon.messages import Reply, Request, Snapshot
-from daemon.peers import Peer
+from daemon.protocol.messages import Reply, Request, Snapshot
+from daemon.protocol.socket_path import Peer
 from errors import ModelError
 
 Dial = Callable[[], socket.socket]

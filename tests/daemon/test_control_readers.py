@@ -9,8 +9,8 @@ import msgspec
 import pytest
 
 from daemon.control import ControlSocket, Handler
-from daemon.messages import Reply, Request, Snapshot, State
-from daemon.peers import Peer
+from daemon.protocol.messages import Reply, Request, Snapshot, State
+from daemon.protocol.socket_path import Peer
 
 Dial = Callable[[], socket.socket]
 

@@ -7,7 +7,7 @@ import pytest
 from bench.afternoon import Arm
 from bench.typed import Typed, wired_joint
 from daemon.identify.felt import Told, alone, left_out, spoils_wiring_of
-from daemon.messages import Contact, Event
+from daemon.protocol.messages import Contact, Event
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.identify.logs import COLUMNS, from_csv, from_states, raised
 from daemon.identify.steps import thresholds_step
-from daemon.messages import State
+from daemon.protocol.messages import State
 
 T = 0.01
 

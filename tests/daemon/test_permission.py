@@ -5,9 +5,9 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from daemon.controller import Controller
-from daemon.messages import Check, Request
-from daemon.peers import Peer
 from daemon.permission import Permission
+from daemon.protocol.messages import Check, Request
+from daemon.protocol.socket_path import Peer
 
 
 @dataclass

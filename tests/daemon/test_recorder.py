@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from daemon.client import Client
-from daemon.messages import Contact, Event, Snapshot, State
+from daemon.protocol.messages import Contact, Event, Snapshot, State
 from daemon.recorder import CHUNK_BYTES, read_log, record, viewer_schema
 from daemon.trajectory_recorder import record_trajectory
 from errors import ControlError, LogError, UnreachableError

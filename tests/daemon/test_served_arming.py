@@ -8,9 +8,9 @@ import pytest
 
 from bench.house import House
 from daemon.client import Client
-from daemon.messages import Request
 from daemon.modes import Mode
-from daemon.peers import Peer
+from daemon.protocol.messages import Request
+from daemon.protocol.socket_path import Peer
 from errors import ControlError
 
 

@@ -11,8 +11,8 @@ import pytest
 
 from bench.house import House
 from daemon.client import Client
-from daemon.messages import Reply, Request
 from daemon.modes import Mode
+from daemon.protocol.messages import Reply, Request
 
 # --- clients that are rude ----------------------------------------------------------------------
 

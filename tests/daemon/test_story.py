@@ -8,8 +8,8 @@ from bench.lockstep import ROMEO, lockstep_rig
 from daemon.commands.demo import verdict
 from daemon.commands.story import Story, Touch, touch_of
 from daemon.config.load import load_robot
-from daemon.messages import Snapshot
 from daemon.modes import Event
+from daemon.protocol.messages import Snapshot
 from simulator.hand import Guide, Push, Release
 
 HAND = (

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from bench.lockstep import Rig, lockstep_rig
-from daemon.messages import Snapshot, State
 from daemon.modes import Event, Mode
+from daemon.protocol.messages import Snapshot, State
 from daemon.recorder import _LogWriter, _Stamp
 from daemon.replay import replay
 

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from rich.console import Console, RenderableType
 
-from daemon.messages import Event, Permit, Snapshot, State
+from daemon.protocol.messages import Event, Permit, Snapshot, State
 from daemon.view import Dashboard, History, Summary, gap_bar, residual_bar, status_view
 
 MakeState = Callable[..., State]

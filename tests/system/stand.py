@@ -15,7 +15,7 @@ import yaml
 from daemon.client import Client
 from daemon.config import identified
 from daemon.config.load import load_robot
-from daemon.messages import Command, Reply, Status
+from daemon.protocol.messages import Command, Reply, Status
 from errors import ContactdError
 
 CAN = "can0"

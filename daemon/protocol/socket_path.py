@@ -1,4 +1,7 @@
-"""Where daemon and clients meet: the control socket's file, and who may open it."""
+"""File of the control socket: where daemon and clients meet, who may open it, and who did.
+
+The file's group decides who may connect; the kernel knows who is at the other end.
+"""
 
 import contextlib
 import grp
@@ -6,13 +9,17 @@ import logging
 import os
 import socket
 import stat
+import struct
+from dataclasses import dataclass
 from pathlib import Path
 
-from daemon.peers import peer_of
 from errors import ControlError
 
 GROUP = "contact"
 LISTEN_BACKLOG = 64
+_UCRED = struct.Struct("3i")  # pid, uid, gid
+_SO_PEERGROUPS = 59  # Linux 4.13; not in Python's socket module
+_MOST_GROUPS = 256
 
 _log = logging.getLogger("contactd")
 
@@ -113,3 +120,26 @@ def open_to_group(path: Path, mode: int) -> str:
         why = "does not exist" if isinstance(error, KeyError) else "is not one of the daemon's"
     path.chmod(mode)
     return why
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """Who is at the other end of a connection, as the kernel saw it connect."""
+
+    uid: int
+    pid: int
+    connection: int = 0  # counts up: no two connections of one daemon have the same
+
+
+def peer_of(connected: socket.socket, connection: int = 0) -> Peer:
+    """Credentials of the process at the other end, from the kernel."""
+    raw = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
+    pid, uid, _ = _UCRED.unpack(raw)
+    return Peer(uid, pid, connection)
+
+
+def groups_of(connected: socket.socket) -> tuple[int, ...]:
+    """All groups of the process at the other end, from the kernel."""
+    gid = _UCRED.unpack(connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size))[2]
+    raw = connected.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, 4 * _MOST_GROUPS)
+    return (gid, *struct.unpack(f"{len(raw) // 4}I", raw))

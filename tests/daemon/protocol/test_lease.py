@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.lease import Lease, Owner, in_words
+from daemon.protocol.lease import Lease, Owner, in_words
 
 ALICE, BOB = Owner(1000, 7), Owner(1001, 8)
 PROGRAM, OTHER = Owner(1000, 9, 3), Owner(1000, 9, 4)

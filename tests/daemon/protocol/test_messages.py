@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.messages import Header, Request, printable
+from daemon.protocol.messages import Header, Request, printable
 
 
 def load(name: str) -> bytes:

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from daemon import control_path
 from daemon.control import ControlSocket
-from daemon.control_path import default_socket_path
-from daemon.messages import Reply
+from daemon.protocol import socket_path
+from daemon.protocol.messages import Reply
+from daemon.protocol.socket_path import default_socket_path
 from errors import ControlError
 
 SOMEBODY_ELSE = """
@@ -79,7 +79,7 @@ def test_group_is_set_where_it_exists(tmp_path: Path, monkeypatch: pytest.Monkey
     if os.getuid() != 0:
         pytest.skip("only root may give a file to any group")
     other = next(g for g in grp.getgrall() if g.gr_gid != os.getgid())
-    monkeypatch.setattr(control_path, "GROUP", other.gr_name)
+    monkeypatch.setattr(socket_path, "GROUP", other.gr_name)
     with ControlSocket(tmp_path / "control") as control:
         assert control.path.stat().st_gid == other.gr_gid
 
