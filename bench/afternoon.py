@@ -18,7 +18,7 @@ from bench.house import House, open_house
 from bench.lockstep import ROMEO
 from daemon.config.identified import IdentifiedJoint
 from daemon.config.load import load_robot
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 from errors import DriveError
 from estimator.model import Model
 from simulator.description import SimulationSettings

@@ -23,7 +23,7 @@ from bench.afternoon import Afternoon, Arm, Written, poor_guesses
 from bench.contact_free import MOTION, moving
 from bench.figures import Target, print_report
 from bench.lockstep import lockstep_rig
-from daemon.modes import Event
+from daemon.modes.table import Event
 from simulator.description import SimulationSettings
 
 Vector = NDArray[np.float64]

@@ -18,7 +18,7 @@ import numpy as np
 from bench.figures import Target, print_report
 from bench.lockstep import lockstep_rig
 from daemon.config.schema import Configuration, Sinusoid, Trajectory
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from estimator.motor_position import Side
 from estimator.residual import Variant
 from estimator.types import Vector

@@ -21,7 +21,7 @@ from bench.figures import Target, print_report
 from bench.leading import lead, lead_limp, stiffness, stroke
 from bench.lockstep import lockstep_rig
 from daemon.config.schema import Configuration
-from daemon.modes import Event
+from daemon.modes.table import Event
 
 # The hand lets go of a single joint in full motion, of the whole arm when it has rested so long.
 RESTS_S = 0.5

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from daemon.admittance import AdmittanceLaw, Gains, GuidedBounds
 from daemon.controller import Controller, Decision, Observed, Tuning
 from daemon.limits import Limits
-from daemon.modes import ENERGISED, Event, Mode
+from daemon.modes.contact_reactions import AfterQuiet, Reactions
+from daemon.modes.table import ENERGISED, Event, Mode
 from daemon.motion import Manner, Motion
-from daemon.reactions import AfterQuiet, Reactions
 from daemon.trajectory import Follower, Place, Sinusoids
 
 Vector = NDArray[np.float64]

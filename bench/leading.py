@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bench.lockstep import Rig
 from daemon.config.schema import Configuration
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 from simulator.arm import SimulatedArm
 from simulator.hand import AnyAct, Guide, Hand, Release
 

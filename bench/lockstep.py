@@ -17,7 +17,7 @@ from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.cycle import Cycle
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import State
 from drivers.boot_up import boot_up
 from drivers.identity import DriveIdentity

@@ -25,7 +25,7 @@ from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
 from daemon.control import ControlSocket
 from daemon.loop import Clock, Loop
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from daemon.notify import Notifier
 from daemon.realtime import FIFO_PRIORITY, go_realtime
 from daemon.run import sleep_until

@@ -22,7 +22,7 @@ import click
 import msgspec
 
 from bench.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
-from daemon.modes import Event
+from daemon.modes.table import Event
 from simulator.hand import AnyAct, Guide, Push, Release
 
 # Seconds after the arm first moved, a little after it was enabled.

@@ -17,7 +17,7 @@ import numpy as np
 from bench.contact_free import moving
 from bench.figures import Target, print_report
 from bench.lockstep import Rig, lockstep_rig
-from daemon.modes import Event
+from daemon.modes.table import Event
 
 PATIENCE_S = 0.5
 REST_S = 2.0  # between two steps

@@ -13,7 +13,7 @@ from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot
 from daemon.identify.steps import merged
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 
 MOTION_S = 3.0
 """In which a step measures something."""

@@ -13,11 +13,11 @@ from daemon.config.schema import Configuration
 from daemon.controller import Controller, Tuning
 from daemon.cycle import Cycle
 from daemon.following import Following, FollowingBounds
+from daemon.modes.contact_reactions import Reactions
 from daemon.motion import Manner, Motion
 from daemon.observation import Observer, Patience
 from daemon.plausibility import Bounds, Plausibility
 from daemon.prearm import PreArm, Verdict
-from daemon.reactions import Reactions
 from daemon.trajectory import Follower, Place, Sinusoids
 from drivers.arm import Arm
 from drivers.data_sheet import load_data_sheet

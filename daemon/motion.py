@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from daemon.admittance import AdmittanceLaw, Gains
 from daemon.limits import Limits
 from daemon.line import Line
-from daemon.modes import SENSING, Mode
+from daemon.modes.table import SENSING, Mode
 from daemon.trajectory import Follower
 
 Vector = NDArray[np.float64]

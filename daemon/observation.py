@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daemon.following import Following
-from daemon.modes import SENSING, Mode
+from daemon.modes.table import SENSING, Mode
 from daemon.plausibility import Plausibility, Vector
 from daemon.supervisor import Condition, Finding
 from drivers.cia402 import DriveState

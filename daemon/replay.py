@@ -9,7 +9,7 @@ import numpy as np
 from daemon.assembly import build_estimator
 from daemon.config.load import parse_configuration
 from daemon.cycle import SIDE_NAMES
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 from daemon.prearm import FLAG_NAMES
 from daemon.protocol.messages import Snapshot, State
 from daemon.recorder import read_log

@@ -18,7 +18,7 @@ from daemon.drives import Drives
 from daemon.journal import log_to_stderr
 from daemon.last_resort import stop_on_error
 from daemon.loop import Clock, Loop
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 from daemon.notify import Notifier, notifier_of
 from daemon.protocol.socket_path import default_socket_path
 from daemon.realtime import go_realtime

@@ -11,7 +11,7 @@ from daemon.drives import Drives
 from daemon.loading import LoadingDock
 from daemon.log_limit import LogLimit
 from daemon.loop import Loop
-from daemon.modes import Event, ModeMachine
+from daemon.modes.table import Event, ModeMachine
 from daemon.notify import Notifier
 from daemon.permission import Permission
 from daemon.protocol.lease import Owner, in_words

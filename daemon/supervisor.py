@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 from typing import Final
 
-from daemon.modes import Event
+from daemon.modes.table import Event
 
 
 class Reaction(IntEnum):

@@ -6,7 +6,7 @@ import numpy as np
 
 from daemon.cycle import Cycle
 from daemon.loop import Loop
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from drivers.cia402 import reached
 
 # How long the drives may take to reach the state they end in [s].

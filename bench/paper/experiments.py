@@ -13,7 +13,7 @@ from bench.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.commands.story import Story, touch_of
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Snapshot, State
 from estimator.residual import Variant
 from simulator.description import Mismatch, SimulationSettings

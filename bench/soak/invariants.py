@@ -9,7 +9,7 @@ from bench.soak.record import Ledger
 from daemon.assembly import build_transmission
 from daemon.config.motion import limits_of
 from daemon.config.schema import Configuration
-from daemon.modes import GUIDED, SENSING, TRANSITIONS, Mode
+from daemon.modes.table import GUIDED, SENSING, TRANSITIONS, Mode
 from daemon.protocol.messages import State
 
 # Nearer to its limit than this, a joint has been led back to it [rad]...

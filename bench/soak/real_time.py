@@ -27,7 +27,7 @@ from bench.soak.robot import gives_way, hand_script, write_robot
 from daemon.client import Client
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 from daemon.protocol.messages import State
 from errors import ContactdError
 

@@ -6,7 +6,7 @@ import msgspec
 from msgspec import Meta
 
 from daemon.admittance import MAX_GAIN
-from daemon.reactions import AfterQuiet, Reaction
+from daemon.modes.contact_reactions import AfterQuiet, Reaction
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
 from estimator.settings import EstimatorSettings
 from estimator.transmission import STICTION

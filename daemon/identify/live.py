@@ -21,7 +21,7 @@ from daemon.client import Client
 from daemon.config.schema import Configuration
 from daemon.identify.felt import Told
 from daemon.identify.logs import configuration_of
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 from daemon.protocol.messages import Command, Event, State, Status
 from errors import ContactdError, ControlError, LogError, UnreachableError
 from estimator.types import Matrix

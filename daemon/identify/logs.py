@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
-from daemon.modes import SENSING
+from daemon.modes.table import SENSING
 from daemon.protocol.messages import Snapshot, State
 from daemon.recorder import read_log
 from errors import ContactdError, LogError, ShortLogError

@@ -9,7 +9,7 @@ from bench.harness import Harness, Motion, Push, Recording, Scenario, Subject, r
 from bench.lockstep import ROMEO, lockstep_rig
 from daemon.commands.simulated_robot import read_simulation
 from daemon.config.load import Robot, load_robot
-from daemon.modes import Event
+from daemon.modes.table import Event
 from simulator.description import SimulationSettings
 
 

@@ -31,7 +31,7 @@ from bench.soak.robot import gives_way, hand_script, strongest, write_robot
 from bench.soak.trend import Bound, trend
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 from daemon.protocol.messages import Event, Reply, Request, State, Timing
 from simulator.hand import Hand, Push
 

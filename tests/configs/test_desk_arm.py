@@ -14,7 +14,7 @@ from daemon.assembly import build_setups
 from daemon.control import ControlSocket
 from daemon.drives import Drives
 from daemon.loop import Clock, Loop
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from daemon.notify import Notifier
 from daemon.protocol.messages import Request
 from daemon.protocol.socket_path import Peer

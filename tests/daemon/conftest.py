@@ -18,7 +18,8 @@ from bench.ideal_arm import LIMITS, IdealArm, T, tracking_arm
 from daemon.client import Client
 from daemon.commands import answers, contactctl
 from daemon.control import ControlSocket
-from daemon.modes import Mode
+from daemon.modes.contact_reactions import Reaction, Reactions
+from daemon.modes.table import Mode
 from daemon.protocol.messages import (
     Check,
     Contact,
@@ -33,7 +34,6 @@ from daemon.protocol.messages import (
     Trajectory,
 )
 from daemon.protocol.socket_path import Peer
-from daemon.reactions import Reaction, Reactions
 
 MakeArm = Callable[..., IdealArm]
 

@@ -9,7 +9,7 @@ import pytest
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.assembly import heed_identification
 from daemon.config.schema import Configuration
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 
 Change = Callable[[Configuration], Configuration]
 

@@ -7,7 +7,7 @@ import pytest
 
 from bench.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
 from daemon.admittance import GuidedBounds
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from daemon.sampled_path import PathBuilder, SampledPath
 from daemon.supervisor import Condition, Finding
 from drivers.cia402 import PowerTarget

@@ -9,7 +9,7 @@ import pytest
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.cycle import LONGEST_STEP
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from drivers.cia402 import DriveState
 
 ELBOW = 2

@@ -17,7 +17,7 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.cycle import Cycle
 from daemon.drives import Drives
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from drivers.data_sheet import load_data_sheet
 from drivers.drive_setup import problems
 from errors import DriveError

@@ -13,7 +13,7 @@ from bench.lockstep import DESK_ARM
 from daemon.assembly import build_cycle
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, Levels
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from drivers.cia402 import ENABLE_OPERATION
 from drivers.codec import link_side, receive_pdos, transmit_pdos
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from bench.lockstep import lockstep_rig
 from daemon.config.schema import Configuration
-from daemon.modes import Event, Mode
-from daemon.reactions import AfterQuiet, Reaction
+from daemon.modes.contact_reactions import AfterQuiet, Reaction
+from daemon.modes.table import Event, Mode
 
 ELBOW = 2
 

@@ -17,7 +17,7 @@ from daemon.config import identified as file
 from daemon.config.load import load_robot, parse_configuration
 from daemon.identify.logs import from_states, raised
 from daemon.identify.steps import friction_step, merged, thresholds_step
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from daemon.prearm import Verdict
 from daemon.sampled_path import PathBuilder
 from errors import ConfigurationError, LogError

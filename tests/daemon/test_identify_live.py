@@ -24,7 +24,7 @@ from daemon.config.load import load_robot
 from daemon.identify.live import followed
 from daemon.identify.live_source import Hand
 from daemon.identify.logs import read_measured
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 from daemon.protocol.messages import State
 from errors import LogError
 from estimator.identification.log import MotionLog

@@ -9,7 +9,7 @@ import pytest
 
 from bench.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 
 # What the drive's velocity loop and the gear give way under the hand, beside the commanded motion.
 MARGIN_RAD = 0.004

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.ideal_arm import MANNER, T, ideal_arm
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 
 
 def test_a_joint_that_was_not_heard_of_has_moved_on() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from daemon.following import TICKS, Following, FollowingBounds
-from daemon.modes import SENSING, Mode
+from daemon.modes.table import SENSING, Mode
 from daemon.observation import Observer, Patience
 from daemon.plausibility import Bounds, Plausibility
 from daemon.supervisor import Condition, Finding, Reaction, strongest

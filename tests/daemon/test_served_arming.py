@@ -8,7 +8,7 @@ import pytest
 
 from bench.house import House
 from daemon.client import Client
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 from daemon.protocol.messages import Request
 from daemon.protocol.socket_path import Peer
 from errors import ControlError

@@ -11,7 +11,7 @@ import pytest
 
 from bench.house import House
 from daemon.client import Client
-from daemon.modes import Mode
+from daemon.modes.table import Mode
 from daemon.protocol.messages import Reply, Request
 
 # --- clients that are rude ----------------------------------------------------------------------

@@ -8,7 +8,7 @@ from bench.lockstep import ROMEO, lockstep_rig
 from daemon.commands.demo import verdict
 from daemon.commands.story import Story, Touch, touch_of
 from daemon.config.load import load_robot
-from daemon.modes import Event
+from daemon.modes.table import Event
 from daemon.protocol.messages import Snapshot
 from simulator.hand import Guide, Push, Release
 

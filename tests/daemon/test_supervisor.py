@@ -4,7 +4,7 @@ from itertools import permutations
 
 import pytest
 
-from daemon.modes import Event
+from daemon.modes.table import Event
 from daemon.supervisor import EVENT_OF, REACTIONS, Condition, Finding, Reaction, strongest
 
 # What one tick gets over; where what is measured can still be trusted; what ends the program.

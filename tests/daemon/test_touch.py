@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench.lockstep import Rig, lockstep_rig
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Snapshot, State
 from daemon.recorder import _LogWriter, _Stamp
 from daemon.replay import replay

@@ -1,4 +1,4 @@
-"""docs/modes.md shows the table of `daemon.modes`, row by row, and nothing else."""
+"""docs/modes.md shows the table of `daemon.modes.table`, row by row, and nothing else."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.modes import DISARMING, TRANSITIONS, Event, Mode
+from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "modes.md"
 

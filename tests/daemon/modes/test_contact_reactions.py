@@ -5,8 +5,8 @@ import pytest
 
 from bench.ideal_arm import MANNER, IdealArm, holding_arm
 from daemon.admittance import GuidedBounds
-from daemon.modes import Event, Mode
-from daemon.reactions import AfterQuiet, Reaction, Reactions
+from daemon.modes.contact_reactions import AfterQuiet, Reaction, Reactions
+from daemon.modes.table import Event, Mode
 from tests.daemon.conftest import MakeArm as Make
 
 R, M = Reaction, Mode

@@ -4,7 +4,7 @@ from itertools import product
 
 import pytest
 
-from daemon.modes import (
+from daemon.modes.table import (
     ARMABLE,
     DISARMING,
     ENERGISED,

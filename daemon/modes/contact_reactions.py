@@ -4,7 +4,7 @@ table. Pure data."""
 from dataclasses import dataclass
 from enum import StrEnum
 
-from daemon.modes import Event, Mode
+from daemon.modes.table import Event, Mode
 
 
 class Reaction(StrEnum):

@@ -1,0 +1,1 @@
+"""Modes of motion, and what a contact leads to: tables. Pure."""
