@@ -38,7 +38,7 @@ TESTS: Final = {
     "daemon/observation.py": "tests/daemon/test_observation.py",
     "daemon/plausibility.py": "tests/daemon/test_plausibility.py",
     "daemon/following.py": "tests/daemon/test_following.py",
-    "daemon/limits.py": "tests/daemon/test_limits.py",
+    "daemon/motion/limits.py": "tests/daemon/motion/test_limits.py",
     "estimator/contact.py": "tests/estimator/test_contact.py",
     "drivers/obedience.py": "tests/drivers/test_obedience.py",
     "drivers/heartbeat.py": "tests/drivers/test_heartbeat.py",

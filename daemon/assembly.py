@@ -5,7 +5,6 @@ from collections.abc import Callable
 import can
 import numpy as np
 
-from daemon.admittance import AdmittanceLaw, Gains, GuidedBounds
 from daemon.config.identified import objections
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row
@@ -14,11 +13,12 @@ from daemon.controller import Controller, Tuning
 from daemon.cycle import Cycle
 from daemon.following import Following, FollowingBounds
 from daemon.modes.contact_reactions import Reactions
-from daemon.motion import Manner, Motion
+from daemon.motion.admittance import AdmittanceLaw, Gains, GuidedBounds
+from daemon.motion.motion import Manner, Motion
+from daemon.motion.path import Follower, Place, Sinusoids
 from daemon.observation import Observer, Patience
 from daemon.plausibility import Bounds, Plausibility
 from daemon.prearm import PreArm, Verdict
-from daemon.trajectory import Follower, Place, Sinusoids
 from drivers.arm import Arm
 from drivers.data_sheet import load_data_sheet
 from drivers.drive_setup import DriveSetup

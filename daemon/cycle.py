@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from daemon.controller import Controller, Decision, Observed
-from daemon.limits import all_finite
 from daemon.modes.table import SENSING, Mode
+from daemon.motion.limits import all_finite
 from daemon.observation import Observer
 from daemon.prearm import FLAG_NAMES, Objection, PreArm
 from daemon.protocol.messages import Check, Contact, Event, State, Timing, Vector

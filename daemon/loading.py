@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from daemon.limits import Limits
+from daemon.motion.limits import Limits
+from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.protocol.messages import Header
-from daemon.sampled_path import PathBuilder, SampledPath
 from errors import ControlError
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.limits import Limits
+from daemon.motion.limits import Limits
 from daemon.protocol.messages import Check
 from daemon.supervisor import Condition, Finding
 from drivers.cia402 import DriveState

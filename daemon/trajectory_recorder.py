@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from daemon.client import Client
+from daemon.motion.trajectory_file import MAX_ROWS, TIME
 from daemon.new_file import refuse_unless_new
 from daemon.protocol.messages import State
-from daemon.trajectory_file import MAX_ROWS, TIME
 from errors import LogError, UnreachableError
 
 # One sample is the mean of so many seconds: often enough for a hand, and an encoder's last digit

@@ -101,7 +101,7 @@ def start(options: Options, file: Path | None, from_here: bool, speed: float) ->
             raise click.UsageError("--from-here and --speed are about a file")
         carry_out(options, "start")
         return
-    from daemon.trajectory_file import read_trajectory
+    from daemon.motion.trajectory_file import read_trajectory
 
     with options.connect() as client:
         trajectory = read_trajectory(file, status_of(client).joints)

@@ -14,7 +14,7 @@ from daemon.config.identified import Identified, applied
 from daemon.config.motion import recorded_path
 from daemon.config.schema import Configuration
 from daemon.config.yaml_source import Source, parse_yaml, read_yaml
-from daemon.sampled_path import SampledPath
+from daemon.motion.sampled_path import SampledPath
 from errors import ConfigurationError, TrajectoryError
 
 T = TypeVar("T", bound=msgspec.Struct)

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from daemon.config.schema import Configuration, Joint
-from daemon.limits import Limits, Vector
-from daemon.sampled_path import PathBuilder, SampledPath
-from daemon.trajectory_file import read_trajectory
+from daemon.motion.limits import Limits, Vector
+from daemon.motion.sampled_path import PathBuilder, SampledPath
+from daemon.motion.trajectory_file import read_trajectory
 from errors import TrajectoryError
 
 

@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from daemon.admittance import MAX_GAIN
 from daemon.modes.contact_reactions import AfterQuiet, Reaction
+from daemon.motion.admittance import MAX_GAIN
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
 from estimator.settings import EstimatorSettings
 from estimator.transmission import STICTION

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bench.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
-from daemon.admittance import GuidedBounds
 from daemon.modes.table import Event, Mode
-from daemon.sampled_path import PathBuilder, SampledPath
+from daemon.motion.admittance import GuidedBounds
+from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.supervisor import Condition, Finding
 from drivers.cia402 import PowerTarget
 

@@ -12,7 +12,7 @@ import pytest
 from bench.house import House
 from daemon.client import Client
 from daemon.modes.table import Mode
-from daemon.trajectory_file import read_trajectory
+from daemon.motion.trajectory_file import read_trajectory
 from daemon.trajectory_recorder import Recorded, record_trajectory
 from errors import ControlError, LogError, TrajectoryError
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from bench.ideal_arm import MANNER, IdealArm, holding_arm
-from daemon.admittance import GuidedBounds
 from daemon.modes.contact_reactions import AfterQuiet, Reaction, Reactions
 from daemon.modes.table import Event, Mode
+from daemon.motion.admittance import GuidedBounds
 from tests.daemon.conftest import MakeArm as Make
 
 R, M = Reaction, Mode

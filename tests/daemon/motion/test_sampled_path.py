@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.limits import Limits
-from daemon.sampled_path import PathBuilder, SampledPath
-from daemon.trajectory_file import MAX_ROWS, rows_of, slopes
+from daemon.motion.limits import Limits
+from daemon.motion.sampled_path import PathBuilder, SampledPath
+from daemon.motion.trajectory_file import MAX_ROWS, rows_of, slopes
 from errors import TrajectoryError
 
 JOINTS = ["a", "b", "c"]

@@ -5,7 +5,7 @@
     0.05,0.11,-0.49
 
 Empty lines and lines that begin with # are left out. Read without numpy, for clients that must
-start at once; what needs the arm's limits is judged by `daemon.sampled_path`.
+start at once; what needs the arm's limits is judged by `daemon.motion.sampled_path`.
 """
 
 import csv

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daemon.trajectory_file import read_trajectory, refuse_shapes
+from daemon.motion.trajectory_file import read_trajectory, refuse_shapes
 from errors import TrajectoryError
 
 JOINTS = ["LElbowRoll", "LElbowYaw"]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bench.ideal_arm import T, tracking_arm
-from daemon.admittance import GuidedBounds
 from daemon.modes.contact_reactions import Reaction, Reactions
+from daemon.motion.admittance import GuidedBounds
 
 SOFT = Reactions(Reaction.ADMITTANCE, Reaction.ADMITTANCE)
 FAR = GuidedBounds(max_duration_s=100.0, max_excursion=3.0)

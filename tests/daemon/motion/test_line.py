@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.line import Line
+from daemon.motion.line import Line
 
 position = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3).map(np.array)
 bound = st.lists(st.floats(0.05, 5.0), min_size=3, max_size=3).map(np.array)

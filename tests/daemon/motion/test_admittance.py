@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.admittance import GAIN_RAMP_S, AdmittanceLaw, Allowance, Gains, GuidedBounds
+from daemon.motion.admittance import GAIN_RAMP_S, AdmittanceLaw, Allowance, Gains, GuidedBounds
 
 DT = 0.01
 GAIN = np.array([0.08, 0.5, 0.0])

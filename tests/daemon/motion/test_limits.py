@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from daemon.limits import Limits
+from daemon.motion.limits import Limits
 
 Vector = NDArray[np.float64]
 DT = 0.01

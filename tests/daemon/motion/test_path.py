@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from daemon.config.schema import Sinusoid
-from daemon.limits import Limits
-from daemon.sampled_path import PathBuilder, SampledPath
-from daemon.trajectory import Follower, Place, Sinusoids
-from daemon.trajectory_file import rows_of, slopes
+from daemon.motion.limits import Limits
+from daemon.motion.path import Follower, Place, Sinusoids
+from daemon.motion.sampled_path import PathBuilder, SampledPath
+from daemon.motion.trajectory_file import rows_of, slopes
 
 JOINTS = ["a", "b", "c"]
 PATH = Sinusoids.from_settings(

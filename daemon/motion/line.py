@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from daemon.trajectory import Reference
+from daemon.motion.path import Reference
 
 Vector = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from daemon.limits import Limits
-from daemon.trajectory_file import MAX_ROWS, PLAUSIBLE, SHORTEST_STEP_S, refuse_columns
+from daemon.motion.limits import Limits
+from daemon.motion.trajectory_file import MAX_ROWS, PLAUSIBLE, SHORTEST_STEP_S, refuse_columns
 from errors import TrajectoryError
 
 Vector = NDArray[np.float64]

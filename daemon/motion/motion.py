@@ -6,11 +6,11 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from daemon.admittance import AdmittanceLaw, Gains
-from daemon.limits import Limits
-from daemon.line import Line
 from daemon.modes.table import SENSING, Mode
-from daemon.trajectory import Follower
+from daemon.motion.admittance import AdmittanceLaw, Gains
+from daemon.motion.limits import Limits
+from daemon.motion.line import Line
+from daemon.motion.path import Follower
 
 Vector = NDArray[np.float64]
 

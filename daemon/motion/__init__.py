@@ -1,0 +1,1 @@
+"""From mode and measurements to target velocities: paths, admittance, limits. Pure."""
