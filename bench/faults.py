@@ -46,7 +46,7 @@ from bench.measurement_faults import (
     torque_stuck,
 )
 from bench.stage import Fault, Stage
-from daemon.supervisor import Condition
+from daemon.faults.table import Condition
 
 
 def late(seconds: float) -> Fault:

@@ -34,10 +34,10 @@ LISTED: Final = ROOT / "tests" / "equivalent_mutants.yaml"
 PATIENCE_S: Final = 120.0
 
 TESTS: Final = {
-    "daemon/supervisor.py": "tests/daemon/test_supervisor.py",
-    "daemon/observation.py": "tests/daemon/test_observation.py",
-    "daemon/plausibility.py": "tests/daemon/test_plausibility.py",
-    "daemon/following.py": "tests/daemon/test_following.py",
+    "daemon/faults/table.py": "tests/daemon/faults/test_table.py",
+    "daemon/faults/detector.py": "tests/daemon/faults/test_detector.py",
+    "daemon/faults/plausibility.py": "tests/daemon/faults/test_plausibility.py",
+    "daemon/faults/following.py": "tests/daemon/faults/test_following.py",
     "daemon/motion/limits.py": "tests/daemon/motion/test_limits.py",
     "estimator/contact.py": "tests/estimator/test_contact.py",
     "drivers/obedience.py": "tests/drivers/test_obedience.py",

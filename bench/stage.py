@@ -14,8 +14,8 @@ from bench.faulty_bus import FaultyBus
 from bench.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.cycle import ON_TIME, Wakeup
+from daemon.faults.detector import FAULT_STATES
 from daemon.modes.table import Event, Mode
-from daemon.observation import FAULT_STATES
 from drivers.cia402 import QUICK_STOP
 from simulator.sensors import Readings
 

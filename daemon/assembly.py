@@ -11,13 +11,13 @@ from daemon.config.motion import limits_of, row
 from daemon.config.schema import Configuration
 from daemon.controller import Controller, Tuning
 from daemon.cycle import Cycle
-from daemon.following import Following, FollowingBounds
+from daemon.faults.detector import Observer, Patience
+from daemon.faults.following import Following, FollowingBounds
+from daemon.faults.plausibility import Bounds, Plausibility
 from daemon.modes.contact_reactions import Reactions
 from daemon.motion.admittance import AdmittanceLaw, Gains, GuidedBounds
 from daemon.motion.motion import Manner, Motion
 from daemon.motion.path import Follower, Place, Sinusoids
-from daemon.observation import Observer, Patience
-from daemon.plausibility import Bounds, Plausibility
 from daemon.prearm import PreArm, Verdict
 from drivers.arm import Arm
 from drivers.data_sheet import load_data_sheet

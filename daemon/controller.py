@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from daemon.faults.table import EVENT_OF, Condition, Finding, strongest
 from daemon.modes.contact_reactions import ATTENTIVE, AfterQuiet, Reactions
 from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, ModeMachine, refusal
 from daemon.motion.admittance import MAX_GAIN, Allowance, GuidedBounds
@@ -18,7 +19,6 @@ from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
 from daemon.prearm import Objection
 from daemon.refusals import misfits, not_energisable, not_startable
-from daemon.supervisor import EVENT_OF, Condition, Finding, strongest
 from drivers.cia402 import PowerTarget
 
 Vector = NDArray[np.float64]

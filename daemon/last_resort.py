@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from daemon.supervisor import Condition, Finding
+from daemon.faults.table import Condition, Finding
 from drivers.arm import Arm
 from errors import ProgramError
 

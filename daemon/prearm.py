@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from daemon.faults.table import Condition, Finding
 from daemon.motion.limits import Limits
 from daemon.protocol.messages import Check
-from daemon.supervisor import Condition, Finding
 from drivers.cia402 import DriveState
 from drivers.events import Emergency, Rebooted, told
 from drivers.samples import Samples

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import Protocol
 
+from daemon.faults.table import Finding, Reaction
 from daemon.motion.limits import Limits, Vector
 from daemon.motion.path import Place
-from daemon.supervisor import Finding, Reaction
 
 # How far from its first sample a recorded trajectory may begin [rad].
 START_TOLERANCE = 0.05

@@ -14,7 +14,7 @@ from bench.lockstep import ROMEO
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Joint
-from daemon.plausibility import GAP_TOLERANCE
+from daemon.faults.plausibility import GAP_TOLERANCE
 from simulator.hand import AnyAct, Guide, Hold, Push, Release
 from simulator.mismatch import true_parameters
 from simulator.servo import Servo

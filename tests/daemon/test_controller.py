@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bench.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
+from daemon.faults.table import Condition, Finding
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import GuidedBounds
 from daemon.motion.sampled_path import PathBuilder, SampledPath
-from daemon.supervisor import Condition, Finding
 from drivers.cia402 import PowerTarget
 
 COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")

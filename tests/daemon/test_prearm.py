@@ -7,9 +7,9 @@ import pytest
 
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.cycle import Wakeup
+from daemon.faults.table import Condition
 from daemon.prearm import CHECK_OF, NAMES, Verdict
 from daemon.protocol.messages import Check
-from daemon.supervisor import Condition
 from drivers.cia402 import DriveState
 from drivers.events import Emergency, Rebooted
 

@@ -7,10 +7,10 @@ import pytest
 
 from bench.ideal_arm import IdealArm, T, holding_arm, ideal_arm
 from daemon.controller import Observed
+from daemon.faults.table import Condition, Finding
 from daemon.modes.contact_reactions import AfterQuiet, Reaction, Reactions
 from daemon.modes.table import ADVICE, TRANSITIONS, Event, Mode, refusal
 from daemon.prearm import Objection
-from daemon.supervisor import Condition, Finding
 
 COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")
 

@@ -1,4 +1,4 @@
-"""docs/faults.md shows the table of `daemon.supervisor`, row by row, and the bounds as they are."""
+"""docs/faults.md shows the table of `daemon.faults.table`, row by row, and the bounds as they are."""
 
 import re
 from pathlib import Path
@@ -6,10 +6,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from daemon import following, plausibility
 from daemon.config.schema import SupervisorSettings
-from daemon.observation import STARVED_FACTOR
-from daemon.supervisor import REACTIONS, Condition, Reaction
+from daemon.faults import following, plausibility
+from daemon.faults.detector import STARVED_FACTOR
+from daemon.faults.table import REACTIONS, Condition, Reaction
 from drivers import obedience
 from drivers.cia402 import PowerTarget
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from daemon.following import PRESSING_SHARE, TICKS, Following, FollowingBounds
+from daemon.faults.following import PRESSING_SHARE, TICKS, Following, FollowingBounds
 
 T, LAG = 0.01, 0.01
 WINDOW = 6  # three ticks of latency, three lags

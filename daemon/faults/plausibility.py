@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from daemon.supervisor import Condition
+from daemon.faults.table import Condition
 
 Vector = NDArray[np.float64]
 

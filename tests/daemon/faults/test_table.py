@@ -4,8 +4,8 @@ from itertools import permutations
 
 import pytest
 
+from daemon.faults.table import EVENT_OF, REACTIONS, Condition, Finding, Reaction, strongest
 from daemon.modes.table import Event
-from daemon.supervisor import EVENT_OF, REACTIONS, Condition, Finding, Reaction, strongest
 
 # What one tick gets over; where what is measured can still be trusted; what ends the program.
 # Everything else stops all drives until a person has looked.

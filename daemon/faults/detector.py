@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from daemon.following import Following
+from daemon.faults.following import Following
+from daemon.faults.plausibility import Plausibility, Vector
+from daemon.faults.table import Condition, Finding
 from daemon.modes.table import SENSING, Mode
-from daemon.plausibility import Plausibility, Vector
-from daemon.supervisor import Condition, Finding
 from drivers.cia402 import DriveState
 from drivers.events import (
     AdapterGone,

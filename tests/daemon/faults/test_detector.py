@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from daemon.following import TICKS, Following, FollowingBounds
+from daemon.faults.detector import Observer, Patience
+from daemon.faults.following import TICKS, Following, FollowingBounds
+from daemon.faults.plausibility import Bounds, Plausibility
+from daemon.faults.table import Condition, Finding, Reaction, strongest
 from daemon.modes.table import SENSING, Mode
-from daemon.observation import Observer, Patience
-from daemon.plausibility import Bounds, Plausibility
-from daemon.supervisor import Condition, Finding, Reaction, strongest
 from drivers.cia402 import DriveState
 from drivers.events import (
     AdapterGone,

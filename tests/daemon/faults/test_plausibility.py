@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.plausibility import (
+from daemon.faults.plausibility import (
     GAP_TOLERANCE,
     OVERSPEED_TICKS,
     STUCK_TICKS,
@@ -14,7 +14,7 @@ from daemon.plausibility import (
     Doubt,
     Plausibility,
 )
-from daemon.supervisor import Condition
+from daemon.faults.table import Condition
 
 T = 0.01
 GAP, MARGIN, SPEED = 0.02, 0.05, 1.0  # half-gap, position margin, speed bound

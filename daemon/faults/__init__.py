@@ -1,0 +1,1 @@
+"""From samples and timing to findings, and what each asks of the arm. Pure."""
