@@ -15,10 +15,10 @@ from daemon.assembly import heed_identification
 from daemon.client import Client
 from daemon.commands import contactctl, contactd
 from daemon.control import ControlSocket
-from daemon.loop import Clock, Loop
 from daemon.notify import Notifier
 from daemon.protocol.messages import Reply, State
 from daemon.service import Service
+from daemon.tick.loop import Clock, Loop
 
 _PATIENCE_S = 5.0
 

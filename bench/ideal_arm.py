@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from daemon.controller import Controller, Decision, Observed, Tuning
 from daemon.modes.contact_reactions import AfterQuiet, Reactions
 from daemon.modes.table import ENERGISED, Event, Mode
 from daemon.motion.admittance import AdmittanceLaw, Gains, GuidedBounds
 from daemon.motion.limits import Limits
 from daemon.motion.motion import Manner, Motion
 from daemon.motion.path import Follower, Place, Sinusoids
+from daemon.tick.controller import Controller, Decision, Observed, Tuning
 
 Vector = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from daemon.assembly import build_cycle, build_setups
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
-from daemon.cycle import Cycle
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import State
+from daemon.tick.tick import Cycle
 from drivers.boot_up import boot_up
 from drivers.identity import DriveIdentity
 from simulator.arm import SimulatedArm

@@ -24,12 +24,12 @@ from daemon.assembly import build_cycle
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
 from daemon.control import ControlSocket
-from daemon.loop import Clock, Loop
 from daemon.modes.table import Event, Mode
 from daemon.notify import Notifier
 from daemon.realtime import FIFO_PRIORITY, go_realtime
 from daemon.run import sleep_until
 from daemon.service import Service
+from daemon.tick.loop import Clock, Loop
 
 SYNC: Final = 0x080
 TPDOS: Final = {0x180, 0x280, 0x380, 0x480}

@@ -13,9 +13,9 @@ from bench.contact_free import MOTION
 from bench.faulty_bus import FaultyBus
 from bench.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
-from daemon.cycle import ON_TIME, Wakeup
 from daemon.faults.detector import FAULT_STATES
 from daemon.modes.table import Event, Mode
+from daemon.tick.tick import ON_TIME, Wakeup
 from drivers.cia402 import QUICK_STOP
 from simulator.sensors import Readings
 

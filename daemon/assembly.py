@@ -9,8 +9,6 @@ from daemon.config.identified import objections
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row
 from daemon.config.schema import Configuration
-from daemon.controller import Controller, Tuning
-from daemon.cycle import Cycle
 from daemon.faults.detector import Observer, Patience
 from daemon.faults.following import Following, FollowingBounds
 from daemon.faults.plausibility import Bounds, Plausibility
@@ -18,7 +16,9 @@ from daemon.modes.contact_reactions import Reactions
 from daemon.motion.admittance import AdmittanceLaw, Gains, GuidedBounds
 from daemon.motion.motion import Manner, Motion
 from daemon.motion.path import Follower, Place, Sinusoids
-from daemon.prearm import PreArm, Verdict
+from daemon.tick.arming_checks import PreArm, Verdict
+from daemon.tick.controller import Controller, Tuning
+from daemon.tick.tick import Cycle
 from drivers.arm import Arm
 from drivers.data_sheet import load_data_sheet
 from drivers.drive_setup import DriveSetup

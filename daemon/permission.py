@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from daemon.controller import Controller
 from daemon.protocol.lease import PERSON_S, PROGRAM_S, Lease, Owner, in_words
 from daemon.protocol.messages import Check, Permit, Request
 from daemon.protocol.socket_path import Peer
+from daemon.tick.controller import Controller
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,11 +8,11 @@ import numpy as np
 
 from daemon.assembly import build_estimator
 from daemon.config.load import parse_configuration
-from daemon.cycle import SIDE_NAMES
 from daemon.modes.table import Mode
-from daemon.prearm import FLAG_NAMES
 from daemon.protocol.messages import Snapshot, State
 from daemon.recorder import read_log
+from daemon.tick.arming_checks import FLAG_NAMES
+from daemon.tick.tick import SIDE_NAMES
 from errors import LogError
 from estimator.estimate import Estimate
 from estimator.estimator import Estimator

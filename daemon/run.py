@@ -17,12 +17,12 @@ from daemon.control import ControlSocket
 from daemon.drives import Drives
 from daemon.journal import log_to_stderr
 from daemon.last_resort import stop_on_error
-from daemon.loop import Clock, Loop
 from daemon.modes.table import Mode
 from daemon.notify import Notifier, notifier_of
 from daemon.protocol.socket_path import default_socket_path
 from daemon.realtime import go_realtime
 from daemon.service import Service
+from daemon.tick.loop import Clock, Loop
 from daemon.winding_down import wind_down
 from drivers.bus import open_bus
 from drivers.bus_load import frame_rate_hz

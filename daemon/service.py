@@ -10,7 +10,6 @@ from daemon.control import ControlSocket
 from daemon.drives import Drives
 from daemon.loading import LoadingDock
 from daemon.log_limit import LogLimit
-from daemon.loop import Loop
 from daemon.modes.table import Event, ModeMachine
 from daemon.notify import Notifier
 from daemon.permission import Permission
@@ -25,6 +24,7 @@ from daemon.protocol.messages import (
 )
 from daemon.protocol.socket_path import Peer
 from daemon.status import snapshot_of, status_of
+from daemon.tick.loop import Loop
 from errors import ContactdError, TrajectoryError
 
 EVENT_OF_COMMAND = {

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from importlib.metadata import version
 
 from daemon.config.load import Robot
-from daemon.controller import Controller
-from daemon.cycle import DRIVE_STATE_NAMES, SIDE_NAMES, Cycle, finite_list
-from daemon.loop import Loop
 from daemon.protocol.messages import Grant, Permit, Snapshot, Status, Trajectory
+from daemon.tick.controller import Controller
+from daemon.tick.loop import Loop
+from daemon.tick.tick import DRIVE_STATE_NAMES, SIDE_NAMES, Cycle, finite_list
 from errors import ControlError
 
 

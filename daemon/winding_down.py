@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from daemon.cycle import Cycle
-from daemon.loop import Loop
 from daemon.modes.table import Event, Mode
+from daemon.tick.loop import Loop
+from daemon.tick.tick import Cycle
 from drivers.cia402 import reached
 
 # How long the drives may take to reach the state they end in [s].

@@ -35,11 +35,11 @@ from daemon.assembly import build_setups
 from daemon.config.load import load_robot
 from daemon.control import ControlSocket
 from daemon.drives import Drives
-from daemon.loop import Clock, Loop
 from daemon.notify import Notifier
 from daemon.protocol.messages import Reply, State
 from daemon.protocol.socket_path import Peer
 from daemon.service import Service
+from daemon.tick.loop import Clock, Loop
 from errors import ContactdError
 
 # Not at random: what leaves the arm somewhere it cannot be enabled from, what ends the program,

@@ -15,9 +15,9 @@ from bench.lockstep import SINGLE_JOINT
 from daemon.assembly import build_cycle, build_estimator, build_setups
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from daemon.cycle import Cycle
 from daemon.drives import Drives
 from daemon.modes.table import Event, Mode
+from daemon.tick.tick import Cycle
 from drivers.data_sheet import load_data_sheet
 from drivers.drive_setup import problems
 from errors import DriveError

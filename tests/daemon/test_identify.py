@@ -19,7 +19,7 @@ from daemon.identify.logs import from_states, raised
 from daemon.identify.steps import friction_step, merged, thresholds_step
 from daemon.modes.table import Event, Mode
 from daemon.motion.sampled_path import PathBuilder
-from daemon.prearm import Verdict
+from daemon.tick.arming_checks import Verdict
 from errors import ConfigurationError, LogError
 
 DAY = "2026-01-02T03:04:05+00:00"

@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any, cast
 
-from daemon.controller import Controller
 from daemon.permission import Permission
 from daemon.protocol.messages import Check, Request
 from daemon.protocol.socket_path import Peer
+from daemon.tick.controller import Controller
 
 
 @dataclass

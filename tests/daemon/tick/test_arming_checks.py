@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
-from daemon.cycle import Wakeup
 from daemon.faults.table import Condition
-from daemon.prearm import CHECK_OF, NAMES, Verdict
 from daemon.protocol.messages import Check
+from daemon.tick.arming_checks import CHECK_OF, NAMES, Verdict
+from daemon.tick.tick import Wakeup
 from drivers.cia402 import DriveState
 from drivers.events import Emergency, Rebooted
 

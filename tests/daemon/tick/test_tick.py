@@ -8,8 +8,8 @@ import pytest
 
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.schema import Configuration
-from daemon.cycle import LONGEST_STEP
 from daemon.modes.table import Event, Mode
+from daemon.tick.tick import LONGEST_STEP
 from drivers.cia402 import DriveState
 
 ELBOW = 2

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from bench.ideal_arm import IdealArm, T, holding_arm, ideal_arm
-from daemon.controller import Observed
 from daemon.faults.table import Condition, Finding
 from daemon.modes.contact_reactions import AfterQuiet, Reaction, Reactions
 from daemon.modes.table import ADVICE, TRANSITIONS, Event, Mode, refusal
-from daemon.prearm import Objection
+from daemon.tick.arming_checks import Objection
+from daemon.tick.controller import Observed
 
 COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")
 

@@ -17,8 +17,8 @@ from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, Mo
 from daemon.motion.admittance import MAX_GAIN, Allowance, GuidedBounds
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
-from daemon.prearm import Objection
-from daemon.refusals import misfits, not_energisable, not_startable
+from daemon.tick.arming_checks import Objection
+from daemon.tick.refusals import misfits, not_energisable, not_startable
 from drivers.cia402 import PowerTarget
 
 Vector = NDArray[np.float64]

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.cycle import Wakeup
-from daemon.loop import ANSWER_SHARE, Clock, Loop
+from daemon.tick.loop import ANSWER_SHARE, Clock, Loop
+from daemon.tick.tick import Wakeup
 
 T = 0.01
 START = 100.0

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from daemon.cycle import Cycle, Wakeup
+from daemon.tick.tick import Cycle, Wakeup
 
 # Share of the period in which the drives must have answered SYNC; no tick follows sooner.
 ANSWER_SHARE = 0.6

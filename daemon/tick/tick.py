@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.controller import Controller, Decision, Observed
 from daemon.faults.detector import Observer
 from daemon.faults.table import Finding, Reaction
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.limits import all_finite
-from daemon.prearm import FLAG_NAMES, Objection, PreArm
 from daemon.protocol.messages import Check, Contact, Event, State, Timing, Vector
+from daemon.tick.arming_checks import FLAG_NAMES, Objection, PreArm
+from daemon.tick.controller import Controller, Decision, Observed
 from drivers.arm import Arm
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.samples import Samples
