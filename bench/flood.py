@@ -25,7 +25,7 @@ from bench.figures import Target, print_report
 from bench.lockstep import SINGLE_JOINT
 from bench.processes import pair
 from bench.rude_clients import ATTACKS, BESIDE, attacking
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.protocol.messages import State, Timing
 from errors import ContactdError
 

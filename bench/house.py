@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.assembly import heed_identification
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.commands import contactctl, contactd
 from daemon.control import ControlSocket
 from daemon.notify import Notifier

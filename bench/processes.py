@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.protocol.messages import Snapshot, State
 from errors import ContactdError
 

@@ -24,7 +24,7 @@ from bench.soak.people import Leases, Person, Step, View, hear, operator, progra
 from bench.soak.process import Stopwatch, held
 from bench.soak.record import Part
 from bench.soak.robot import gives_way, hand_script, write_robot
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode

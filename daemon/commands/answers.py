@@ -11,7 +11,7 @@ from daemon.commands.session_options import Options
 from errors import ControlError
 
 if TYPE_CHECKING:
-    from daemon.client import Client
+    from daemon.clients.client import Client
     from daemon.protocol.messages import Command, Reply, Status
 
 WAIT_S = 5.0

@@ -198,7 +198,7 @@ def status(options: Options) -> None:
         return
     from rich.console import Console
 
-    from daemon.view import status_view
+    from daemon.clients.dashboard import status_view
 
     # Nothing is cut off where the output goes to a file.
     Console(width=None if sys.stdout.isatty() else 120).print(status_view(found))

@@ -18,11 +18,11 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from daemon.client import Client
+from daemon.clients.client import Client
+from daemon.clients.dashboard import Dashboard, History
 from daemon.commands.story import Story, touch_of
 from daemon.config.load import load_robot
 from daemon.protocol.messages import Command, Snapshot, State
-from daemon.view import Dashboard, History
 from errors import ContactdError, ControlError
 
 ROBOT = Path(__file__).resolve().parents[2] / "configs" / "romeo_left_arm"

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 import msgspec
 
-from daemon.replay import replay
+from daemon.clients.replay import replay
 
 
 def print_replay(file: Path, *, as_json: bool) -> bool:

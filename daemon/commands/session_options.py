@@ -11,7 +11,7 @@ from daemon.commands.paths import PATH
 from errors import ContactdError
 
 if TYPE_CHECKING:
-    from daemon.client import Client
+    from daemon.clients.client import Client
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Options:
 
     def connect(self) -> "Client":
         """A connection to the daemon. Raises UnreachableError."""
-        from daemon.client import Client
+        from daemon.clients.client import Client
 
         return Client(self.socket)
 

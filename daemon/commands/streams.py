@@ -14,7 +14,7 @@ from daemon.commands.answers import print_json
 from daemon.commands.session_options import Options
 
 if TYPE_CHECKING:
-    from daemon.client import Client
+    from daemon.clients.client import Client
 
 FRAMES_PER_S = 10
 
@@ -23,7 +23,7 @@ def show_live(client: "Client") -> None:
     """Take every state, draw some."""
     from rich.live import Live
 
-    from daemon.view import Dashboard, History
+    from daemon.clients.dashboard import Dashboard, History
 
     snapshot, states = client.subscribe()
     history = History()
@@ -54,7 +54,7 @@ def record_states(
     options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
 ) -> str:
     """Every state, as MCAP; returns why it ended early, or nothing."""
-    from daemon.recorder import record
+    from daemon.clients.recorder import record
 
     begun = _announcement(options, file, seconds)
     made = record(options.connect, file, seconds=seconds, stop=stop, begun=begun)
@@ -72,7 +72,7 @@ def record_csv(
     options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
 ) -> str:
     """Where the joints go, as CSV; returns why it ended early, or nothing."""
-    from daemon.trajectory_recorder import record_trajectory
+    from daemon.clients.trajectory_recorder import record_trajectory
 
     begun = _announcement(options, file, seconds)
     made = record_trajectory(options.connect, file, seconds=seconds, stop=stop, begun=begun)

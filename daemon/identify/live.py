@@ -16,8 +16,8 @@ from types import FrameType
 
 import numpy as np
 
-from daemon import recorder
-from daemon.client import Client
+from daemon.clients import recorder
+from daemon.clients.client import Client
 from daemon.config.schema import Configuration
 from daemon.identify.felt import Told
 from daemon.identify.logs import configuration_of

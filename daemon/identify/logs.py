@@ -11,12 +11,12 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from daemon.clients.recorder import read_log
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import SENSING
 from daemon.protocol.messages import Snapshot, State
-from daemon.recorder import read_log
 from errors import ContactdError, LogError, ShortLogError
 from estimator.identification.log import PAUSE_S, MotionLog
 from estimator.types import Matrix

@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 
 from bench.house import House, open_house
 from bench.ideal_arm import LIMITS, IdealArm, T, tracking_arm
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.commands import answers, contactctl
 from daemon.control import ControlSocket
 from daemon.modes.contact_reactions import Reaction, Reactions

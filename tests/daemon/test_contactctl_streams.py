@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 from click.testing import Result
 
+from daemon.clients.recorder import read_log
 from daemon.commands import contactctl
 from daemon.protocol.messages import State
-from daemon.recorder import read_log
 
 ROOT = Path(contactctl.__file__).parents[2]
 Run = Callable[..., Result]

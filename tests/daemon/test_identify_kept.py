@@ -10,9 +10,9 @@ import pytest
 from bench.afternoon import Arm
 from bench.house import House
 from bench.typed import Typed, identify, stopped, wired_joint
-from daemon.client import Client
+from daemon.clients.client import Client
+from daemon.clients.recorder import record
 from daemon.config import identified as file
-from daemon.recorder import record
 
 THRESHOLDS = ("thresholds", "--seconds", "40")
 FRICTION = ("friction", "--seconds", "20")

@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 from bench.lockstep import ROMEO
-from daemon.client import Client
+from daemon.clients.client import Client
 from errors import UnreachableError
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -7,7 +7,7 @@ import socket
 import pytest
 
 from bench.house import House
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Request
 from daemon.protocol.socket_path import Peer

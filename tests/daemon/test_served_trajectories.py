@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from bench.house import House
-from daemon.client import Client
+from daemon.clients.client import Client
+from daemon.clients.trajectory_recorder import Recorded, record_trajectory
 from daemon.modes.table import Mode
 from daemon.motion.trajectory_file import read_trajectory
-from daemon.trajectory_recorder import Recorded, record_trajectory
 from errors import ControlError, LogError, TrajectoryError
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench.house import House
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Reply, Request
 

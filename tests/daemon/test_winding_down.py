@@ -10,7 +10,7 @@ import pytest
 
 from bench.house import House
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import COMMANDS, Command

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import yaml
 
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.config import identified
 from daemon.config.load import load_robot
 from daemon.protocol.messages import Command, Reply, Status

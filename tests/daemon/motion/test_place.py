@@ -9,7 +9,7 @@ from bench.afternoon import Arm
 from bench.house import open_house
 from bench.lockstep import SINGLE_JOINT
 from bench.typed import wired_joint
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.commands.identify import from_here
 from daemon.config.load import load_robot
 

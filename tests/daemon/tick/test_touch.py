@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from bench.lockstep import Rig, lockstep_rig
+from daemon.clients.recorder import _LogWriter, _Stamp
+from daemon.clients.replay import replay
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Snapshot, State
-from daemon.recorder import _LogWriter, _Stamp
-from daemon.replay import replay
 
 ELBOW = 2
 T = 0.01

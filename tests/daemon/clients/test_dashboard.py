@@ -8,8 +8,8 @@ import msgspec
 import pytest
 from rich.console import Console, RenderableType
 
+from daemon.clients.dashboard import Dashboard, History, Summary, gap_bar, residual_bar, status_view
 from daemon.protocol.messages import Event, Permit, Snapshot, State
-from daemon.view import Dashboard, History, Summary, gap_bar, residual_bar, status_view
 
 MakeState = Callable[..., State]
 

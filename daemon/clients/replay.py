@@ -7,10 +7,10 @@ import msgspec
 import numpy as np
 
 from daemon.assembly import build_estimator
+from daemon.clients.recorder import read_log
 from daemon.config.load import parse_configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State
-from daemon.recorder import read_log
 from daemon.tick.arming_checks import FLAG_NAMES
 from daemon.tick.tick import SIDE_NAMES
 from errors import LogError

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from daemon.client import Client
+from daemon.clients.client import Client
+from daemon.clients.recorder import CHUNK_BYTES, read_log, record, viewer_schema
+from daemon.clients.trajectory_recorder import record_trajectory
 from daemon.protocol.messages import Contact, Event, Snapshot, State
-from daemon.recorder import CHUNK_BYTES, read_log, record, viewer_schema
-from daemon.trajectory_recorder import record_trajectory
 from errors import ControlError, LogError, UnreachableError
 
 MakeState = Callable[..., State]

@@ -15,7 +15,7 @@ from mcap.records import Channel, Header, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.new_file import refuse_unless_new
 from daemon.protocol.messages import Snapshot, State
 from errors import LogError, UnreachableError

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from daemon.client import Client
+from daemon.clients.client import Client
 from daemon.motion.trajectory_file import MAX_ROWS, TIME
 from daemon.new_file import refuse_unless_new
 from daemon.protocol.messages import State

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from daemon import client as client_module
-from daemon.client import Client
+from daemon.clients import client as client_module
+from daemon.clients.client import Client
 from daemon.protocol.messages import State
 from errors import ControlError, UnreachableError
 

@@ -1,0 +1,1 @@
+"""Other processes, over the control socket: client, recorders, dashboard, replay."""
