@@ -1,4 +1,4 @@
-"""docs/faults.md shows the table of `daemon.faults.table`, row by row, and the bounds as they are."""
+"""docs/faults.md shows the table of `daemon.faults.table` and the bounds as they are, row by row."""
 
 import re
 from pathlib import Path
