@@ -14,10 +14,10 @@ from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.assembly import heed_identification
 from daemon.clients.client import Client
 from daemon.commands import contactctl, contactd
-from daemon.control import ControlSocket
-from daemon.notify import Notifier
 from daemon.protocol.messages import Reply, State
-from daemon.service import Service
+from daemon.service.notify import Notifier
+from daemon.service.service import Service
+from daemon.service.socket import ControlSocket
 from daemon.tick.loop import Clock, Loop
 
 _PATIENCE_S = 5.0

@@ -14,7 +14,7 @@ priorities need root or a high `ulimit -r`.
 
 import click
 
-from daemon.realtime import single_threaded
+from daemon.service.realtime import single_threaded
 
 
 @click.command(help=__doc__)

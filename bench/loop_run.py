@@ -23,12 +23,12 @@ from bench.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.assembly import build_cycle
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
-from daemon.control import ControlSocket
 from daemon.modes.table import Event, Mode
-from daemon.notify import Notifier
-from daemon.realtime import FIFO_PRIORITY, go_realtime
 from daemon.run import sleep_until
-from daemon.service import Service
+from daemon.service.notify import Notifier
+from daemon.service.realtime import FIFO_PRIORITY, go_realtime
+from daemon.service.service import Service
+from daemon.service.socket import ControlSocket
 from daemon.tick.loop import Clock, Loop
 
 SYNC: Final = 0x080

@@ -11,17 +11,17 @@ import can
 import numpy as np
 
 from daemon.assembly import build_cycle, build_estimator, build_setups, heed_identification
-from daemon.black_box import BlackBox, default_directory, ring_path
 from daemon.config.load import Robot
-from daemon.control import ControlSocket
 from daemon.drives import Drives
-from daemon.journal import log_to_stderr
 from daemon.last_resort import stop_on_error
 from daemon.modes.table import Mode
-from daemon.notify import Notifier, notifier_of
 from daemon.protocol.socket_path import default_socket_path
-from daemon.realtime import go_realtime
-from daemon.service import Service
+from daemon.service.black_box import BlackBox, default_directory, ring_path
+from daemon.service.journal import log_to_stderr
+from daemon.service.notify import Notifier, notifier_of
+from daemon.service.realtime import go_realtime
+from daemon.service.service import Service
+from daemon.service.socket import ControlSocket
 from daemon.tick.loop import Clock, Loop
 from daemon.winding_down import wind_down
 from drivers.bus import open_bus

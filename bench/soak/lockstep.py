@@ -33,12 +33,12 @@ from bench.soak.robot import gives_way, hand_script, write_robot
 from bench.stage import Stage
 from daemon.assembly import build_setups
 from daemon.config.load import load_robot
-from daemon.control import ControlSocket
 from daemon.drives import Drives
-from daemon.notify import Notifier
 from daemon.protocol.messages import Reply, State
 from daemon.protocol.socket_path import Peer
-from daemon.service import Service
+from daemon.service.notify import Notifier
+from daemon.service.service import Service
+from daemon.service.socket import ControlSocket
 from daemon.tick.loop import Clock, Loop
 from errors import ContactdError
 

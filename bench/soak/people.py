@@ -13,10 +13,10 @@ from random import Random
 
 from bench.soak.record import Part
 from daemon.config.schema import Configuration
-from daemon.control import MAX_CONNECTIONS
 from daemon.modes.table import Mode
 from daemon.protocol.lease import PERSON_S, PROGRAM_S
 from daemon.protocol.messages import COMMANDS, Command, Header, Reply, Request
+from daemon.service.socket import MAX_CONNECTIONS
 
 
 @dataclass(frozen=True, slots=True)

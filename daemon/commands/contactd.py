@@ -33,7 +33,7 @@ class _Group(click.Group):
         try:
             return super().invoke(ctx)
         except ContactdError as error:
-            from daemon.journal import stderr_is_journal
+            from daemon.service.journal import stderr_is_journal
 
             head = "<3>" if stderr_is_journal() else "contactd: "
             for line in str(error).splitlines():
@@ -67,7 +67,7 @@ def main() -> None:
 @PORT
 def run(config: Path, socket: Path | None, port: int | None) -> None:
     """Run the daemon: set the drives up, then feel. Energises and moves nothing by itself."""
-    from daemon.realtime import single_threaded
+    from daemon.service.realtime import single_threaded
 
     single_threaded()  # before anything loads numpy
 
@@ -110,7 +110,7 @@ def simulate(
     Where the configuration says socketcand, this serves it over TCP; where it says socketcan, the
     simulated drives join that bus. What happens to the arm is printed as lines of JSON.
     """
-    from daemon.realtime import single_threaded
+    from daemon.service.realtime import single_threaded
 
     single_threaded()
 

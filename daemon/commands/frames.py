@@ -4,8 +4,14 @@ from pathlib import Path
 
 import click
 
-from daemon.black_box import default_directory, new_log, ring_path, save_left_over, write_log
 from daemon.protocol.socket_path import default_socket_path, how_to_be_let_in
+from daemon.service.black_box import (
+    default_directory,
+    new_log,
+    ring_path,
+    save_left_over,
+    write_log,
+)
 from drivers.frame_ring import read_frames
 from errors import LogError, UnreachableError
 

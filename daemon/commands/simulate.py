@@ -7,7 +7,7 @@ import msgspec
 
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot
-from daemon.realtime import go_realtime
+from daemon.service.realtime import go_realtime
 from errors import ConfigurationError
 from simulator.hand import read_script
 from simulator.server import serve, serve_on_bus

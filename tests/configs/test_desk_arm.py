@@ -11,13 +11,13 @@ import pytest
 
 from bench.lockstep import DESK_ARM, Rig, lockstep_rig
 from daemon.assembly import build_setups
-from daemon.control import ControlSocket
 from daemon.drives import Drives
 from daemon.modes.table import Event, Mode
-from daemon.notify import Notifier
 from daemon.protocol.messages import Request
 from daemon.protocol.socket_path import Peer
-from daemon.service import Service
+from daemon.service.notify import Notifier
+from daemon.service.service import Service
+from daemon.service.socket import ControlSocket
 from daemon.tick.loop import Clock, Loop
 from drivers.cia402 import DriveState
 from simulator.state_machine import State

@@ -17,7 +17,6 @@ from bench.house import House, open_house
 from bench.ideal_arm import LIMITS, IdealArm, T, tracking_arm
 from daemon.clients.client import Client
 from daemon.commands import answers, contactctl
-from daemon.control import ControlSocket
 from daemon.modes.contact_reactions import Reaction, Reactions
 from daemon.modes.table import Mode
 from daemon.protocol.messages import (
@@ -34,6 +33,7 @@ from daemon.protocol.messages import (
     Trajectory,
 )
 from daemon.protocol.socket_path import Peer
+from daemon.service.socket import ControlSocket
 
 MakeArm = Callable[..., IdealArm]
 

@@ -14,7 +14,7 @@ from daemon.clients.client import Client
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import COMMANDS, Command
-from daemon.service import AT_THE_END
+from daemon.service.service import AT_THE_END
 from daemon.tick.loop import Clock, Loop
 from daemon.winding_down import wind_down
 from simulator.state_machine import State

@@ -1,4 +1,4 @@
-"""docs/faults.md shows the table of `daemon.faults.table` and the bounds as they are, row by row."""
+"""docs/faults.md shows the table of `daemon.faults.table`, and the bounds that are in force."""
 
 import re
 from pathlib import Path

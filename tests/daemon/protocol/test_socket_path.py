@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from daemon.control import ControlSocket
 from daemon.protocol import socket_path
 from daemon.protocol.messages import Reply
 from daemon.protocol.socket_path import default_socket_path
+from daemon.service.socket import ControlSocket
 from errors import ControlError
 
 SOMEBODY_ELSE = """

@@ -2,7 +2,7 @@
 
 import re
 
-from daemon.log_limit import BURST, MOST_TOLD, PER_S, LogLimit
+from daemon.service.journal import BURST, MOST_TOLD, PER_S, LogLimit
 
 
 def test_a_person_is_told_line_by_line() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.notify import Notifier, notifier_of
+from daemon.service.notify import Notifier, notifier_of
 
 T = 0.01
 Connect = Callable[..., Notifier]

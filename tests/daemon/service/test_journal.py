@@ -7,14 +7,14 @@ import sys
 
 import pytest
 
-from daemon import journal
+from daemon.service.service import journal
 
 SAY = """
 import logging, os
 about = os.fstat(2)
 if {connected}:
     os.environ["JOURNAL_STREAM"] = f"{{about.st_dev}}:{{about.st_ino}}"
-from daemon.journal import log_to_stderr
+from daemon.service.journal import log_to_stderr
 with log_to_stderr():
     log = logging.getLogger("contactd")
     log.info("%s", "off -> enabling: enable", extra={{"kind": "mode", "tick": 812}})

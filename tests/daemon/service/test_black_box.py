@@ -14,10 +14,10 @@ import can
 import pytest
 from click.testing import CliRunner
 
-from daemon import black_box
-from daemon.black_box import BlackBox, follow, ring_path, save, save_left_over, write_log
 from daemon.commands.contactd import main
 from daemon.protocol import socket_path
+from daemon.service.black_box import BlackBox, follow, ring_path, save, save_left_over, write_log
+from daemon.service.service import black_box
 from drivers.frame_ring import FrameRing, Recorded
 from drivers.wire import ERROR, EXTENDED, REMOTE
 from errors import LogError
@@ -213,7 +213,7 @@ def test_an_orderly_end_with_the_real_helper(path, logs):
 def test_kill_9_with_the_real_helper(path, logs):
     program = (
         "import os, signal, sys, time; from pathlib import Path\n"
-        "from daemon.black_box import BlackBox\n"
+        "from daemon.service.black_box import BlackBox\n"
         "box = BlackBox(Path(sys.argv[1]), Path(sys.argv[2]), 10.0)\n"
         "for k in range(300): box.ring.put(time.monotonic(), 0x200 + k, b'abc', True)\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"

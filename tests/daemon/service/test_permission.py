@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any, cast
 
-from daemon.permission import Permission
 from daemon.protocol.messages import Check, Request
 from daemon.protocol.socket_path import Peer
+from daemon.service.permission import Permission
 from daemon.tick.controller import Controller
 
 

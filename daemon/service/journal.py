@@ -1,5 +1,12 @@
-"""Log lines on stderr, with the priorities that systemd's journal reads; written by a thread that
-sleeps until there is one, so that a stuck terminal never holds a tick."""
+"""Event log: lines on stderr with priorities for systemd's journal, and a limit on their rate.
+
+A thread that sleeps until there is a line writes it, so that a stuck terminal never holds a tick.
+
+All that happens is logged line by line, until a client makes it happen too often: a bucket of lines
+that fills up again. A person never sees its bottom, a client that arms and disarms a hundred times
+a second does. What is left out then is counted, and logged once a second with every different line
+among it, so that who did what stays in the log.
+"""
 
 import logging
 import logging.handlers
@@ -8,6 +15,7 @@ import queue
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 
 # sd-daemon(3): a line may begin with <priority>.
 _PRIORITY = {
@@ -21,6 +29,12 @@ _PRIORITY = {
 
 # Lines that may wait for the writer; beyond, they are counted instead of kept.
 MOST_WAITING = 1000
+# The rate limit: a bucket of lines, and how fast it fills up again.
+BURST = 30  # lines
+PER_S = 2.0
+SUMMARY_EVERY_S = 1.0
+# Different lines that are told of what was left out.
+MOST_TOLD = 8
 
 
 class _Formatter(logging.Formatter):
@@ -86,3 +100,40 @@ def log_to_stderr() -> Iterator[None]:
         logger.removeHandler(handler)
         logger.setLevel(before[0])
         logger.propagate = before[1]
+
+
+@dataclass(slots=True)
+class LogLimit:
+    """Of one log."""
+
+    _room: float = BURST
+    _time_s: float = 0.0  # when `_room` was true
+    _since_s: float = 0.0  # of the first line that was left out
+    _left_out: dict[str, int] = field(default_factory=dict)
+    _others: int = 0
+
+    def admit(self, line: str, time_s: float) -> bool:
+        """Whether to write this line now; otherwise it is kept for `summary`."""
+        self._room = min(self._room + PER_S * (time_s - self._time_s), float(BURST))
+        self._time_s = time_s
+        if self._room >= 1.0 and not self._left_out:
+            self._room -= 1.0
+            return True
+        if not self._left_out:
+            self._since_s = time_s
+        if line in self._left_out or len(self._left_out) < MOST_TOLD:
+            self._left_out[line] = self._left_out.get(line, 0) + 1
+        else:
+            self._others += 1
+        return False
+
+    def summary(self, time_s: float) -> str:
+        """What was left out, once it is time to tell; empty until then, and where there is none."""
+        if not self._left_out or time_s < self._since_s + SUMMARY_EVERY_S:
+            return ""
+        told = [f"{count} x {line}" for line, count in self._left_out.items()]
+        told += [f"{self._others} x others"] * bool(self._others)
+        count = sum(self._left_out.values()) + self._others
+        self._left_out.clear()
+        self._others = 0
+        return f"too much to tell line by line, {count} in {SUMMARY_EVERY_S:g} s: {'; '.join(told)}"

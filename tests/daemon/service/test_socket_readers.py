@@ -8,9 +8,9 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
-from daemon.control import ControlSocket, Handler
 from daemon.protocol.messages import Reply, Request, Snapshot, State
 from daemon.protocol.socket_path import Peer
+from daemon.service.socket import ControlSocket, Handler
 
 Dial = Callable[[], socket.socket]
 

@@ -22,9 +22,9 @@ from typing import IO, Final
 
 import can
 
-from daemon.journal import log_to_stderr
 from daemon.new_file import refuse_suffix, refuse_unless_new
 from daemon.protocol.socket_path import open_to_group
+from daemon.service.journal import log_to_stderr
 from drivers.frame_ring import KEPT_S, FrameRing, Recorded, read_frames
 from drivers.wire import ERROR, EXTENDED, REMOTE
 from errors import LogError
@@ -110,7 +110,7 @@ class BlackBox:
 
 def _start_helper(path: Path, directory: Path) -> "subprocess.Popen[bytes]":
     # -P: the working directory is nobody's module path. A session of its own: Ctrl-C is not for it.
-    command = [sys.executable, "-P", "-m", "daemon.black_box", str(path), str(directory)]
+    command = [sys.executable, "-P", "-m", "daemon.service.black_box", str(path), str(directory)]
     helper = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True, bufsize=0)
     assert helper.stdin is not None
     os.set_blocking(helper.stdin.fileno(), False)

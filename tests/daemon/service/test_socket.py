@@ -9,9 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from daemon.control import ControlSocket
 from daemon.protocol.messages import Reply, Request, Snapshot
 from daemon.protocol.socket_path import Peer
+from daemon.service.socket import ControlSocket
 from errors import ModelError
 
 Dial = Callable[[], socket.socket]

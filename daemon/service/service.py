@@ -6,13 +6,8 @@ from dataclasses import dataclass, field
 
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of
-from daemon.control import ControlSocket
 from daemon.drives import Drives
-from daemon.loading import LoadingDock
-from daemon.log_limit import LogLimit
 from daemon.modes.table import Event, ModeMachine
-from daemon.notify import Notifier
-from daemon.permission import Permission
 from daemon.protocol.lease import Owner, in_words
 from daemon.protocol.messages import (
     Check,
@@ -23,7 +18,12 @@ from daemon.protocol.messages import (
     Status,
 )
 from daemon.protocol.socket_path import Peer
-from daemon.status import snapshot_of, status_of
+from daemon.service.journal import LogLimit
+from daemon.service.notify import Notifier
+from daemon.service.permission import Permission
+from daemon.service.socket import ControlSocket
+from daemon.service.status import snapshot_of, status_of
+from daemon.service.upload import LoadingDock
 from daemon.tick.loop import Loop
 from errors import ContactdError, TrajectoryError
 
