@@ -20,8 +20,8 @@ import click
 from bench.faults import CASES, Case
 from bench.figures import Target, print_report
 from bench.stage import Stage, restore, stage, start
+from daemon.ending import stop_on_error
 from daemon.faults.table import REACTIONS, Condition, Reaction
-from daemon.last_resort import stop_on_error
 from daemon.modes.table import Mode
 from errors import ProgramError
 from simulator.state_machine import State

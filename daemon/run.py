@@ -13,7 +13,7 @@ import numpy as np
 from daemon.assembly import build_cycle, build_estimator, build_setups, heed_identification
 from daemon.config.load import Robot
 from daemon.drives import Drives
-from daemon.last_resort import stop_on_error
+from daemon.ending import stop_on_error, wind_down
 from daemon.modes.table import Mode
 from daemon.protocol.socket_path import default_socket_path
 from daemon.service.black_box import BlackBox, default_directory, ring_path
@@ -23,7 +23,6 @@ from daemon.service.realtime import go_realtime
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.tick.loop import Clock, Loop
-from daemon.winding_down import wind_down
 from drivers.bus import open_bus
 from drivers.bus_load import frame_rate_hz
 from errors import BusError, DriveError

@@ -10,7 +10,7 @@ import msgspec
 from bench.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
 from bench.recording import Recorder, Recording
 from bench.rivals import KALMAN, KALMAN_BELIEF, kalman
-from daemon.commands.story import Story, touch_of
+from daemon.commands.demo_story import Story, touch_of
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode

@@ -10,7 +10,7 @@ from bench.figures import Target
 from bench.paper.experiments import Conditions, collaboration
 from bench.paper.figure import STYLE, Made, canvas, finish, runs
 from bench.recording import Recording
-from daemon.commands.story import Story
+from daemon.commands.demo_story import Story
 
 MODE_COLOURS = {"tracking": "#e4eef7", "admittance": "#fde3c8"}
 TIMING = ("cycles", "missed", "lateness_us", "tick_us")  # of the machine, not of the experiment

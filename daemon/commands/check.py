@@ -9,10 +9,9 @@ from rich.padding import Padding
 from rich.table import Table
 
 from daemon.assembly import build_setups
+from daemon.commands.worst_case import Load, worst_loads, worst_travel
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from daemon.gravity import Load, worst_loads
-from daemon.travel import worst_travel
 from drivers.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
 from drivers.codec import receive_pdos, transmit_pdos
 from drivers.drive_setup import lacks

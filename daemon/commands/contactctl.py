@@ -11,11 +11,9 @@ from pathlib import Path
 
 import click
 
-from daemon.commands.answers import answer, carry_out, print_json, status_of
-from daemon.commands.paths import PATH
-from daemon.commands.ranges import Range
-from daemon.commands.session_options import Group, Options, json_option, socket_option
-from daemon.commands.streams import record_csv, record_states, show_live, stream_json
+from daemon.commands.live_states import record_csv, record_states, show_live, stream_json
+from daemon.commands.options import PATH, Group, Options, Range, json_option, socket_option
+from daemon.commands.replies import answer, carry_out, print_json, status_of
 from daemon.new_file import refuse_suffix
 from daemon.protocol.lease import LONGEST_S, PERSON_S
 from errors import TrajectoryError, UnreachableError

@@ -8,8 +8,7 @@ from typing import Any
 
 import click
 
-from daemon.commands.paths import PATH
-from daemon.commands.ranges import Range
+from daemon.commands.options import PATH, Range
 from errors import ContactdError
 
 CONFIG = click.argument("config", type=PATH)
@@ -170,7 +169,7 @@ def black_box(socket: Path | None, output: Path | None, left_over: bool) -> None
     this is for any other time. `python -m can.logconvert` changes the format of a log,
     `python -m can.viewer` and others read it.
     """
-    from daemon.commands.frames import write_frames
+    from daemon.commands.black_box import write_frames
 
     write_frames(socket, output, left_over=left_over)
 

@@ -20,7 +20,7 @@ from rich.table import Table
 
 from daemon.clients.client import Client
 from daemon.clients.dashboard import Dashboard, History
-from daemon.commands.story import Story, touch_of
+from daemon.commands.demo_story import Story, touch_of
 from daemon.config.load import load_robot
 from daemon.protocol.messages import Command, Snapshot, State
 from errors import ContactdError, ControlError

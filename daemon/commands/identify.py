@@ -15,10 +15,10 @@ from rich.console import Console
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
-from daemon.identify.live import stop_once
-from daemon.identify.live_source import LiveArm, open_session
-from daemon.identify.logs import Measured, read_measured
+from daemon.identify.live_arm import LiveArm, open_session
+from daemon.identify.measured import Measured, read_measured
 from daemon.identify.plots import plot_friction, plot_gap
+from daemon.identify.session import stop_once
 from daemon.identify.show import print_outcome
 from daemon.identify.steps import (
     Outcome,

@@ -9,7 +9,7 @@ from daemon.assembly import build_transmission
 from daemon.config import identified as file
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Friction, GapSpring, Levels
-from daemon.identify.logs import Measured
+from daemon.identify.measured import Measured
 from errors import LogError
 from estimator.identification.friction import (
     FrictionFit,

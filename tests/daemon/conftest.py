@@ -16,7 +16,7 @@ from click.testing import CliRunner, Result
 from bench.house import House, open_house
 from bench.ideal_arm import LIMITS, IdealArm, T, tracking_arm
 from daemon.clients.client import Client
-from daemon.commands import answers, contactctl
+from daemon.commands import contactctl, replies
 from daemon.modes.contact_reactions import Reaction, Reactions
 from daemon.modes.table import Mode
 from daemon.protocol.messages import (
@@ -208,7 +208,7 @@ def fake_daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
 @pytest.fixture
 def run(fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
     """Runs contactctl against the fake daemon; 0.3 s are long enough to wait."""
-    monkeypatch.setattr(answers, "WAIT_S", 0.3)
+    monkeypatch.setattr(replies, "WAIT_S", 0.3)
 
     def call(*arguments: str) -> Result:
         return CliRunner().invoke(

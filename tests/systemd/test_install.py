@@ -10,7 +10,7 @@ import pytest
 
 from daemon.config.load import load_robot
 from daemon.config.schema import SupervisorSettings
-from daemon.winding_down import PATIENCE_S
+from daemon.ending import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -8,8 +8,8 @@ import pytest
 
 from bench.faults import CASES, Case
 from bench.stage import Stage, restore, stage, start
+from daemon.ending import REPEATS, stop_on_error
 from daemon.faults.table import REACTIONS, Condition, Reaction
-from daemon.last_resort import REPEATS, stop_on_error
 from daemon.modes.table import Event, Mode
 from drivers.cia402 import QUICK_STOP, DriveState
 from errors import ProgramError

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from daemon.commands.answers import print_json
-from daemon.commands.session_options import Options
+from daemon.commands.options import Options
+from daemon.commands.replies import print_json
 
 if TYPE_CHECKING:
     from daemon.clients.client import Client

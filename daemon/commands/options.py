@@ -1,17 +1,24 @@
-"""The options that all commands of `contactctl` take, before or behind the command."""
+"""Options of the command lines: those that all commands of `contactctl` take, before or behind the
+command; and the types of paths and numbers.
+"""
 # ruff: noqa: PLC0415 - the client is imported by the command that needs it
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from daemon.commands.paths import PATH
 from errors import ContactdError
 
 if TYPE_CHECKING:
     from daemon.clients.client import Client
+
+
+# Left to click, a file that may not be read ends in a message and an exit status of its own.
+# Whoever opens it knows what it was for.
+PATH: Final = click.Path(path_type=Path, readable=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,3 +92,14 @@ class Group(click.Group):
         except ContactdError as error:
             click.echo(f"contactctl: {error}", err=True)
             ctx.exit(error.exit_code)
+
+
+class Range(click.FloatRange):
+    """A number between bounds; nan, which passes every comparison of `FloatRange`, is none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Raises BadParameter that names value and range; click adds the option."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{number} is not in the range {self._describe_range()}.", param, ctx)
+        return number

@@ -6,7 +6,7 @@ from rich.text import Text
 
 from bench.lockstep import ROMEO, lockstep_rig
 from daemon.commands.demo import verdict
-from daemon.commands.story import Story, Touch, touch_of
+from daemon.commands.demo_story import Story, Touch, touch_of
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
 from daemon.protocol.messages import Snapshot

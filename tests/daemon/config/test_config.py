@@ -8,9 +8,9 @@ import pytest
 
 from daemon.config.load import load_robot
 from errors import ConfigurationError
-from tests.daemon.broken_configurations import BROKEN, BROKEN_URDF
+from tests.daemon.config.broken_configurations import BROKEN, BROKEN_URDF
 
-ROMEO = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
+ROMEO = Path(__file__).parents[3] / "configs" / "romeo_left_arm"
 
 
 def edited(folder: Path, *edits: tuple[str, str]) -> Path:

@@ -1,16 +1,30 @@
-"""The end: the arm at rest, every joint as configured, and seen to be so."""
+"""Ending of the arm: at rest as configured and seen to be so, or stopped at once on an error.
 
-from collections.abc import Callable
+`wind_down` ends an undisturbed program; `stop_on_error` tells the drives to quick-stop before
+anything else is done, whatever breaks in the loop.
+"""
+
+import logging
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
+from daemon.faults.table import Condition, Finding
 from daemon.modes.table import Event, Mode
 from daemon.tick.loop import Loop
 from daemon.tick.tick import Cycle
+from drivers.arm import Arm
 from drivers.cia402 import reached
+from errors import ProgramError
 
 # How long the drives may take to reach the state they end in [s].
 PATIENCE_S = 1.0
+# A frame may be lost: the quick stop is sent so often, a period apart.
+REPEATS = 3
+
+_log = logging.getLogger("contactd")
 
 
 def wind_down(loop: Loop, doors: Callable[[], None], stop_timeout_s: float, why: str) -> list[str]:
@@ -42,3 +56,20 @@ def _stragglers(cycle: Cycle) -> list[str]:
     pairs = zip(cycle.samples.states, cycle.decision.power, strict=True)
     wrong = np.flatnonzero([not reached(state, target) for state, target in pairs])
     return [cycle.arm.names[i] for i in wrong]
+
+
+@contextmanager
+def stop_on_error(
+    arm: Arm, period_s: float, sleep: Callable[[float], None] = time.sleep
+) -> Iterator[None]:
+    """Quick stop of all drives on any exception of the block; its traceback goes to the log, and
+    ProgramError is raised from it. The drives hold by themselves from then on."""
+    try:
+        yield
+    except Exception as error:
+        for _ in range(REPEATS):
+            arm.quick_stop()
+            sleep(period_s)
+        finding = Finding(Condition.PROGRAM_ERROR, f"{type(error).__name__}: {error}")
+        _log.critical("%s", finding, exc_info=error)
+        raise ProgramError(f"{finding}; the drives were told to quick-stop") from error

@@ -10,9 +10,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
-from daemon.identify.felt import alone, left_out, spoils_wiring_of
-from daemon.identify.live import Session
-from daemon.identify.logs import Measured, read_measured, refuse_misfits
+from daemon.identify.measured import Measured, read_measured, refuse_misfits
 from daemon.identify.motions import (
     HAND_S,
     WIDEST_GUESS,
@@ -22,6 +20,7 @@ from daemon.identify.motions import (
     stand,
     wiring_motion,
 )
+from daemon.identify.session import Session, alone, left_out, spoils_wiring_of
 from daemon.identify.show import histogram
 from daemon.protocol.messages import State
 from errors import ConfigurationError, ShortLogError

@@ -21,9 +21,9 @@ from bench.typed import MOTION_S, Typed, identify, stopped, wired_joint
 from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot
-from daemon.identify.live import followed
-from daemon.identify.live_source import Hand
-from daemon.identify.logs import read_measured
+from daemon.identify.live_arm import Hand
+from daemon.identify.measured import read_measured
+from daemon.identify.session import followed
 from daemon.modes.table import Mode
 from daemon.protocol.messages import State
 from errors import LogError

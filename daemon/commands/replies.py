@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from daemon.commands.session_options import Options
+from daemon.commands.options import Options
 from errors import ControlError
 
 if TYPE_CHECKING:

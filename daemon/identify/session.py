@@ -1,7 +1,8 @@
-"""Motions on the running daemon, recorded as they happen.
+"""Session with the running daemon: motions of identification, recorded as they happen.
 
 What is measured goes into recordings like those of `contactctl record`: a step that was stopped
-goes on with what it has, and live steps share all code behind with `--log`.
+goes on with what it has, and live steps share all code behind with `--log`. Each step says
+something else of a joint that is touched meanwhile.
 """
 
 import itertools
@@ -19,8 +20,7 @@ import numpy as np
 from daemon.clients import recorder
 from daemon.clients.client import Client
 from daemon.config.schema import Configuration
-from daemon.identify.felt import Told
-from daemon.identify.logs import configuration_of
+from daemon.identify.measured import configuration_of
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Command, Event, State, Status
 from errors import ContactdError, ControlError, LogError, UnreachableError
@@ -29,6 +29,10 @@ from estimator.types import Matrix
 _SETTLE_S = 6.0
 # What may follow a trajectory of ours; anything else ended it.
 _OURS = frozenset({Mode.HOLDING.value, Mode.TRACKING.value})
+
+
+Told = Callable[[Event], str]
+"""Of a contact; empty where there is nothing to say."""
 
 
 def stop_once() -> None:
@@ -215,3 +219,29 @@ class Session:
                 path.unlink(missing_ok=True)
         if failures:
             raise failures[0]
+
+
+def left_out(event: Event) -> str:
+    """Friction and thresholds learn nothing from what lies around a touch."""
+    return f"{event.text}: if that was you, hands off; it is discarded"
+
+
+def spoils_wiring_of(joint: str) -> Told:
+    """The wiring is judged by all of so short a motion."""
+
+    def told(event: Event) -> str:
+        return f"{event.text}: if that was you, hands off, and check the wiring of {joint} again"
+
+    return told
+
+
+def alone(joint: str) -> Told:
+    """A hand is to push this joint, of which there is nothing to say, and no other."""
+
+    def told(event: Event) -> str:
+        contact = event.contact
+        if contact is None or contact.joint == joint:
+            return ""
+        return f"{contact.joint} feels {contact.torque:+.2f} Nm: move {joint} alone"
+
+    return told

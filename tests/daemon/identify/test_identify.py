@@ -15,7 +15,7 @@ from bench.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.commands.contactd import main
 from daemon.config import identified as file
 from daemon.config.load import load_robot, parse_configuration
-from daemon.identify.logs import from_states, raised
+from daemon.identify.measured import from_states, raised
 from daemon.identify.steps import friction_step, merged, thresholds_step
 from daemon.modes.table import Event, Mode
 from daemon.motion.sampled_path import PathBuilder

@@ -12,11 +12,11 @@ from bench.house import House
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.clients.client import Client
 from daemon.config.schema import Configuration
+from daemon.ending import wind_down
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import COMMANDS, Command
 from daemon.service.service import AT_THE_END
 from daemon.tick.loop import Clock, Loop
-from daemon.winding_down import wind_down
 from simulator.state_machine import State
 
 End = Literal["hold", "brake", "limp"]

@@ -6,7 +6,7 @@ import pytest
 
 from bench.afternoon import Arm
 from bench.typed import Typed, wired_joint
-from daemon.identify.felt import Told, alone, left_out, spoils_wiring_of
+from daemon.identify.session import Told, alone, left_out, spoils_wiring_of
 from daemon.protocol.messages import Contact, Event
 
 

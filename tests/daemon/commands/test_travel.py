@@ -5,8 +5,8 @@ import numpy as np
 
 from bench.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.commands.check import print_check
+from daemon.commands.worst_case import worst_travel
 from daemon.config.load import load_robot
-from daemon.travel import worst_travel
 from drivers.cia402 import PowerTarget
 
 MASTERS_HEARTBEAT = 0x77F

@@ -10,7 +10,7 @@ import pytest
 from bench.lockstep import SINGLE_JOINT
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from daemon.identify.logs import COLUMNS, from_csv, from_states, raised
+from daemon.identify.measured import COLUMNS, from_csv, from_states, raised
 from daemon.identify.steps import thresholds_step
 from daemon.protocol.messages import State
 
