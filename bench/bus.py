@@ -3,10 +3,11 @@
     python -m bench.bus [--exchanges N] [--rounds N] [--json]
 
 SYNC out, 14 TPDOs in, every quantity in SI units as arrays; target velocities in, 7 RPDOs out:
-once with `drivers.arm`, once as the documentation of canopen shows it (`RemoteNode`, PDO variables,
-a `Notifier`), on python-can's virtual bus, for the seven drives of Romeo's arm, in one run. Only
-the near side is counted: the CPU time of the whole process (a Notifier works in a thread of its
-own) less what the far end of the bus took. Both read the same counts and send the same bytes.
+once with `drivers.drives`, once as the documentation of canopen shows it (`RemoteNode`, PDO
+variables, a `Notifier`), on python-can's virtual bus, for the seven drives of Romeo's arm, in one
+run. Only the near side is counted: the CPU time of the whole process (a Notifier works in a thread
+of its own) less what the far end of the bus took. Both read the same counts and send the same
+bytes.
 """
 
 import itertools
@@ -29,11 +30,11 @@ from bench.figures import Target, print_report
 from bench.lockstep import ROMEO
 from daemon.assembly import build_setups
 from daemon.config.load import load_robot
-from drivers.arm import Arm
+from drivers.boot.required_objects import DriveSetup
+from drivers.can.frame_ring import FrameRing
 from drivers.cia402 import PowerTarget
 from drivers.codec import MEASURED, link_side, receive_pdos, transmit_pdos
-from drivers.drive_setup import DriveSetup
-from drivers.frame_ring import FrameRing
+from drivers.drives import Arm
 
 Vector = NDArray[np.float64]
 OPERATION_ENABLED: Final = 0x0027
@@ -41,8 +42,8 @@ ENABLE_OPERATION: Final = 0x000F
 # Where the rings of the black box would be on a robot, in memory.
 SHARED_MEMORY: Final = "/dev/shm" if Path("/dev/shm").is_dir() else None
 SIDES: Final = {
-    "ours": "drivers.arm",
-    "own_calls": "drivers.arm over bus.recv, bus.send",
+    "ours": "drivers.drives",
+    "own_calls": "drivers.drives over bus.recv, bus.send",
     "stock": "canopen PDOs and a Notifier",
 }
 MOVING: Final = {"current", "motor_velocity", "link_position", "motor_position"}

@@ -115,7 +115,7 @@ def open_house(folder: Path, robot: Path = SINGLE_JOINT, **both_ends: Any) -> It
     ):
         c = rig.robot.configuration
         loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
-        serials = [identity.serial for identity in rig.identities]
+        serials = [identity.serial for identity in rig.boot.identities]
         heed_identification(rig.cycle, rig.robot, serials)
         rig.run(0.1)
         yield House(rig, Service(rig.robot, loop, control, [], 1, notifier, serials))

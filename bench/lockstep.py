@@ -2,7 +2,7 @@
 faster than real time. For tests and benches."""
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,15 +12,14 @@ import can
 import msgspec
 from can.interfaces.virtual import VirtualBus
 
-from daemon.assembly import build_cycle, build_setups
+from daemon.assembly import build_boot, build_cycle
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import State
 from daemon.tick.tick import Cycle
-from drivers.boot_up import boot_up
-from drivers.identity import DriveIdentity
+from drivers.boot.boot_up import DriveBoot
 from simulator.arm import SimulatedArm
 from simulator.description import SimulationSettings
 from simulator.events import Listener
@@ -63,7 +62,7 @@ class Rig:
     lockstep: Lockstep
     channel: str  # of the virtual bus, for whoever wants to listen
     bus: can.BusABC  # the daemon's end
-    identities: Sequence[DriveIdentity]
+    boot: DriveBoot
     ticks: int = 0
 
     @property
@@ -139,18 +138,12 @@ def lockstep_rig(
         lockstep = Lockstep(arm, far)
         arm.power_on()
         cycle = build_cycle(robot, bus(near), lambda: 0.0)
-        c = robot.configuration
+        boot = replace(build_boot(robot, near), listen_s=0.0)
         with lockstep.serving():
-            identities = boot_up(
-                near,
-                build_setups(robot),
-                period_ms=c.period_ms,
-                master_node=c.bus.master_node,
-                listen_s=0.0,
-            )
+            boot.boot_up()
         cycle.arm.start(0.0)
         lockstep.pump()
-        yield Rig(robot, cycle, arm, lockstep, channel, near, identities)
+        yield Rig(robot, cycle, arm, lockstep, channel, near, boot)
 
 
 def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:

@@ -40,8 +40,7 @@ TESTS: Final = {
     "daemon/faults/following.py": "tests/daemon/faults/test_following.py",
     "daemon/motion/limits.py": "tests/daemon/motion/test_limits.py",
     "estimator/contact.py": "tests/estimator/test_contact.py",
-    "drivers/obedience.py": "tests/drivers/test_obedience.py",
-    "drivers/heartbeat.py": "tests/drivers/test_heartbeat.py",
+    "drivers/watches.py": "tests/drivers/test_watches.py",
 }
 
 

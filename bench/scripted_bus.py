@@ -5,8 +5,8 @@ from typing import Final
 
 import can
 
-from drivers.arm import Arm
-from drivers.samples import Samples
+from drivers.answers import Samples
+from drivers.drives import Arm
 
 N: Final = 7
 PERIOD_S: Final = 0.010

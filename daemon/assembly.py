@@ -19,10 +19,11 @@ from daemon.motion.path import Follower, Place, Sinusoids
 from daemon.tick.arming_checks import PreArm, Verdict
 from daemon.tick.controller import Controller, Tuning
 from daemon.tick.tick import Cycle
-from drivers.arm import Arm
-from drivers.data_sheet import load_data_sheet
-from drivers.drive_setup import DriveSetup
-from drivers.frame_ring import FrameRing
+from drivers.boot.boot_up import DriveBoot
+from drivers.boot.data_sheet import load_data_sheet
+from drivers.boot.required_objects import DriveSetup
+from drivers.can.frame_ring import FrameRing
+from drivers.drives import Arm
 from estimator.contact import Thresholds
 from estimator.estimator import Estimator
 from estimator.model import Model
@@ -62,6 +63,13 @@ def heed_identification(cycle: Cycle, robot: Robot, serials: list[int | None]) -
     text = "; ".join(against) or f"{c.identified} is of these drives"
     cycle.prearm.identification = Verdict(not against, text)
     cycle.controller.motion.blind = not cycle.prearm.identification.passed
+
+
+def build_boot(robot: Robot, bus: can.BusABC, ring: FrameRing | None = None) -> DriveBoot:
+    """The set-up of the drives over an open bus; `ring` keeps its frames. Raises
+    ConfigurationError."""
+    c = robot.configuration
+    return DriveBoot(bus, build_setups(robot), c.period_ms, c.bus.master_node, ring)
 
 
 def build_setups(robot: Robot) -> list[DriveSetup]:

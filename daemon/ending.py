@@ -15,8 +15,8 @@ from daemon.faults.table import Condition, Finding
 from daemon.modes.table import Event, Mode
 from daemon.tick.loop import Loop
 from daemon.tick.tick import Cycle
-from drivers.arm import Arm
 from drivers.cia402 import reached
+from drivers.drives import Arm
 from errors import ProgramError
 
 # How long the drives may take to reach the state they end in [s].

@@ -10,9 +10,8 @@ from pathlib import Path
 import can
 import numpy as np
 
-from daemon.assembly import build_cycle, build_estimator, build_setups, heed_identification
+from daemon.assembly import build_boot, build_cycle, build_estimator, heed_identification
 from daemon.config.load import Robot
-from daemon.drives import Drives
 from daemon.ending import stop_on_error, wind_down
 from daemon.modes.table import Mode
 from daemon.protocol.socket_path import default_socket_path
@@ -23,8 +22,8 @@ from daemon.service.realtime import go_realtime
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.tick.loop import Clock, Loop
-from drivers.bus import open_bus
-from drivers.bus_load import frame_rate_hz
+from drivers.can.bus import open_bus
+from drivers.can.bus_load import frame_rate_hz
 from errors import BusError, DriveError
 
 _log = logging.getLogger("contactd")
@@ -57,13 +56,13 @@ def _serve(
     black_box: BlackBox,
 ) -> None:
     c = robot.configuration
-    drives = Drives(bus, build_setups(robot), c.period_ms, c.bus.master_node, ring=black_box.ring)
+    boot = build_boot(robot, bus, black_box.ring)
 
     def progress(line: str) -> None:
         _log.info(line)
         notifier.status(f"starting: {line}")
 
-    drives.boot_up(progress)
+    boot.boot_up(progress)
     if signals.received:
         return
     cycle = build_cycle(robot, bus, time.monotonic, black_box.ring)
@@ -72,10 +71,10 @@ def _serve(
     for grant in realtime:
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
     loop = Loop(cycle, Clock(time.monotonic, sleep_until), c.period_s)
-    serials = [identity.serial for identity in drives.identities]
+    serials = [identity.serial for identity in boot.identities]
     heed_identification(cycle, robot, serials)
     service = Service(
-        robot, loop, control, realtime, os.getpid(), notifier, serials, drives, black_box.tell
+        robot, loop, control, realtime, os.getpid(), notifier, serials, boot, black_box.tell
     )
     # From the first heartbeat on the drives expect the next.
     cycle.arm.start(0.0)
@@ -93,7 +92,7 @@ def _serve(
         raise BusError(f"{cycle.fatal}; the drives stop by themselves")
     if not stragglers and cycle.controller.machine.mode is Mode.OFF:
         # At rest for good, the drives need not miss us.
-        drives.let_go()
+        boot.let_go()
     cycle.arm.end()
     if stragglers:
         raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")

@@ -31,15 +31,14 @@ from bench.soak.progress import Progress
 from bench.soak.record import Part
 from bench.soak.robot import gives_way, hand_script, write_robot
 from bench.stage import Stage
-from daemon.assembly import build_setups
 from daemon.config.load import load_robot
-from daemon.drives import Drives
 from daemon.protocol.messages import Reply, State
 from daemon.protocol.socket_path import Peer
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.tick.loop import Clock, Loop
+from drivers.boot.boot_up import DriveBoot
 from errors import ContactdError
 
 # Not at random: what leaves the arm somewhere it cannot be enabled from, what ends the program,
@@ -77,15 +76,20 @@ def _simulate(seed: int, hours: float) -> Part:
     return run_lockstep(seed, hours, Progress(f"lockstep, seed {seed}"))
 
 
-class _DrivesInLockstep(Drives):
+class _LockstepBoot(DriveBoot):
     """Sets drives up again while the simulated ones answer from a thread."""
 
     rig: Rig
 
-    def renew(self, joints: Sequence[int], meanwhile: Callable[[], None]) -> None:
-        """As Drives.renew."""
+    def renew(
+        self,
+        joints: Sequence[int],
+        meanwhile: Callable[[], None] = lambda: None,
+        progress: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        """As DriveBoot.renew."""
         with self.rig.lockstep.serving():
-            super().renew(joints, meanwhile)
+            super().renew(joints, meanwhile, progress)
 
 
 class _Visitor:
@@ -181,11 +185,10 @@ def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
     c = rig.robot.configuration
     loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
     # The clock of the rig starts at zero, as the loop's does.
-    drives = _DrivesInLockstep(
-        rig.bus, build_setups(rig.robot), c.period_ms, c.bus.master_node, list(rig.identities)
-    )
-    drives.rig = rig
-    return Service(rig.robot, loop, control, [], os.getpid(), notifier, [], drives)
+    boot = _LockstepBoot(rig.bus, rig.boot.setups, c.period_ms, c.bus.master_node)
+    boot.identities = rig.boot.identities
+    boot.rig = rig
+    return Service(rig.robot, loop, control, [], os.getpid(), notifier, [], boot)
 
 
 def _soak(

@@ -12,7 +12,7 @@ from daemon.service.black_box import (
     save_left_over,
     write_log,
 )
-from drivers.frame_ring import read_frames
+from drivers.can.frame_ring import read_frames
 from errors import LogError, UnreachableError
 
 

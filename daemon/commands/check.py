@@ -12,9 +12,9 @@ from daemon.assembly import build_setups
 from daemon.commands.worst_case import Load, worst_loads, worst_travel
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from drivers.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
+from drivers.boot.required_objects import lacks
+from drivers.can.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
 from drivers.codec import receive_pdos, transmit_pdos
-from drivers.drive_setup import lacks
 from drivers.settings import DriveProfile, Quantity
 
 QUANTITY_UNITS = {

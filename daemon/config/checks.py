@@ -8,9 +8,9 @@ from pathlib import Path
 
 from daemon.config.counts import misfits
 from daemon.config.schema import Configuration, Joint
-from drivers.bus_load import refuse_overload
-from drivers.data_sheet import load_data_sheet
-from drivers.drive_setup import DriveSetup, problems
+from drivers.boot.data_sheet import load_data_sheet
+from drivers.boot.required_objects import DriveSetup, problems
+from drivers.can.bus_load import refuse_overload
 from errors import ConfigurationError, ModelError
 from estimator.model import Model
 

@@ -10,6 +10,7 @@ from daemon.faults.following import Following
 from daemon.faults.plausibility import Plausibility, Vector
 from daemon.faults.table import Condition, Finding
 from daemon.modes.table import SENSING, Mode
+from drivers.answers import Samples
 from drivers.cia402 import DriveState
 from drivers.events import (
     AdapterGone,
@@ -28,7 +29,6 @@ from drivers.events import (
     Unstoppable,
     told,
 )
-from drivers.samples import Samples
 
 CONDITION_OF: dict[type[Event], Condition] = {
     HeartbeatLost: Condition.HEARTBEAT_LOST,

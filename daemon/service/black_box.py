@@ -25,8 +25,8 @@ import can
 from daemon.new_file import refuse_suffix, refuse_unless_new
 from daemon.protocol.socket_path import open_to_group
 from daemon.service.journal import log_to_stderr
-from drivers.frame_ring import KEPT_S, FrameRing, Recorded, read_frames
-from drivers.wire import ERROR, EXTENDED, REMOTE
+from drivers.can.frame_ring import KEPT_S, FrameRing, Recorded, read_frames
+from drivers.can.wire import ERROR, EXTENDED, REMOTE
 from errors import LogError
 
 # After a fault the helper waits so long for what the drives do about it.

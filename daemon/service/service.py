@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of
-from daemon.drives import Drives
 from daemon.modes.table import Event, ModeMachine
 from daemon.protocol.lease import Owner, in_words
 from daemon.protocol.messages import (
@@ -25,6 +24,7 @@ from daemon.service.socket import ControlSocket
 from daemon.service.status import snapshot_of, status_of
 from daemon.service.upload import LoadingDock
 from daemon.tick.loop import Loop
+from drivers.boot.boot_up import DriveBoot
 from errors import ContactdError, TrajectoryError
 
 EVENT_OF_COMMAND = {
@@ -78,7 +78,7 @@ class Service:
     pid: int
     notifier: Notifier
     serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
-    drives: Drives | None = None  # None: they cannot be set up again from here
+    boot: DriveBoot | None = None  # None: the drives cannot be set up again from here
     on_fault: Callable[[str], None] = lambda text: None
     ending: bool = False  # the arm is being brought to rest for good
     dock: LoadingDock = field(init=False)
@@ -202,7 +202,7 @@ class Service:
             permit=self.permission.permit(self.loop.time_s),
             realtime=self.realtime,
             readers=len(self.control.readers),
-            identities=self.drives.identities if self.drives else (),
+            identities=self.boot.identities if self.boot else (),
             serials=self.serials,
         )
 
@@ -233,11 +233,11 @@ class Service:
         joints = cycle.arm.unfit() if cycle.controller.faulted else []
         if not joints:
             return []
-        if self.drives is None:
+        if self.boot is None:
             names = ", ".join(cycle.arm.names[i] for i in joints)
             return [f"these drives have lost their set-up, start the daemon again: {names}"]
         try:
-            self.drives.renew(joints, lambda: self.notifier.ticked(self.loop.now_s))
+            self.boot.renew(joints, lambda: self.notifier.ticked(self.loop.now_s), _log.info)
         except ContactdError as error:
             cycle.arm.listen_again(self.loop.time_s)
             return str(error).splitlines()

@@ -13,9 +13,9 @@ import numpy as np
 from daemon.faults.table import Condition, Finding
 from daemon.motion.limits import Limits
 from daemon.protocol.messages import Check
+from drivers.answers import Samples
 from drivers.cia402 import DriveState
 from drivers.events import Emergency, Rebooted, told
-from drivers.samples import Samples
 from estimator.estimate import Estimate, Flag
 
 #: In the order in which they are shown, after the mode.

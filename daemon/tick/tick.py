@@ -16,9 +16,9 @@ from daemon.motion.limits import all_finite
 from daemon.protocol.messages import Check, Contact, Event, State, Timing, Vector
 from daemon.tick.arming_checks import FLAG_NAMES, Objection, PreArm
 from daemon.tick.controller import Controller, Decision, Observed
-from drivers.arm import Arm
+from drivers.answers import Samples
 from drivers.cia402 import DriveState, PowerTarget
-from drivers.samples import Samples
+from drivers.drives import Arm
 from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 from estimator.motor_position import Side

@@ -7,7 +7,7 @@ import pytest
 
 from bench.lockstep import SINGLE_JOINT, lockstep_rig
 from bench.loop_run import Distribution, RecordedDrives
-from drivers.wire import open_wire
+from drivers.can.wire import open_wire
 
 SYNC, SETPOINT = (0x080, b""), (0x201, bytes(6))
 

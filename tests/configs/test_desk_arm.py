@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 
 from bench.lockstep import DESK_ARM, Rig, lockstep_rig
-from daemon.assembly import build_setups
-from daemon.drives import Drives
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Request
 from daemon.protocol.socket_path import Peer
@@ -19,6 +17,7 @@ from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.tick.loop import Clock, Loop
+from drivers.boot.boot_up import DriveBoot
 from drivers.cia402 import DriveState
 from simulator.state_machine import State
 
@@ -51,11 +50,9 @@ def rig() -> Iterator[Rig]:
 @pytest.fixture
 def house(rig: Rig, tmp_path: Path) -> Iterator[House]:
     c = rig.robot.configuration
-    setups = build_setups(rig.robot)
-    drives = Drives(rig.bus, setups, c.period_ms, c.bus.master_node, list(rig.identities))
     loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
     with ControlSocket(tmp_path / "control") as control, closing(Notifier()) as notifier:
-        yield House(rig, Service(rig.robot, loop, control, [], 1, notifier, drives=drives))
+        yield House(rig, Service(rig.robot, loop, control, [], 1, notifier, boot=rig.boot))
 
 
 def test_it_measures_what_is_true(rig):
@@ -106,7 +103,7 @@ def test_the_lock_holds_against_a_mere_reset(house):
     house.silence(0.5)
     assert rig.mode is Mode.FAULTED
     assert {drive.state for drive in rig.arm.drives} == {State.FAULT}
-    house.service.drives = None
+    house.service.boot = None
     reply = house.ask("reset")
     assert reply.reasons == [
         "these drives have lost their set-up, start the daemon again: column, swing"
@@ -136,7 +133,7 @@ def test_a_reset_sets_locked_drives_up_again(house):
     assert set(rig.cycle.samples.states) == {DriveState.SWITCH_ON_DISABLED}
     rig.enable()
     assert np.abs(rig.arm.plant.q - stood).max() < 0.05
-    serials = [identity.serial for identity in house.service.drives.identities]
+    serials = [identity.serial for identity in house.service.boot.identities]
     assert serials == [1, 2]
     rig.request(Event.START)
     rig.run(1.0)
@@ -184,13 +181,13 @@ def test_while_it_waits_for_drives_the_watchdog_is_fed_and_nobody_else_is_missed
     rig.run(0.5)
     fed = []
     monkeypatch.setattr(house.service.notifier, "ticked", fed.append)
-    renew = Drives.renew
+    renew = DriveBoot.renew
 
-    def for_a_second(drives, joints, meanwhile):
+    def for_a_second(boot, joints, meanwhile, progress):
         rig.ticks += 100
-        renew(drives, joints, meanwhile)
+        renew(boot, joints, meanwhile, progress)
 
-    monkeypatch.setattr(Drives, "renew", for_a_second)
+    monkeypatch.setattr(DriveBoot, "renew", for_a_second)
     begun = rig.time_s
     assert not house.ask("reset").ok
     assert len(fed) > 10

@@ -13,11 +13,13 @@ import pytest
 import yaml
 
 from bench.scripted_bus import ScriptedBus
-from drivers.arm import Arm
-from drivers.boot_up import boot_up
+from drivers.boot.boot_up import DriveBoot
+from drivers.boot.data_sheet import load_data_sheet
+from drivers.boot.identity import DriveIdentity
+from drivers.boot.required_objects import DriveSetup
+from drivers.can.frame_ring import FrameRing
 from drivers.codec import Joint
-from drivers.data_sheet import load_data_sheet
-from drivers.drive_setup import DriveSetup
+from drivers.drives import Arm
 from drivers.settings import DriveProfile, JointWiring
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, JointDescription, SimulationSettings
@@ -69,10 +71,21 @@ class Bench:
     def now(self) -> float:
         return self.ticks * PERIOD_S
 
-    def boot_up(self, setups: Sequence[DriveSetup], **options: Any) -> Any:
+    def boot(self, setups: Sequence[DriveSetup], ring: FrameRing | None = None) -> DriveBoot:
+        """From this end of the bus."""
+        return DriveBoot(self.bus, setups, period_ms=10, ring=ring, listen_s=0.005)
+
+    def boot_up(
+        self,
+        setups: Sequence[DriveSetup],
+        progress: Callable[[str], None] = lambda line: None,
+        ring: FrameRing | None = None,
+    ) -> tuple[DriveIdentity, ...]:
         """With the simulated drives answering from a thread."""
+        boot = self.boot(setups, ring)
         with self.lockstep.serving():
-            return boot_up(self.bus, setups, **{"period_ms": 10, "listen_s": 0.005} | options)
+            boot.boot_up(progress)
+        return boot.identities
 
     def number(self, drive: int, index: int, subindex: int = 0) -> int:
         """What an object of a drive holds."""

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bench.scripted_bus import PERIOD_S, N, everything, frame, tick, tpdos
-from drivers.arm import Arm
 from drivers.cia402 import DriveState
+from drivers.drives import Arm
 from drivers.events import LateAnswer
 
 

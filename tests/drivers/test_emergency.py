@@ -2,8 +2,7 @@
 
 import pytest
 
-from drivers.emergency import emergency_words
-from drivers.events import Emergency
+from drivers.events import Emergency, emergency_words
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from daemon.faults.following import TICKS, Following, FollowingBounds
 from daemon.faults.plausibility import Bounds, Plausibility
 from daemon.faults.table import Condition, Finding, Reaction, strongest
 from daemon.modes.table import SENSING, Mode
+from drivers.answers import Samples
 from drivers.cia402 import DriveState
 from drivers.events import (
     AdapterGone,
@@ -25,7 +26,6 @@ from drivers.events import (
     Rebooted,
     Unstoppable,
 )
-from drivers.samples import Samples
 
 JOINTS = {1: "shoulder", 3: "elbow"}  # by node
 T = 0.01

@@ -18,8 +18,8 @@ from daemon.commands.contactd import main
 from daemon.protocol import socket_path
 from daemon.service.black_box import BlackBox, follow, ring_path, save, save_left_over, write_log
 from daemon.service.service import black_box
-from drivers.frame_ring import FrameRing, Recorded
-from drivers.wire import ERROR, EXTENDED, REMOTE
+from drivers.can.frame_ring import FrameRing, Recorded
+from drivers.can.wire import ERROR, EXTENDED, REMOTE
 from errors import LogError
 
 FRAMES = [

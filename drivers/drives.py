@@ -12,8 +12,10 @@ from typing import Final
 import can
 import numpy as np
 
-from drivers.answers import Answers, Counters
-from drivers.bus import BUS_FAILURES
+from drivers.answers import Answers, Counters, Samples
+from drivers.can.bus import BUS_FAILURES
+from drivers.can.frame_ring import FrameRing, RecordedWire
+from drivers.can.wire import ERROR, Frame, Wire, open_wire
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.codec import Joint, Vector
 from drivers.events import (
@@ -26,13 +28,9 @@ from drivers.events import (
     bus_failure,
     error_frame,
 )
-from drivers.frame_ring import FrameRing, RecordedWire
-from drivers.heartbeat import OPERATIONAL, PATIENCE, HeartbeatWatch
-from drivers.obedience import ObedienceWatch
-from drivers.samples import Samples
 from drivers.setpoints import Setpoints
 from drivers.settings import DriveProfile
-from drivers.wire import ERROR, Frame, Wire, open_wire
+from drivers.watches import HEARTBEATS_MISSED, OPERATIONAL, HeartbeatWatch, ObedienceWatch
 
 NMT: Final = 0x000
 SYNC: Final = 0x080
@@ -117,7 +115,7 @@ class Arm:
 
     def _watch_from(self, now: float) -> None:
         self._drives = [
-            _Drive(HeartbeatWatch(node, PATIENCE * every_s, now), ObedienceWatch(node))
+            _Drive(HeartbeatWatch(node, HEARTBEATS_MISSED * every_s, now), ObedienceWatch(node))
             for node, every_s in zip(self.nodes, self._heartbeats_s, strict=True)
         ]
         self._by_node = dict(zip(self.nodes, self._drives, strict=True))

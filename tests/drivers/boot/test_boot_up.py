@@ -10,9 +10,9 @@ import can
 import msgspec
 import pytest
 
-from drivers.boot_up import boot_up, refuse_other_master
-from drivers.bus import connection_lost
-from drivers.frame_ring import FrameRing, read_frames
+from drivers.boot.boot_up import DriveBoot, refuse_other_master
+from drivers.can.bus import connection_lost
+from drivers.can.frame_ring import FrameRing, read_frames
 from errors import BusError, ConfigurationError, DriveError
 from simulator.objects import key
 
@@ -200,7 +200,7 @@ def test_a_refusal_in_words(bench, setups):
 def test_a_value_outside_the_eds_never_gets_to_the_bus(bench, setups):
     profile = msgspec.structs.replace(setups[2].profile, fault_reaction=-5)
     with pytest.raises(ConfigurationError, match=r"object 0x605E:00 .*: -5 is outside 0 \.\.\. 2"):
-        boot_up(bench.bus, [replace(setups[2], profile=profile)], period_ms=10, listen_s=0.005)
+        bench.boot([replace(setups[2], profile=profile)]).boot_up()
     assert bench.other_end.recv(0) is None
 
 
@@ -211,7 +211,7 @@ def test_a_value_outside_the_eds_never_gets_to_the_bus(bench, setups):
 def test_another_master(bench, setups, cob_id, says):
     bench.other_end.send(can.Message(arbitration_id=cob_id, is_extended_id=False, data=b""))
     with pytest.raises(BusError, match=says):
-        boot_up(bench.bus, setups, period_ms=10, listen_s=0.005)
+        bench.boot(setups).boot_up()
 
 
 def test_a_drives_heartbeat_is_no_other_master(wire):
@@ -300,4 +300,4 @@ def said(kept, sent):
 def test_a_closed_bus(wire, setups):
     wire[0].shutdown()
     with pytest.raises(BusError, match="closed bus"):
-        boot_up(wire[0], setups, period_ms=10, listen_s=0.005)
+        DriveBoot(wire[0], setups, 10, listen_s=0.005).boot_up()

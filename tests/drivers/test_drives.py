@@ -17,9 +17,8 @@ from bench.scripted_bus import (
     frame,
     tick,
 )
-from drivers.arm import EVENTS_PER_TICK, FRAMES_PER_PASS, Arm
-from drivers.boot_up import boot_up, forget_master
 from drivers.cia402 import DriveState, PowerTarget
+from drivers.drives import EVENTS_PER_TICK, FRAMES_PER_PASS, Arm
 from drivers.events import (
     AdapterGone,
     BusOff,
@@ -40,7 +39,7 @@ STILL = np.zeros(N)
 
 def test_enable_move_stop_disable(bench, setups, make_arm):
     with bench.lockstep.serving():
-        boot_up(bench.bus, setups, period_ms=10, listen_s=0.01)
+        bench.boot(setups).boot_up()
     arm = make_arm(bench.bus)
     arm.start(0.0)
     assert np.isnan(arm.samples.current).all()
@@ -78,7 +77,7 @@ def test_enable_move_stop_disable(bench, setups, make_arm):
 
 def test_drives_stop_by_themselves_when_the_loop_hangs(bench, setups, make_arm):
     with bench.lockstep.serving():
-        boot_up(bench.bus, setups, period_ms=10, listen_s=0.01)
+        bench.boot(setups).boot_up()
     arm = make_arm(bench.bus)
     arm.start(0.0)
     for _ in range(50):
@@ -94,7 +93,7 @@ def test_drives_stop_by_themselves_when_the_loop_hangs(bench, setups, make_arm):
 
 def test_an_orderly_end_is_no_fault_to_the_drives(bench, setups, make_arm):
     with bench.lockstep.serving():
-        boot_up(bench.bus, setups, period_ms=10, listen_s=0.01)
+        bench.boot(setups).boot_up()
     arm = make_arm(bench.bus)
     arm.start(0.0)
     for power in (PowerTarget.ON, PowerTarget.QUICK_STOP):
@@ -104,7 +103,7 @@ def test_an_orderly_end_is_no_fault_to_the_drives(bench, setups, make_arm):
     arm.end()
     bench.lockstep.pump()
     with bench.lockstep.serving():
-        forget_master(bench.bus, setups)
+        bench.boot(setups).let_go()
     bench.simulated.advance(bench.simulated.now + 1.0)
     assert {drive.state.name for drive in bench.simulated.drives} == {"QUICK_STOP_ACTIVE"}
     while (message := bench.bus.recv(0)) is not None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from drivers.drive_setup import check_drive, lacks, wanted
+from drivers.boot.required_objects import check_drive, lacks, wanted
 from drivers.settings import DriveProfile
 from errors import ConfigurationError
 

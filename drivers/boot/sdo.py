@@ -14,10 +14,10 @@ from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from drivers.bus import BUS_FAILURES, connection_lost
-from drivers.data_sheet import find_object
-from drivers.drive_setup import DriveSetup
-from drivers.frame_ring import FrameRing, RingListener
+from drivers.boot.data_sheet import find_object
+from drivers.boot.required_objects import DriveSetup
+from drivers.can.bus import BUS_FAILURES, connection_lost
+from drivers.can.frame_ring import FrameRing, RingListener
 from errors import BusError, DriveError, SilentDriveError
 
 # What fails is raised, and told by whoever catches it; canopen would log it once more.

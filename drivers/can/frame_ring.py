@@ -18,7 +18,7 @@ from typing import Final
 
 import can
 
-from drivers.wire import Frame, Wire, frame_of
+from drivers.can.wire import Frame, Wire, frame_of
 from errors import LogError
 
 KEPT_S: Final = 60.0

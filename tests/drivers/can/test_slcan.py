@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.bus import BUS_FAILURES, open_bus
+from drivers.can.bus import BUS_FAILURES, open_bus
+from drivers.can.wire import EXTENDED, REMOTE, SlcanWire, open_wire
 from drivers.settings import BusSettings
-from drivers.wire import EXTENDED, REMOTE, SlcanWire, open_wire
 from errors import BusError
 
 

@@ -20,7 +20,7 @@ from typing import Final, Protocol
 import can
 from can.interfaces.virtual import VirtualBus
 
-from drivers.bus import socketcand_socket
+from drivers.can.bus import socketcand_socket
 
 EXTENDED: Final = 0x8000_0000
 REMOTE: Final = 0x4000_0000

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from drivers.boot.identity import DriveIdentity, identify
+from drivers.boot.pdo_mapping import map_pdos
+from drivers.boot.required_objects import CYCLIC_SYNCHRONOUS_VELOCITY, DriveSetup, Group, Wanted
+from drivers.boot.sdo import ObjectAccess
 from drivers.cia402 import DriveState, drive_state
-from drivers.drive_setup import CYCLIC_SYNCHRONOUS_VELOCITY, DriveSetup, Group, Wanted
-from drivers.identity import DriveIdentity, identify
-from drivers.object_access import ObjectAccess
-from drivers.pdo_mapping import map_pdos
 from errors import DriveError
 
 _ENTER_PRE_OPERATIONAL: Final = 128

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from drivers.data_sheet import find_object, load_data_sheet
+from drivers.boot.data_sheet import find_object, load_data_sheet
 from errors import ConfigurationError
 
-EDS = Path(__file__).parents[2] / "configs" / "romeo_left_arm" / "drive.eds"
+EDS = Path(__file__).parents[3] / "configs" / "romeo_left_arm" / "drive.eds"
 
 
 @pytest.mark.parametrize(

@@ -15,11 +15,11 @@ from bench.lockstep import SINGLE_JOINT
 from daemon.assembly import build_cycle, build_estimator, build_setups
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from daemon.drives import Drives
 from daemon.modes.table import Event, Mode
 from daemon.tick.tick import Cycle
-from drivers.data_sheet import load_data_sheet
-from drivers.drive_setup import problems
+from drivers.boot.boot_up import DriveBoot
+from drivers.boot.data_sheet import load_data_sheet
+from drivers.boot.required_objects import problems
 from errors import DriveError
 
 T = 0.01
@@ -37,7 +37,7 @@ class Rig:
     """The daemon's cycle on one drive."""
 
     cycle: Cycle
-    drives: Drives
+    boot: DriveBoot
     drive: DurandDrive
     told: list[str]
     ticks: int = 0
@@ -48,7 +48,7 @@ class Rig:
 
     def boot_up(self) -> None:
         with self.drive.serving():
-            self.drives.boot_up(self.told.append)
+            self.boot.boot_up(self.told.append)
         self.cycle.arm.start(self.ticks * T)
         self.drive.pump()
 
@@ -94,18 +94,18 @@ def rig(tmp_path) -> Iterator[Rig]:
         (tmp_path / "drive.eds").write_text(drive.eds)
         sheet = load_data_sheet(tmp_path / "drive.eds")
         setups = [dataclasses.replace(each, data_sheet=sheet) for each in build_setups(robot)]
-        drives = Drives(near, setups, c.period_ms, c.bus.master_node)
+        boot = DriveBoot(near, setups, c.period_ms, c.bus.master_node)
         cycle = build_cycle(robot, near, lambda: 0.0)
-        yield Rig(cycle, drives, drive, [])
+        yield Rig(cycle, boot, drive, [])
 
 
 def test_its_eds_has_what_is_counted_on(rig):
-    assert not list(problems(rig.drives.setups[0], 10, 127))
+    assert not list(problems(rig.boot.setups[0], 10, 127))
 
 
 def test_it_comes_up_and_holds_what_it_was_told(rig):
     rig.boot_up()
-    assert rig.drives.identities[0].serial == SERIAL
+    assert rig.boot.identities[0].serial == SERIAL
     assert any("without object 0x1029:01" in line for line in rig.told), "it has no such object"
     wanted = {
         **{(0x6007, 0): 3, (0x605A, 0): 6, (0x6060, 0): 9, (0x60C2, 1): 10, (0x1017, 0): 50},
@@ -174,7 +174,7 @@ def test_after_its_power_was_off_it_must_be_set_up_again(rig):
     assert rig.cycle.controller.faulted
     assert rig.cycle.arm.unfit() == [0]
     with rig.drive.serving():
-        rig.drives.renew([0], lambda: None)
+        rig.boot.renew([0], lambda: None)
     rig.cycle.arm.start(rig.ticks * T)
     rig.run(0.1)
     assert not rig.request(Event.RESET)

@@ -78,17 +78,6 @@ def _open_socketcand(settings: BusSettings) -> can.BusABC:
     )
 
 
-def drain(bus: can.BusABC, limit: int = 10_000) -> int:
-    """Throw away what is queued for reading; the number of frames. Raises BusError."""
-    try:
-        for count in range(limit):
-            if bus.recv(0) is None:
-                return count
-    except BUS_FAILURES as error:
-        raise BusError(f"bus {bus.channel_info}: {error}") from error
-    return limit
-
-
 def socketcand_socket(bus: can.BusABC) -> socket.socket | None:
     """The TCP connection of a `socketcand` bus, which python-can keeps to itself; else None."""
     found = getattr(bus, "_SocketCanDaemonBus__socket", None)

@@ -8,7 +8,7 @@ from contextlib import closing, contextmanager
 import can
 import pytest
 
-from drivers.bus import connection_lost, drain, open_bus
+from drivers.can.bus import connection_lost, open_bus
 from drivers.settings import BusSettings
 from errors import BusError
 
@@ -120,18 +120,6 @@ def closing_bus(bus: can.BusABC) -> Iterator[can.BusABC]:
 
 def test_other_buses_have_no_connection_to_lose(wire):
     assert not connection_lost(wire[0])
-
-
-def test_drain(wire):
-    bus, other_end = wire
-    for _ in range(5):
-        other_end.send(can.Message(arbitration_id=0x181, is_extended_id=False))
-    assert drain(bus, limit=2) == 2
-    assert drain(bus) == 3
-    assert bus.recv(0) is None
-    bus.shutdown()
-    with pytest.raises(BusError):
-        drain(bus)
 
 
 def test_virtual():

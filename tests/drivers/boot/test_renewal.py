@@ -7,8 +7,7 @@ import pytest
 
 from bench.house import open_house
 from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
-from daemon.assembly import build_setups
-from daemon.drives import Drives
+from drivers.boot.boot_up import DriveBoot
 from errors import DriveError
 from simulator.objects import key
 
@@ -22,40 +21,36 @@ def rig() -> Iterator[Rig]:
 
 
 @pytest.fixture
-def drives(rig: Rig) -> Drives:
+def boot(rig: Rig) -> DriveBoot:
     """Set up, as at the start."""
-    c = rig.robot.configuration
-    drives = Drives(rig.bus, build_setups(rig.robot), c.period_ms, c.bus.master_node)
-    drives.boot_up(lambda line: None)
-    return drives
+    rig.boot.boot_up()
+    return rig.boot
 
 
-def test_a_drive_that_was_switched_off_and_on_is_the_same(rig: Rig, drives: Drives) -> None:
-    before = list(drives.identities)
+def test_a_drive_that_was_switched_off_and_on_is_the_same(rig: Rig, boot: DriveBoot) -> None:
+    before = boot.identities
     rig.arm.drives[0].boot()
     assert rig.arm.drives[0].objects.number(0x6007) == 0
     called: list[None] = []
-    drives.renew([0], lambda: called.append(None))
+    boot.renew([0], lambda: called.append(None))
     assert rig.arm.drives[0].objects.number(0x6007) == 3
-    assert drives.identities == before
+    assert boot.identities == before
     assert called
 
 
-def test_another_drive_in_its_place_is_refused(rig: Rig, drives: Drives) -> None:
-    serial = drives.identities[0].serial
+def test_another_drive_in_its_place_is_refused(rig: Rig, boot: DriveBoot) -> None:
+    serial = boot.identities[0].serial
     rig.arm.drives[0].objects.values[SERIAL] = 4711
     with pytest.raises(DriveError, match=rf"^joint has another drive .*serial 4711; .*{serial}\."):
-        drives.renew([0], lambda: None)
+        boot.renew([0], lambda: None)
     rig.arm.drives[0].objects.values[SERIAL] = serial
-    drives.renew([0], lambda: None)
+    boot.renew([0], lambda: None)
 
 
 def test_what_a_drive_said_before_it_was_set_up_again_is_over(tmp_path: Path) -> None:
     with open_house(tmp_path) as house:
-        rig, c = house.rig, house.rig.robot.configuration
-        house.service.drives = Drives(
-            rig.bus, build_setups(rig.robot), c.period_ms, c.bus.master_node
-        )
+        rig = house.rig
+        house.service.boot = rig.boot
         (drive,) = rig.arm.drives
         drive.boot()
         house.run(0.05)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.bus_load import bus_load, frame_bits, frame_table, refuse_overload
+from drivers.can.bus_load import bus_load, frame_bits, frame_table, refuse_overload
 from errors import ConfigurationError
 
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.frame_ring import FrameRing, RecordedWire, read_frames
-from drivers.wire import ERROR, EXTENDED, QueueWire, open_wire
+from drivers.can.frame_ring import FrameRing, RecordedWire, read_frames
+from drivers.can.wire import ERROR, EXTENDED, QueueWire, open_wire
 from errors import LogError
 
 FRAME = st.tuples(
@@ -75,7 +75,7 @@ def test_no_file(path):
 def test_what_was_written_survives_kill_9(path):
     program = (
         "import os, signal, sys; from pathlib import Path\n"
-        "from drivers.frame_ring import FrameRing\n"
+        "from drivers.can.frame_ring import FrameRing\n"
         "ring = FrameRing(Path(sys.argv[1]), 100, lambda: 0.0)\n"
         "for k in range(250): ring.put(k, k, b'abc', True)\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"

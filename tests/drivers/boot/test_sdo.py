@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.boot_up import boot_up
-from drivers.object_access import LONGEST_ANSWER, ObjectAccess
+from drivers.boot.sdo import LONGEST_ANSWER, ObjectAccess
 from errors import DriveError, SilentDriveError
 
 NODE = 3
@@ -171,7 +170,7 @@ def test_a_boot_up_that_is_garbled_comes_up_or_says_why(make_bench, setups, harm
 
     drive._sdo.network._send = garbled
     with bench.lockstep.serving():
-        said = refusal(lambda: boot_up(bench.bus, [hasty], period_ms=10, listen_s=0.0))
+        said = refusal(lambda: bench.boot([hasty]).boot_up())
     assert "node 3 (LElbowRoll)" in said or not said
     if not said:
         assert drive.objects.number(0x6007) == 3

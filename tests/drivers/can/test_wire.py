@@ -11,7 +11,7 @@ from can.interfaces.socketcand.socketcand import convert_can_message_to_ascii_me
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.wire import (
+from drivers.can.wire import (
     ERROR,
     EXTENDED,
     REMOTE,

@@ -9,7 +9,6 @@ import can
 import msgspec
 import pytest
 
-from drivers.boot_up import boot_up_again, forget_master
 from errors import BusError, DriveError
 
 
@@ -114,13 +113,7 @@ def test_again_while_the_others_go_on_hearing_their_master(bench, setups, bears_
     others = [with_profile(setup, master_timeout_ms=bears_ms) for setup in setups]
     begun = time.monotonic()
     with bench.lockstep.serving():
-        boot_up_again(
-            bench.bus,
-            [*others[:2], patient, *others[3:]],
-            [2],
-            period_ms=10,
-            meanwhile=lambda: called.append(None),
-        )
+        bench.boot([*others[:2], patient, *others[3:]]).renew([2], lambda: called.append(None))
     took = time.monotonic() - begun
     assert bench.number(2, 0x6007) == 3
     assert took > 2 * 0.3 * 0.5, "the time-out, and the wait for a late answer"
@@ -145,7 +138,7 @@ def test_a_bus_that_fails_while_a_drive_is_waited_for_is_one(bench, setups, monk
     monkeypatch.setattr(type(bench.bus), "send", failing)
     silent = with_profile(setups[2], sdo_timeout_ms=500)
     with bench.lockstep.serving(), pytest.raises(BusError, match="heartbeat: Network is down"):
-        boot_up_again(bench.bus, [*setups[:2], silent, *setups[3:]], [2], period_ms=10)
+        bench.boot([*setups[:2], silent, *setups[3:]]).renew([2])
 
 
 def test_drives_in_fault_boot_side_by_side(bench, setups):
@@ -169,10 +162,10 @@ def test_drives_in_fault_boot_side_by_side(bench, setups):
     assert commands == [(130, node) for node in nodes] + [(128, node) for node in nodes]
 
 
-def test_forget_master_tells_every_drive_even_if_one_is_gone(bench, setups):
+def test_letting_go_tells_every_drive_even_if_one_is_gone(bench, setups):
     bench.boot_up(setups)
     gone = replace(setups[2], wiring=msgspec.structs.replace(setups[2].wiring, node=99))
     with bench.lockstep.serving(), pytest.raises(DriveError, match="node 99"):
-        forget_master(bench.bus, [*setups[:2], hasty(gone), *setups[3:]])
+        bench.boot([*setups[:2], hasty(gone), *setups[3:]]).let_go()
     watched = [bench.number(drive, 0x1016, 1) for drive in range(7)]
     assert watched == [0, 0, 127 << 16 | 100, 0, 0, 0, 0]

@@ -8,8 +8,8 @@ from typing import Final, Literal
 import canopen
 from canopen.objectdictionary import ODArray
 
+from drivers.boot.data_sheet import find_object, type_name, value_range
 from drivers.codec import WORDS, Pdo, receive_pdos, transmit_pdos
-from drivers.data_sheet import find_object, type_name, value_range
 from drivers.settings import DriveProfile, JointWiring, ObjectValue
 from errors import ConfigurationError
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.drive_setup import CYCLIC_SYNCHRONOUS_VELOCITY, DriveSetup, rated_object
-from drivers.object_access import ObjectAccess
+from drivers.boot.required_objects import CYCLIC_SYNCHRONOUS_VELOCITY, DriveSetup, rated_object
+from drivers.boot.sdo import ObjectAccess
 from errors import DriveError
 
 _CIA_402: Final = 402

@@ -2,9 +2,9 @@
 
 from typing import Final
 
+from drivers.boot.required_objects import DriveSetup
+from drivers.boot.sdo import ObjectAccess
 from drivers.codec import Pdo, receive_pdos, transmit_pdos
-from drivers.drive_setup import DriveSetup
-from drivers.object_access import ObjectAccess
 from errors import DriveError
 
 _PDO_DISABLED: Final = 1 << 31

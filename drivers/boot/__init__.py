@@ -1,0 +1,1 @@
+"""Boot-up by SDO, before NMT operational. The only place that imports canopen."""

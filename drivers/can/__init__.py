@@ -1,0 +1,1 @@
+"""CAN interfaces: each opens its bus, and reads and writes frames at the cost of the tick."""
