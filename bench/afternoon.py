@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any, cast
 
 import msgspec
-import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from arrays import Vector
 from bench.fleet import SoftHand
 from bench.house import House, open_house
 from bench.lockstep import ROMEO
@@ -25,7 +24,6 @@ from simulator.description import SimulationSettings
 from simulator.hand import Hand
 from simulator.mismatch import PlantParameters
 
-Vector = NDArray[np.float64]
 Written = dict[str, Any]
 """A config.yaml as plain data."""
 

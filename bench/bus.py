@@ -26,6 +26,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Vector
 from bench.figures import Target, print_report
 from bench.lockstep import ROMEO
 from daemon.assembly import build_setups
@@ -36,7 +37,6 @@ from drivers.cia402 import PowerTarget
 from drivers.codec import MEASURED, link_side, receive_pdos, transmit_pdos
 from drivers.drives import Arm
 
-Vector = NDArray[np.float64]
 OPERATION_ENABLED: Final = 0x0027
 ENABLE_OPERATION: Final = 0x000F
 # Where the rings of the black box would be on a robot, in memory.

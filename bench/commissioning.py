@@ -17,8 +17,8 @@ from pathlib import Path
 import click
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Matrix, Vector
 from bench.afternoon import Afternoon, Arm, Written, poor_guesses
 from bench.contact_free import MOTION, moving
 from bench.figures import Target, print_report
@@ -26,8 +26,6 @@ from bench.lockstep import lockstep_rig
 from daemon.modes.table import Event
 from simulator.description import SimulationSettings
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 MOTIONS, COMPARED_S = 3, 20.0
 """without contact, on which residuals are compared"""
 SIZES = ("largest", "rms", "largest beyond the raise near rest, of")

@@ -15,13 +15,13 @@ import click
 import msgspec
 import numpy as np
 
+from arrays import Vector
 from bench.figures import Target, print_report
 from bench.lockstep import lockstep_rig
 from daemon.config.schema import Configuration, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
 from estimator.motor_position import Side
 from estimator.residual import Variant
-from estimator.types import Vector
 
 # Amplitude [rad] and frequency [Hz] per joint: incommensurable, so that all poses are met.
 MOTION = {

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.recording import Rows
+from arrays import Matrix
 
 FADE_S = 0.3
 """After a release the residual still fades, and the link swings back through its gap."""
@@ -80,7 +80,7 @@ def count_joint(
 
 
 def count_contacts(
-    torque: Rows, thresholded: Rows, levels: Sequence[float], period_s: float
+    torque: Matrix, thresholded: Matrix, levels: Sequence[float], period_s: float
 ) -> list[Count]:
     """`count_joint` for every column."""
     return [

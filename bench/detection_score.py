@@ -7,15 +7,13 @@ from functools import reduce
 from operator import add
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Vector
 from bench import scores
 from bench.monte_carlo import Result
 from bench.scores import Felt, Trial
 from daemon.assembly import build_transmission
 from daemon.config.schema import Configuration
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

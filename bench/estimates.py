@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Matrix
 from bench.contact_free import BESIDE
 from bench.harness import Recording
 from bench.rivals import KALMAN, KALMAN_BELIEF, kalman
@@ -14,9 +15,6 @@ from daemon.assembly import build_estimator
 from daemon.config.load import Robot
 from estimator.estimator import Estimator
 from estimator.residual import Variant
-
-Rows = NDArray[np.float64]
-"""(ticks, n)"""
 
 VARIANTS: Final = (Variant(), *BESIDE)
 """Every residual that is compared, whichever of them the configuration lets decide."""
@@ -26,12 +24,12 @@ VARIANTS: Final = (Variant(), *BESIDE)
 class Estimates:
     """One row per SYNC, true `delay_s` before it."""
 
-    residuals: dict[str, Rows]
+    residuals: dict[str, Matrix]
     """by the name of the variant, the one that decides first, the Kalman rival last [Nm]"""
-    threshold: Rows
+    threshold: Matrix
     """in force, with its raise near rest [Nm]"""
-    phi: Rows
-    sigma_phi: Rows
+    phi: Matrix
+    sigma_phi: Matrix
     side: NDArray[np.int8]
     touched_link: NDArray[np.int64]
     """(ticks,): index of the joint whose link is said to be touched, -1 where none is"""

@@ -21,15 +21,15 @@ import click
 import numpy as np
 import pinocchio as pin
 
+from arrays import Matrix
 from bench.figures import Target, print_report
 from bench.lockstep import ROMEO, SINGLE_JOINT
 from daemon.assembly import build_estimator, build_transmission
 from daemon.config.load import Robot, load_robot
-from estimator.contact import Thresholds
 from estimator.estimator import Estimator
 from estimator.model import Model
+from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
-from estimator.types import Matrix
 
 TURN: Final = 20  # steps between two looks at the clock
 TICKS: Final = 200  # of the motion that is gone through again and again

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from estimator.identification.log import MotionLog
+from arrays import Vector
+from estimator.identification.motion_log import MotionLog
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.mismatch import PlantParameters, contact
 from simulator.plant import Plant
@@ -21,7 +21,6 @@ from simulator.profile import PROFILE
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S, Servo
 
-Vector = NDArray[np.float64]
 Reference = Callable[[float], tuple[Vector, Vector]]
 """Desired q and q_dot (n,) of every arm at a time [s]."""
 

@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from arrays import Matrix, Vector
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot
 from drivers.codec import MEASURED, SetpointEncoder, link_side
@@ -25,10 +26,6 @@ from simulator.plant import Plant
 from simulator.profile import PROFILE
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S, Servo
-
-Vector = NDArray[np.float64]
-Rows = NDArray[np.float64]
-"""Shape (ticks, n) or (milliseconds, n), SI at the link side."""
 
 CHUNK_S: Final = 60.0
 
@@ -105,11 +102,11 @@ class Recording:
     """(ticks,), from the moment the arm stood"""
     samples: NDArray[np.float64]
     """(ticks, 4, n): current [A], link position, motor velocity, motor position, by the codec"""
-    phi: Rows
+    phi: Matrix
     """(milliseconds, n) [rad]; the last of a period is that of its SYNC"""
-    gear_torque: Rows
+    gear_torque: Matrix
     """what the gear hands to the link [Nm]"""
-    external: Rows
+    external: Matrix
     """torque on the links in that millisecond [Nm]"""
     half_gap: Vector
     """true alpha (n,) [rad]"""
@@ -128,12 +125,12 @@ class Recording:
         """(ticks, n): rows of `truth` from `delay_s` before each SYNC."""
         return truth[self._instants(delay_s)]
 
-    def mean(self, delay_s: float, truth: NDArray[Any]) -> Rows:
+    def mean(self, delay_s: float, truth: NDArray[Any]) -> Matrix:
         """(ticks, n): mean of `truth` over the period that ends `delay_s` before each SYNC."""
         total = np.concatenate((np.zeros((1, truth.shape[1])), np.cumsum(truth, axis=0)))
         end = self._instants(delay_s) + 1
         begin = np.maximum(end - self.per_tick, 0)
-        mean: Rows = (total[end] - total[begin]) / (end - begin)[:, np.newaxis]
+        mean: Matrix = (total[end] - total[begin]) / (end - begin)[:, np.newaxis]
         return mean
 
     def _instants(self, delay_s: float) -> NDArray[np.int64]:
@@ -179,12 +176,12 @@ class Harness:
         for joint, velocity in enumerate(self.plant.theta_dot.tolist()):
             self.servo.energise(joint, velocity)
 
-    def sample(self) -> Rows:
-        """Rows of MEASURED, (4, n)."""
+    def sample(self) -> Matrix:
+        """Matrix of MEASURED, (4, n)."""
         plant = self.plant
         r = self.sensors.read(plant.q, plant.theta, plant.theta_dot)
         counts = np.array((r.current, r.link_position, r.motor_velocity, r.motor_position))
-        values: Rows = counts * self._gain + self._bias
+        values: Matrix = counts * self._gain + self._bias
         return values
 
     def follow(self, velocity: Vector) -> None:
@@ -192,7 +189,7 @@ class Harness:
         for joint, counts in enumerate(self._encoder.encode(velocity)):
             self.servo.follow(joint, counts * self._velocity_unit[joint], self.period_s)
 
-    def period(self, external: Rows) -> None:
+    def period(self, external: Matrix) -> None:
         """One period; external: torque on the links (per_tick, n) in each of its milliseconds."""
         plant, servo = self.plant, self.servo
         for i in range(self.per_tick):
@@ -267,7 +264,7 @@ def recordings(
         )
 
 
-def _external(pushes: tuple[Push, ...], begin_ms: int, length_ms: int, n: int) -> Rows:
+def _external(pushes: tuple[Push, ...], begin_ms: int, length_ms: int, n: int) -> Matrix:
     """Torque in each millisecond from `begin_ms` on; pushes add up."""
     external = np.zeros((length_ms, n))
     for push in pushes:

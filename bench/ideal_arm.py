@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Vector
 from daemon.modes.contact_reactions import AfterQuiet, Reactions
 from daemon.modes.table import ENERGISED, Event, Mode
 from daemon.motion.admittance import AdmittanceLaw, Gains, GuidedBounds
@@ -13,8 +13,6 @@ from daemon.motion.limits import Limits
 from daemon.motion.motion import Manner, Motion
 from daemon.motion.path import Follower, Place, Sinusoids
 from daemon.tick.controller import Controller, Decision, Observed, Tuning
-
-Vector = NDArray[np.float64]
 
 T = 0.01
 AMPLITUDE, FREQUENCY = 0.3, 0.2  # of joint a; b holds

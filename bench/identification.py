@@ -18,8 +18,8 @@ from typing import Any
 import click
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Vector
 from bench.figures import Target, print_report
 from bench.fleet import Scatter, SoftHand, random_arm, record_fleet
 from bench.identification_report import OUT, allowed_of_gap, lines, picture, summary
@@ -31,12 +31,11 @@ from daemon.config.load import load_robot
 from estimator.identification.excitation import Bounds, fourier_within, trajectory
 from estimator.identification.friction import Verdict, identify_friction
 from estimator.identification.gap import identify_gap
-from estimator.identification.log import MotionLog
+from estimator.identification.motion_log import MotionLog
 from estimator.model import Model
 from simulator.description import Mismatch, SimulationSettings
 from simulator.mismatch import PlantParameters, true_parameters
 
-Vector = NDArray[np.float64]
 TOGETHER = 5
 """Arms that one process simulates at once: the cheapest, and few enough to see how far it is."""
 HAND_S = 17.0

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from arrays import Vector
+
 OUT: Final = Path(__file__).parent / "out"
 TITLES: Final = {
     "K_theta_s": "Coulomb friction of motor and link, $K_{\\theta s}$",

@@ -7,15 +7,13 @@ from typing import cast
 import click
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from arrays import Vector
 from bench.lockstep import Rig
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from simulator.arm import SimulatedArm
 from simulator.hand import AnyAct, Guide, Hand, Release
-
-Vector = NDArray[np.float64]
 
 STIFFNESS_N_M, DAMPING_NS_M = 1500.0, 20.0
 # A grip holds a joint by more than the lever of one point [m].

@@ -28,6 +28,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from arrays import Vector
 from bench import population, scores
 from bench.estimates import Estimates, build, estimates
 from bench.figures import Target, print_report
@@ -39,7 +40,6 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from estimator.motor_position import Side
 
-Vector = NDArray[np.float64]
 SKEW_MS: Final = 1.0
 SLOW: Final = 0.15
 WIDE: Final = 0.010

@@ -9,15 +9,13 @@ from typing import Final, Literal
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from arrays import Matrix, Vector
 from bench.harness import Motion, Push, Subject
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 from simulator.description import Mismatch, SimulationSettings
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 Friction = Literal["smooth", "dahl"]
 FRICTIONS: Final[tuple[Friction, ...]] = ("smooth", "dahl")
 

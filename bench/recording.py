@@ -13,12 +13,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Matrix
 from bench.lockstep import Rig
 from daemon.config.schema import Configuration
 from estimator.contact import dead_band
-
-Rows = NDArray[np.float64]
-"""Shape (ticks, n), SI at the link side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,21 +31,21 @@ class Recording:
     """since the recording began"""
     mode: NDArray[np.str_]
     # The plant, in truth.
-    true_q: Rows
-    true_theta: Rows
+    true_q: Matrix
+    true_theta: Matrix
     true_in_gap: NDArray[np.bool_]
-    true_torque: Rows
+    true_torque: Matrix
     """external torque [Nm]"""
     # The daemon: samples, estimate, decision.
-    motor_velocity: Rows
-    q: Rows
-    qd: Rows
-    phi: Rows
+    motor_velocity: Matrix
+    q: Matrix
+    qd: Matrix
+    phi: Matrix
     side: NDArray[np.int8]
-    tau_M: Rows
-    threshold: Rows
-    reference: Rows
-    residuals: dict[str, Rows]
+    tau_M: Matrix
+    threshold: Matrix
+    reference: Matrix
+    residuals: dict[str, Matrix]
     """by the name of the variant, the one that decides first [Nm]"""
 
     @property
@@ -56,15 +54,15 @@ class Recording:
         return self.configuration.joint_names
 
     @property
-    def deciding(self) -> Rows:
+    def deciding(self) -> Matrix:
         """The residual that decides [Nm]."""
         return self.residuals[self.configuration.estimator.residual.name]
 
-    def thresholded(self, name: str) -> Rows:
+    def thresholded(self, name: str) -> Matrix:
         """Of the residual `name`, beyond the thresholds that were in force [Nm]."""
         return dead_band(self.residuals[name], self.threshold)
 
-    def with_residual(self, name: str, values: Rows) -> "Recording":
+    def with_residual(self, name: str, values: Matrix) -> "Recording":
         """A copy with one more residual, made afterwards of the same samples."""
         return replace(self, residuals={**self.residuals, name: values})
 

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from estimator.types import Matrix, Vector
+from arrays import Matrix, Vector
 
 KALMAN: Final = "kalman"
 KALMAN_BELIEF: Final = "classical+friction+rotor"

@@ -9,25 +9,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Rows = NDArray[np.float64]
-"""(ticks, n)"""
+from arrays import Matrix, Vector
 
 
-def alarms(residual: Rows, threshold: Rows | Vector) -> NDArray[np.int64]:
+def alarms(residual: Matrix, threshold: Matrix | Vector) -> NDArray[np.int64]:
     """How often each joint goes beyond its threshold, (n,): stretches, not ticks."""
     beyond = np.abs(residual) > threshold
     begins = beyond & ~np.vstack((np.zeros_like(beyond[:1]), beyond[:-1]))
     return np.asarray(np.count_nonzero(begins, axis=0))
 
 
-def quiet_threshold(residual: Rows, raised: Rows) -> Vector:
+def quiet_threshold(residual: Matrix, raised: Matrix) -> Vector:
     """The lowest threshold (n,) that, with its raise, is never exceeded [Nm]."""
     lowest: Vector = np.maximum(np.max(np.abs(residual) - raised, axis=0), 0.0)
     return lowest
 
 
-def filtered(external: Rows, gain: float, period_s: float) -> Rows:
+def filtered(external: Matrix, gain: float, period_s: float) -> Matrix:
     """What a perfect residual of this gain shows, (3): r_dot = K (tau_ext - r), from r = 0.
 
     external: mean over each period.
@@ -93,7 +91,7 @@ class Errors:
     count: NDArray[np.int64]
 
     @classmethod
-    def of(cls, error: Rows, chosen: NDArray[np.bool_]) -> "Errors":
+    def of(cls, error: Matrix, chosen: NDArray[np.bool_]) -> "Errors":
         """Of (ticks, n) where `chosen`."""
         return cls(
             np.asarray(np.sum(np.square(error), axis=0, where=chosen)),

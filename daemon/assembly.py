@@ -24,9 +24,9 @@ from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.frame_ring import FrameRing
 from drivers.drives import Arm
-from estimator.contact import Thresholds
 from estimator.estimator import Estimator
 from estimator.model import Model
+from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
 
 

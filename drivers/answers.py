@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Vector
 from drivers.cia402 import DriveState, drive_state
-from drivers.codec import Joint, SampleDecoder, Vector
+from drivers.codec import Joint, SampleDecoder
 from drivers.events import Event, LateAnswer
 from drivers.settings import DriveProfile
 

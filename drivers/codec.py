@@ -18,12 +18,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Vector
 from drivers.settings import DriveProfile, JointWiring, PdoEntry, PdoLayout, Quantity
 from errors import ConfigurationError
 
-Vector = NDArray[np.float64]
 Joint = tuple[str, JointWiring]
 
 STRUCT_CODES: Final = {

@@ -12,12 +12,13 @@ from typing import Final
 import can
 import numpy as np
 
+from arrays import Vector
 from drivers.answers import Answers, Counters, Samples
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.frame_ring import FrameRing, RecordedWire
 from drivers.can.wire import ERROR, Frame, Wire, open_wire
 from drivers.cia402 import DriveState, PowerTarget
-from drivers.codec import Joint, Vector
+from drivers.codec import Joint
 from drivers.events import (
     BadSetpoint,
     Disobedient,

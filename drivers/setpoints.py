@@ -4,9 +4,10 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from arrays import Vector
 from drivers.can.wire import Frame
 from drivers.cia402 import QUICK_STOP, DriveState, PowerTarget, controlword
-from drivers.codec import Joint, SetpointEncoder, Vector, receive_pdos
+from drivers.codec import Joint, SetpointEncoder, receive_pdos
 from drivers.settings import DriveProfile
 
 

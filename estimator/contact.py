@@ -1,52 +1,26 @@
-"""From residual to contact: thresholds, the subtractive dead-band, debounce, events."""
+"""Contact: the subtractive dead-band, debounce, events; and which link is touched.
+
+A force on a link turns its own joint and those before it; joints beyond the contact feel nothing.
+So the touched link is that of the last joint that feels something: at least this one, and one
+further out only if the force has no lever about the joints in between.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Vector
 from errors import ModelError
 from estimator import memory
-from estimator.types import Vector
+from estimator.thresholds import LEVELS, Level, Thresholds
 
-Level = Literal["contact", "collision"]
-LEVELS: tuple[Level, Level] = ("contact", "collision")
-
-
-@dataclass(frozen=True, slots=True)
-class Thresholds:
-    """Levels of |r| per joint [Nm], shape (n,), 0 < contact < collision; read-only arrays.
-
-    Raises ModelError naming the row that is out of order.
-    """
-
-    contact: Vector
-    collision: Vector
-    per_speed: Vector = field(default_factory=lambda: np.array(0.0))
-    """both grow by this times |theta_dot| [Nm s/rad], >= 0; one number stands for all"""
-
-    def __post_init__(self) -> None:
-        for name in LEVELS:
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
-        if self.contact.ndim != 1 or self.contact.shape != self.collision.shape:
-            raise ModelError(
-                f"thresholds: contact {self.contact.shape}, collision {self.collision.shape}"
-            )
-        good = (self.contact > 0.0) & (self.contact < self.collision) & np.isfinite(self.collision)
-        growth = np.broadcast_to(np.asarray(self.per_speed, dtype=np.float64), self.contact.shape)
-        object.__setattr__(self, "per_speed", growth)
-        if not np.all((growth >= 0.0) & np.isfinite(growth)):
-            raise ModelError(f"thresholds: per_speed is {growth}; it must be >= 0")
-        for i in np.flatnonzero(~good):
-            raise ModelError(
-                f"thresholds of joint {i + 1}: contact {self.contact[i]}, collision "
-                f"{self.collision[i]}; it must be 0 < contact < collision"
-            )
+FELT = 0.35
+"""Share of its contact level that a joint does not reach by the model's errors alone."""
+_UNSURE = 0.5 * FELT
 
 
 def dead_band(residual: Vector, threshold: Vector) -> Vector:
@@ -156,3 +130,18 @@ class ContactDetector:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         memory.load(self, self._MEMORY, state)
+
+
+def touched_link(residual: Vector, contact: Vector) -> int | None:
+    """Index of the joint whose link is touched, for a residual (n,) [Nm] that is past the contact
+    level (n,) [Nm] of at least one joint.
+
+    None where nobody can tell: no joint feels it clearly, or a joint further out neither feels
+    it clearly nor clearly feels nothing.
+    """
+    strength = np.abs(residual) / contact
+    felt = np.flatnonzero(strength > FELT)
+    if not felt.size:
+        return None
+    last = int(felt[-1])
+    return None if np.any(strength[last + 1 :] > _UNSURE) else last

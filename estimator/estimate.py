@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Vector
 from estimator.contact import Contact
-from estimator.types import Vector
 
 
 class Flag(IntFlag):

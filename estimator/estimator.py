@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
+from arrays import Matrix, Vector
 from errors import ModelError
 from estimator import memory
-from estimator.contact import Contact, ContactDetector, Thresholds, dead_band
+from estimator.contact import Contact, ContactDetector, dead_band, touched_link
 from estimator.estimate import Estimate, Flag
 from estimator.friction import RUBBING, Friction
-from estimator.hidden import Hidden
 from estimator.interval import ROW, Interval
 from estimator.link_velocity import ALIGNED, Alignment
 from estimator.model import Model
@@ -24,9 +24,8 @@ from estimator.motor_position import MOTION, MotorPosition
 from estimator.residual import Residual
 from estimator.settings import EstimatorSettings
 from estimator.stiction import Stiction, displacement
-from estimator.touched_link import touched_link
+from estimator.thresholds import ThresholdRaise, Thresholds
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
-from estimator.types import Matrix, Vector
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
 _TURNED = {"integrated": {"velocity": 1.0}, "measured": {"position": 1.0}}
@@ -91,7 +90,7 @@ class Estimator:
         t = transmission
         self._has_gap = t.half_gap > 0.0
         self._held = t.stiction * t.engaged_coulomb
-        self._hidden = Hidden(t, settings, thresholds.contact)
+        self._threshold_raise = ThresholdRaise(t, settings, thresholds.contact)
         # What a fit adds to tau_M while engaged, for the variants that know of engagement.
         self._corrected = np.array([[v.kind == "backlash"] for v in variants], dtype=np.float64)
         self._correcting = bool(np.any(t.contact_stiffness) or np.any(t.contact_damping))
@@ -238,7 +237,7 @@ class Estimator:
             self._started = True
             flags |= Flag.STARTING
         side = self.motor_position.side
-        hidden = self._hidden.at(rest, self.stiction.unknown, side)
+        hidden = self._threshold_raise.at(rest, self.stiction.unknown, side)
         threshold = self.detector.thresholds(hidden, theta_dot, dt)
         contacts = self.detector.step(self.residual.values[0], side, time_s)
         self._show(q, qd, tau_M, threshold)
@@ -266,7 +265,7 @@ class Estimator:
         """No velocity yet: no residual."""
         zero = np.zeros(self.model.n)
         self.motor_position.start(q)
-        threshold = self.detector.thresholds(self._hidden.most, zero, self.period_s)
+        threshold = self.detector.thresholds(self._threshold_raise.most, zero, self.period_s)
         self._show(q, zero, zero, threshold)
         return self._estimate((), flags)
 

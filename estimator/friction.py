@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from arrays import Matrix, Vector
 from estimator.interval import ROW
 from estimator.transmission import Transmission, coulomb_viscous
-from estimator.types import Matrix, Vector
 
 RUBBING = slice(ROW["motor_rub"], ROW["gap_rub"] + 1)
 """Rows of an interval's terms: motor, link together with the motor, link alone, gap."""

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from arrays import Matrix
 from estimator import memory
-from estimator.types import Matrix
 
 # What is known at an instant, one row each, in this order. Kinds of friction: see `residual`.
 TERMS = (

@@ -16,8 +16,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from arrays import Matrix
 from estimator import memory
-from estimator.types import Matrix
 
 Method = Literal["backward", "midpoint", "central"]
 DELAY_PERIODS: dict[Method, float] = {"backward": 0.0, "midpoint": 0.5, "central": 1.0}

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from arrays import Vector
 from errors import ModelError
-from estimator.types import Vector
 from estimator.urdf import moved_mass
 
 # That of a milligram at a millimetre: what is less is rounding.

@@ -21,9 +21,9 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from arrays import Matrix, Vector
 from estimator import memory
 from estimator.transmission import Transmission
-from estimator.types import Matrix, Vector
 
 
 class Side(IntEnum):

@@ -22,10 +22,10 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from arrays import Matrix, Vector
 from errors import ModelError
 from estimator import memory
 from estimator.interval import Form
-from estimator.types import Matrix, Vector
 
 Kind = Literal["classical", "backlash", "two_mass"]
 

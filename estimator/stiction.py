@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Matrix, Vector
 from estimator import memory
 from estimator.motor_position import LINK_REST
-from estimator.types import Matrix, Vector
 
 CREEP = 0.003
 """[rad/s]; a slower motor velocity may be noise and bias, and its integral nothing."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Vector
 from errors import ModelError
-from estimator.types import Vector
 
 REST_VELOCITY = 0.05  # [rad/s]
 STICTION = 0.4

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Vector
 from errors import ConfigurationError
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.drive import Drive, Surroundings
@@ -17,7 +17,6 @@ from simulator.profile import profile_of
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S, Servo
 
-Vector = NDArray[np.float64]
 NMT, SYNC = 0x000, 0x080
 SDO_REQUEST, HEARTBEAT = 0x600, 0x700
 

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from arrays import Vector
 from errors import ModelError
 from simulator.description import ArmDescription, SimulationSettings
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

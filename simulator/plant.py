@@ -22,10 +22,9 @@ from numpy import (
 from numpy.typing import NDArray
 from pinocchio import aba
 
+from arrays import Matrix, Vector
 from simulator.mismatch import PlantParameters
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 External = Callable[[Vector, Vector, Vector], None]
 """(q, q_dot, out): writes the external joint torque of this instant [Nm] into out (n,)."""
 

@@ -4,13 +4,11 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Vector
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.profile import PROFILE, TURN, DriveProfile
 from simulator.servo import SERVO_PERIOD_S
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

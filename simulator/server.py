@@ -13,10 +13,10 @@ import msgspec
 
 from errors import BusError
 from simulator.arm import SimulatedArm
+from simulator.bus_end import Link
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.events import Event
 from simulator.hand import AnyAct
-from simulator.link import Link
 from simulator.socketcand import HELLO, Conversation, Reply, frame_line
 
 PULSE_S = 0.001

@@ -2,11 +2,9 @@
 
 import numpy as np
 from numpy import add, maximum, minimum, multiply, negative, subtract
-from numpy.typing import NDArray
 
+from arrays import Vector
 from simulator.description import ArmDescription
-
-Vector = NDArray[np.float64]
 
 SERVO_PERIOD_S = 0.001
 BANDWIDTH = 2.0 * np.pi * 16.0

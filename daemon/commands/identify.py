@@ -29,7 +29,7 @@ from daemon.identify.steps import (
     wiring_step,
 )
 from errors import ConfigurationError
-from estimator.identification.gap_answer import GapVerdict
+from estimator.identification.gap_result import GapVerdict
 
 
 class Source(Protocol):

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from arrays import Vector
 from daemon.config.schema import Configuration, Joint
-from daemon.motion.limits import Limits, Vector
+from daemon.motion.limits import Limits
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.motion.trajectory_file import read_trajectory
 from errors import TrajectoryError

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Vector
 from daemon.faults.following import Following
-from daemon.faults.plausibility import Plausibility, Vector
+from daemon.faults.plausibility import Plausibility
 from daemon.faults.table import Condition, Finding
 from daemon.modes.table import SENSING, Mode
 from drivers.answers import Samples

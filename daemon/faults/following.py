@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from arrays import Vector
 
 #: A motor must differ for so many ticks in a row.
 TICKS: Final = 20

@@ -11,9 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Vector
 from daemon.faults.table import Condition
-
-Vector = NDArray[np.float64]
 
 # What a half-gap may be wider than it was identified.
 GAP_TOLERANCE: Final = 1.1

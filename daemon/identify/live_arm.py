@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from arrays import Matrix
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
 from daemon.identify.measured import Measured, read_measured, refuse_misfits
@@ -25,11 +26,10 @@ from daemon.identify.show import histogram
 from daemon.protocol.messages import State
 from errors import ConfigurationError, ShortLogError
 from estimator.identification.gap import identify_gap
-from estimator.identification.gap_answer import CROSSINGS, Gap
-from estimator.identification.log import PAUSE_S, MotionLog
+from estimator.identification.gap_result import CROSSINGS, Gap
+from estimator.identification.motion_log import PAUSE_S, MotionLog
 from estimator.identification.wiring import follows_both_ways
 from estimator.model import Model
-from estimator.types import Matrix
 
 REFRESH_S = 0.2
 JUDGE_S = 2.0

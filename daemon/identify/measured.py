@@ -11,6 +11,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from arrays import Matrix
 from daemon.clients.recorder import read_log
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import parse_configuration
@@ -18,8 +19,7 @@ from daemon.config.schema import Configuration
 from daemon.modes.table import SENSING
 from daemon.protocol.messages import Snapshot, State
 from errors import ContactdError, LogError, ShortLogError
-from estimator.identification.log import PAUSE_S, MotionLog
-from estimator.types import Matrix
+from estimator.identification.motion_log import PAUSE_S, MotionLog
 
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position")
 _SENSING = frozenset(mode.value for mode in SENSING)

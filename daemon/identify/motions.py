@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arrays import Matrix, Vector
 from daemon.config.schema import Configuration
 from estimator.identification.excitation import (
     Bounds,
@@ -13,7 +14,6 @@ from estimator.identification.excitation import (
     trajectory,
 )
 from estimator.model import Model
-from estimator.types import Matrix, Vector
 
 SHARE = 0.7
 """Of the range, velocity and acceleration that the limits allow."""

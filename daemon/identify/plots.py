@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from arrays import Vector
 from estimator.identification.friction import Reconstruction
 from estimator.identification.gap import positions
-from estimator.identification.log import MotionLog
-from estimator.types import Vector
+from estimator.identification.motion_log import MotionLog
 
 
 def _figure(rows: int, columns: int) -> tuple[Any, Any, Any]:

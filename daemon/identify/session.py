@@ -17,6 +17,7 @@ from types import FrameType
 
 import numpy as np
 
+from arrays import Matrix
 from daemon.clients import recorder
 from daemon.clients.client import Client
 from daemon.config.schema import Configuration
@@ -24,7 +25,6 @@ from daemon.identify.measured import configuration_of
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Command, Event, State, Status
 from errors import ContactdError, ControlError, LogError, UnreachableError
-from estimator.types import Matrix
 
 _SETTLE_S = 6.0
 # What may follow a trajectory of ours; anything else ended it.

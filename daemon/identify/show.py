@@ -6,7 +6,7 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.identify.steps import Outcome
-from estimator.identification.gap_answer import CROSSINGS, Gap
+from estimator.identification.gap_result import CROSSINGS, Gap
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _WIDTH = 64

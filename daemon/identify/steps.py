@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import msgspec
 import numpy as np
 
+from arrays import Vector
 from daemon.assembly import build_transmission
 from daemon.config import identified as file
 from daemon.config.load import Robot
@@ -19,12 +20,11 @@ from estimator.identification.friction import (
     identify_friction,
 )
 from estimator.identification.gap import identify_gap
-from estimator.identification.gap_answer import Gap
-from estimator.identification.levels import LevelSettings, LevelVerdict, identify_levels
-from estimator.identification.plausible import refuse_implausible
+from estimator.identification.gap_result import Gap
+from estimator.identification.log_checks import refuse_implausible
+from estimator.identification.thresholds import LevelSettings, LevelVerdict, identify_levels
 from estimator.identification.wiring import check_wiring
 from estimator.model import Model
-from estimator.types import Vector
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,8 @@ velocity starts from zero. As a mass M and a damper D pushed by r_bar: D = 1 / K
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from arrays import Vector
 
 # The softest admittance that may be asked for [rad/s per Nm].
 MAX_GAIN = 5.0

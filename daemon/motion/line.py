@@ -4,11 +4,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Vector
 from daemon.motion.path import Reference
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

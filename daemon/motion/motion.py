@@ -4,15 +4,13 @@ from dataclasses import dataclass
 from typing import assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Vector
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.admittance import AdmittanceLaw, Gains
 from daemon.motion.limits import Limits
 from daemon.motion.line import Line
 from daemon.motion.path import Follower
-
-Vector = NDArray[np.float64]
 
 # A joint is back where it was to go when it is as near as this [rad]...
 ARRIVED_RAD = 0.01

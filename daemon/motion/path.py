@@ -13,9 +13,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Vector
 from daemon.config.schema import Sinusoid
-
-Vector = NDArray[np.float64]
 
 
 class JointPath(Protocol):

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Matrix, Vector
 from daemon.motion.limits import Limits
 from daemon.motion.trajectory_file import MAX_ROWS, PLAUSIBLE, SHORTEST_STEP_S, refuse_columns
 from errors import TrajectoryError
 
-Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 Tensor = NDArray[np.float64]
 
 # Few enough blocks for a moment's work on all of them, and short ones to copy when they grow.
@@ -102,7 +101,7 @@ class SampledPath:
 class PathBuilder:
     """Takes the rows of a trajectory piece by piece and refuses what breaks a limit.
 
-    `columns` are the joints that the rows name, in the rows' order; all others hold. Rows are
+    `columns` are the joints that the rows name, in the rows' order; all others hold. Matrix are
     [t, q of each column, q_dot of each column]. Raises TrajectoryError for an unknown, doubled or
     missing column.
     """

@@ -28,7 +28,8 @@ COMMANDS: tuple[str, ...] = get_args(Command)
 # What lets the arm move is not done for somebody who does not wait for the answer any more.
 AWAITED: frozenset[Command] = frozenset({"enable", "start", "arm"})
 
-Vector = list[float]
+PerJoint = list[float]
+"""One number per joint, in the order of `Snapshot.joints`, SI at the link side."""
 
 # What may stand in a line of the log: nothing that begins another line, speaks to a terminal (C0,
 # C1), or turns around what stands beside it (embeddings and isolates of bidirectional text).
@@ -142,27 +143,27 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     fresh: list[bool]
     drives: list[str]  # CiA 402 states
     # measured, input of the estimator
-    current: Vector  # [A]
-    link_position: Vector  # q [rad]
-    motor_velocity: Vector  # theta_dot [rad/s]
-    motor_position: Vector | None  # theta [rad], where the drive has it
+    current: PerJoint  # [A]
+    link_position: PerJoint  # q [rad]
+    motor_velocity: PerJoint  # theta_dot [rad/s]
+    motor_position: PerJoint | None  # theta [rad], where the drive has it
     # estimated
-    velocity: Vector  # q_dot [rad/s]
-    motor: Vector  # theta used [rad]
-    gap: Vector  # phi = q - theta [rad]
-    gap_sigma: Vector  # standard uncertainty of phi [rad]
+    velocity: PerJoint  # q_dot [rad/s]
+    motor: PerJoint  # theta used [rad]
+    gap: PerJoint  # phi = q - theta [rad]
+    gap_sigma: PerJoint  # standard uncertainty of phi [rad]
     side: list[str]  # left, gap, right, unknown
-    torque: Vector  # tau_M = K_c * current [Nm]
-    residual: Vector  # [Nm]
-    threshold: Vector  # in force in this tick [Nm]
-    thresholded: Vector  # sign(r) max(|r| - threshold, 0) [Nm]
+    torque: PerJoint  # tau_M = K_c * current [Nm]
+    residual: PerJoint  # [Nm]
+    threshold: PerJoint  # in force in this tick [Nm]
+    thresholded: PerJoint  # sign(r) max(|r| - threshold, 0) [Nm]
     touched_link: str  # named by its joint; empty: nothing is felt, or nobody can tell
-    beside: dict[str, Vector]  # other residuals on the same samples [Nm]
+    beside: dict[str, PerJoint]  # other residuals on the same samples [Nm]
     flags: list[str]  # what the estimator complains about
     updated: bool  # the estimator took these samples
     # decided
-    reference: Vector  # desired q [rad]
-    setpoint: Vector  # target velocity [rad/s]
+    reference: PerJoint  # desired q [rad]
+    setpoint: PerJoint  # target velocity [rad/s]
     quiet_s: float  # since the last tick with a non-zero thresholded residual
     events: list[Event]
     timing: Timing
@@ -172,8 +173,8 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """What a recording needs to be read alone: sent once to each reader, before its States."""
 
     joints: list[str]
-    half_gap: Vector
-    thresholds: Vector
+    half_gap: PerJoint
+    thresholds: PerJoint
     period_s: float
     tick: int  # `memory` is the estimator's after this tick
     memory: dict[str, Any]
@@ -222,10 +223,10 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     joints: list[str]
     identities: list[str] = []  # of the drives: make, revision, serial number
     drives: list[str]
-    position: Vector
-    residual: Vector
-    threshold: Vector
+    position: PerJoint
+    residual: PerJoint
+    threshold: PerJoint
     side: list[str]
-    gain: Vector  # K_a, as it is or is about to be [rad/s per Nm]
+    gain: PerJoint  # K_a, as it is or is about to be [rad/s per Nm]
     age_ticks: list[int]
     serials: list[int | None] = []  # 0x1018:4 of the drives

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arrays import Vector
 from daemon.faults.table import EVENT_OF, Condition, Finding, strongest
 from daemon.modes.contact_reactions import ATTENTIVE, AfterQuiet, Reactions
 from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, ModeMachine, refusal
@@ -20,8 +20,6 @@ from daemon.motion.path import JointPath, Place
 from daemon.tick.arming_checks import Objection
 from daemon.tick.refusals import misfits, not_energisable, not_startable
 from drivers.cia402 import PowerTarget
-
-Vector = NDArray[np.float64]
 
 # How long a reset may take until a drive's fault counts as a new one [s].
 RESET_PATIENCE_S = 0.5

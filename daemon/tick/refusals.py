@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from typing import Protocol
 
+from arrays import Vector
 from daemon.faults.table import Finding, Reaction
-from daemon.motion.limits import Limits, Vector
+from daemon.motion.limits import Limits
 from daemon.motion.path import Place
 
 # How far from its first sample a recorded trajectory may begin [rad].

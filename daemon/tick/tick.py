@@ -13,7 +13,7 @@ from daemon.faults.detector import Observer
 from daemon.faults.table import Finding, Reaction
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.limits import all_finite
-from daemon.protocol.messages import Check, Contact, Event, State, Timing, Vector
+from daemon.protocol.messages import Check, Contact, Event, PerJoint, State, Timing
 from daemon.tick.arming_checks import FLAG_NAMES, Objection, PreArm
 from daemon.tick.controller import Controller, Decision, Observed
 from drivers.answers import Samples
@@ -284,6 +284,6 @@ class Cycle:
         )
 
 
-def finite_list(values: np.ndarray) -> Vector:
+def finite_list(values: np.ndarray) -> PerJoint:
     """As a list; JSON has no NaN, and msgspec would write null where a number is promised."""
     return [value if value == value else 0.0 for value in values.tolist()]  # noqa: PLR0124

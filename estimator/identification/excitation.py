@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arrays import Matrix, Vector
 from errors import ModelError
 from estimator.model import Model
-from estimator.types import Matrix, Vector
 
 HARMONICS = 6
 _SAMPLES = 200  # of one period, where bounds and conditioning are looked at

@@ -14,9 +14,17 @@ from enum import StrEnum
 
 import numpy as np
 
+from arrays import Matrix, Vector
 from errors import LogError
-from estimator.identification.intervals import Intervals, Mask, intervals, locate, low_pass, play
-from estimator.identification.log import MotionLog
+from estimator.identification.log_intervals import (
+    Intervals,
+    Mask,
+    intervals,
+    locate,
+    low_pass,
+    play,
+)
+from estimator.identification.motion_log import MotionLog
 from estimator.identification.regression import (
     COLUMNS,
     Solution,
@@ -28,7 +36,6 @@ from estimator.identification.touches import near
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, smooth_sign
-from estimator.types import Matrix, Vector
 
 SHORTEST_S = 10.0
 LOWEST_R2 = 0.9

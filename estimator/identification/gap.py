@@ -10,12 +10,12 @@
 
 import numpy as np
 
-from estimator.identification.gap_answer import SMALLEST, Gap, GapVerdict, spread
+from arrays import Vector
 from estimator.identification.gap_in_motion import from_motion
-from estimator.identification.log import PAUSE_S, MotionLog
+from estimator.identification.gap_result import SMALLEST, Gap, GapVerdict, spread
+from estimator.identification.motion_log import PAUSE_S, MotionLog
 from estimator.identification.plateaus import from_plateaus
 from estimator.identification.ramps import from_ramps
-from estimator.types import Vector
 
 _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
 

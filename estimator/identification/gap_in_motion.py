@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.identification.gap_answer import (
+from arrays import Matrix, Vector
+from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
     SMALLEST,
@@ -13,7 +14,6 @@ from estimator.identification.gap_answer import (
     GapVerdict,
     smoothed,
 )
-from estimator.types import Matrix, Vector
 
 _RARE = 0.03  # share of the time in motion; a border met more rarely is not believed
 

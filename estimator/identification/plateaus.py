@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from estimator.identification.gap_answer import (
+from arrays import Vector
+from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
     SMALLEST,
@@ -16,7 +17,6 @@ from estimator.identification.gap_answer import (
     smoothed,
     spread,
 )
-from estimator.types import Vector
 
 _CREEP = 0.01  # [rad/s] that no bias of a velocity explains
 _SURE = 3.0  # standard errors by which a border loads the motor

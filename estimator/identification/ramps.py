@@ -6,8 +6,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from estimator.identification.gap_answer import SMALLEST, Gap, GapVerdict, smoothed
-from estimator.types import Vector
+from arrays import Vector
+from estimator.identification.gap_result import SMALLEST, Gap, GapVerdict, smoothed
 
 _FLAT = 0.15  # of the outer stiffness: slope inside a clear dead zone
 _RAMP_WIDTH = 0.002  # [rad/s] over which friction changes its sign in slow ramps

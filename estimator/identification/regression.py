@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from estimator.identification.intervals import (
+from arrays import Matrix, Vector
+from estimator.identification.log_intervals import (
     Intervals,
     Located,
     Mask,
@@ -17,7 +18,6 @@ from estimator.identification.sticking import sticking_share
 from estimator.identification.touches import touches
 from estimator.link_velocity import SAMPLES
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
-from estimator.types import Matrix, Vector
 
 GAIN = 25.0
 """K_r [1/s]. The paper's 100 passes so much noise of theta_ddot that a light rotor's inertia comes

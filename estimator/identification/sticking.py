@@ -6,10 +6,10 @@ smooth friction does, or stay what the last motion left? See `estimator.stiction
 
 import numpy as np
 
-from estimator.identification.intervals import Intervals
+from arrays import Matrix, Vector
+from estimator.identification.log_intervals import Intervals
 from estimator.stiction import CREEP, Stiction
 from estimator.transmission import smooth_sign
-from estimator.types import Matrix, Vector
 
 SURE = 0.1
 """Standard error of the share above which nothing is said."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from estimator.identification.intervals import Intervals, Mask, around
-from estimator.types import Vector
+from arrays import Vector
+from estimator.identification.log_intervals import Intervals, Mask, around
 
 SUSTAINED_S = 0.1
 """Impacts at the borders of a gap are shorter."""

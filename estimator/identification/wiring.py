@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.identification.log import MotionLog
+from arrays import Vector
+from estimator.identification.motion_log import MotionLog
 from estimator.model import Model
-from estimator.types import Vector
 
 SCALE_TOLERANCE = 0.05
 GRAVITY_TOLERANCE = 0.25

@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from estimator.contact import Thresholds
 from estimator.estimate import Estimate
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
+from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
 from simulator.description import ArmDescription, JointDescription, Mismatch, SimulationSettings
 from simulator.mismatch import true_parameters

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from errors import ModelError
-from estimator.contact import ContactDetector, Thresholds, dead_band
+from estimator.contact import ContactDetector, dead_band
+from estimator.thresholds import Thresholds
 
 FINITE = st.floats(-100, 100)
 SIDE = np.array([0, 1], dtype=np.int8)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from errors import ModelError
-from estimator.contact import Thresholds
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.motor_position import Side
 from estimator.residual import Variant
 from estimator.settings import EstimatorSettings
+from estimator.thresholds import Thresholds
 from estimator.transmission import STICTION
 
 T = 0.01

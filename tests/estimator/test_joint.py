@@ -9,7 +9,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from estimator.contact import Thresholds
 from estimator.estimate import Estimate
 from estimator.estimator import Estimator
 from estimator.interval import ROW
@@ -17,6 +16,7 @@ from estimator.model import Model
 from estimator.motor_position import Side
 from estimator.residual import Variant
 from estimator.settings import EstimatorSettings
+from estimator.thresholds import Thresholds
 
 T = 0.01
 WIDTH = 0.02

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from estimator.touched_link import FELT, touched_link
+from estimator.contact import FELT, touched_link
 
 LEVEL = np.array([0.8, 0.5, 0.4])
 

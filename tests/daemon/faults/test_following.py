@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from daemon.faults.following import PRESSING_SHARE, TICKS, Following, FollowingBounds
 
@@ -10,7 +9,6 @@ T, LAG = 0.01, 0.01
 WINDOW = 6  # three ticks of latency, three lags
 DEVIATION, CURRENT = np.array([0.2, 0.3]), np.array([1.0, 4.0])
 E = 1e-9
-Vector = NDArray[np.float64]
 
 
 @pytest.fixture

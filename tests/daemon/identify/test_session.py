@@ -27,7 +27,7 @@ from daemon.identify.session import followed
 from daemon.modes.table import Mode
 from daemon.protocol.messages import State
 from errors import LogError
-from estimator.identification.log import MotionLog
+from estimator.identification.motion_log import MotionLog
 
 APPROACH_S = 0.9
 """Of the single joint, from where it hangs to where its excitation begins."""

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from arrays import Vector
 from daemon.motion.limits import Limits
 
-Vector = NDArray[np.float64]
 DT = 0.01
 LIMITS = Limits(
     lower=np.array([-1.0, -0.1, 0.0]),

@@ -12,7 +12,7 @@ from daemon.assembly import build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import load_robot
 from estimator.identification.excitation import Bounds, fourier_within, trajectory
-from estimator.identification.log import MotionLog
+from estimator.identification.motion_log import MotionLog
 from estimator.model import Model
 from simulator.description import Mismatch, SimulationSettings
 from simulator.mismatch import PlantParameters, true_parameters

@@ -8,7 +8,7 @@ import pytest
 
 from errors import LogError
 from estimator.identification.friction import Verdict, adopt, identify_friction
-from estimator.identification.log import MotionLog
+from estimator.identification.motion_log import MotionLog
 from estimator.identification.sticking import sticking_share
 
 

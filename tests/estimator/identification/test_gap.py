@@ -12,9 +12,9 @@ import pytest
 
 from bench.fleet import SoftHand, record_fleet
 from estimator.identification.gap import identify_gap
-from estimator.identification.gap_answer import GapVerdict
 from estimator.identification.gap_in_motion import from_motion
-from estimator.identification.log import MotionLog
+from estimator.identification.gap_result import GapVerdict
+from estimator.identification.motion_log import MotionLog
 from estimator.identification.plateaus import from_plateaus
 from simulator.description import SimulationSettings
 

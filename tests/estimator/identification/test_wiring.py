@@ -7,7 +7,7 @@ import pytest
 
 from bench.fleet import record_fleet
 from daemon.identify.motions import WIRING_SPEED, WIRING_TRAVEL, wiring_motion
-from estimator.identification.log import MotionLog
+from estimator.identification.motion_log import MotionLog
 from estimator.identification.wiring import check_wiring
 from simulator.description import SimulationSettings
 from simulator.mismatch import true_parameters

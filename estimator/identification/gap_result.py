@@ -5,7 +5,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from estimator.types import Vector
+from arrays import Vector
 
 SMALLEST = 0.001
 """A half-gap below this [rad] is none: encoders and the gear's own bending are of that size."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from errors import LogError
-from estimator.identification.levels import (
+from estimator.identification.thresholds import (
     LevelSettings,
     LevelVerdict,
     gumbel_level,

@@ -7,8 +7,8 @@ import can
 import pytest
 
 from errors import BusError
-from simulator import link as link_module
-from simulator.link import Link
+from simulator import bus_end as link_module
+from simulator.bus_end import Link
 
 FRAME = can.Message(arbitration_id=0x181, is_extended_id=False)
 

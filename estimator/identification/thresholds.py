@@ -6,8 +6,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from arrays import Matrix, Vector
 from errors import LogError
-from estimator.types import Matrix, Vector
 
 BLOCK_S = 1.0
 """The largest |r| of each such block is one draw of an extreme-value distribution."""

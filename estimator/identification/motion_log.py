@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from arrays import Matrix, Vector
 from errors import LogError, ShortLogError
-from estimator.types import Matrix, Vector
 
 SHORTEST = 100
 """Samples below which nothing can be said."""

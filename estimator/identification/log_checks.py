@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from arrays import Vector
 from errors import LogError
-from estimator.identification.log import MotionLog
-from estimator.types import Vector
+from estimator.identification.motion_log import MotionLog
 
 _MOVED = 0.1  # [rad]: less motion than this says little
 _STUCK = 0.1  # share of the moving time at one extreme position

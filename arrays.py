@@ -1,4 +1,4 @@
-"""Array types shared by the whole package."""
+"""Array types of the mathematics: one definition for the whole project."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,4 +7,4 @@ Vector = NDArray[np.float64]
 """float64; shape (n,) unless stated otherwise: one entry per joint, SI at the link side."""
 
 Matrix = NDArray[np.float64]
-"""float64, shape (rows, n) or (n, n)."""
+"""float64, shape (rows, n) or (n, n); rows are ticks or milliseconds, or as stated."""

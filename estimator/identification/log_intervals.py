@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from arrays import Matrix, Vector
 from errors import LogError
-from estimator.identification.log import SHORTEST, MotionLog
+from estimator.identification.motion_log import SHORTEST, MotionLog
 from estimator.link_velocity import SAMPLES, Alignment
 from estimator.model import Model
 from estimator.motor_position import MotorPosition
 from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, coulomb_viscous, resting
-from estimator.types import Matrix, Vector
 
 Mask = NDArray[np.bool_]
 
