@@ -1,1 +1,1 @@
-"""Side-by-side figures, each a command: `python -m bench.NAME [--json]`."""
+"""Measurements, each a command: `python -m bench.NAME [--json]`; `rigs` and `study` serve them."""

@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Vector
-from bench.figures import Target, print_report
-from bench.lockstep import ROMEO
+from bench.report import Target, print_report
+from bench.rigs.lockstep import ROMEO
 from daemon.assembly import build_setups
 from daemon.config.load import load_robot
 from drivers.boot.required_objects import DriveSetup

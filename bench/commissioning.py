@@ -19,10 +19,10 @@ import msgspec
 import numpy as np
 
 from arrays import Matrix, Vector
-from bench.afternoon import Afternoon, Arm, Written, poor_guesses
 from bench.contact_free import MOTION, moving
-from bench.figures import Target, print_report
-from bench.lockstep import lockstep_rig
+from bench.report import Target, print_report
+from bench.rigs.lockstep import lockstep_rig
+from bench.rigs.person import Afternoon, Arm, Written, poor_guesses
 from daemon.modes.table import Event
 from simulator.description import SimulationSettings
 

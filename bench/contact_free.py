@@ -16,8 +16,8 @@ import msgspec
 import numpy as np
 
 from arrays import Vector
-from bench.figures import Target, print_report
-from bench.lockstep import lockstep_rig
+from bench.report import Target, print_report
+from bench.rigs.lockstep import lockstep_rig
 from daemon.config.schema import Configuration, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
 from estimator.motor_position import Side

@@ -26,12 +26,12 @@ import click
 import numpy as np
 from rich.console import Console
 
-from bench.detection_report import joint_table, picture, table
-from bench.detection_score import Score, score
-from bench.figures import Target, print_report
-from bench.lockstep import ROMEO
-from bench.monte_carlo import Job, Kind, Result, run, spread
-from bench.population import FRICTIONS, Friction
+from bench.report import Target, print_report
+from bench.rigs.lockstep import ROMEO
+from bench.study.detection_report import joint_table, picture, table
+from bench.study.detection_score import Score, score
+from bench.study.monte_carlo import Job, Kind, Result, run, spread
+from bench.study.population import FRICTIONS, Friction
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 

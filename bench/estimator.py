@@ -22,8 +22,8 @@ import numpy as np
 import pinocchio as pin
 
 from arrays import Matrix
-from bench.figures import Target, print_report
-from bench.lockstep import ROMEO, SINGLE_JOINT
+from bench.report import Target, print_report
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from daemon.assembly import build_estimator, build_transmission
 from daemon.config.load import Robot, load_robot
 from estimator.estimator import Estimator

@@ -21,10 +21,10 @@ from typing import Any
 import click
 import numpy as np
 
-from bench.figures import Target, print_report
-from bench.lockstep import SINGLE_JOINT
-from bench.processes import pair
-from bench.rude_clients import ATTACKS, BESIDE, attacking
+from bench.report import Target, print_report
+from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.processes import pair
+from bench.rigs.rude_clients import ATTACKS, BESIDE, attacking
 from daemon.clients.client import Client
 from daemon.protocol.messages import State, Timing
 from errors import ContactdError

@@ -17,9 +17,9 @@ import click
 import msgspec
 import numpy as np
 
-from bench.figures import Target, print_report
-from bench.leading import lead, lead_limp, stiffness, stroke
-from bench.lockstep import lockstep_rig
+from bench.report import Target, print_report
+from bench.rigs.lockstep import lockstep_rig
+from bench.study.leading import lead, lead_limp, stiffness, stroke
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event
 

@@ -20,11 +20,11 @@ import msgspec
 import numpy as np
 
 from arrays import Vector
-from bench.figures import Target, print_report
-from bench.fleet import Scatter, SoftHand, random_arm, record_fleet
-from bench.identification_report import OUT, allowed_of_gap, lines, picture, summary
-from bench.lockstep import ROMEO
-from bench.monte_carlo import spread
+from bench.report import Target, print_report
+from bench.rigs.arm_batch import Scatter, SoftHand, random_arm, record_fleet
+from bench.rigs.lockstep import ROMEO
+from bench.study.identification_report import OUT, allowed_of_gap, lines, picture, summary
+from bench.study.monte_carlo import spread
 from daemon.assembly import build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import load_robot

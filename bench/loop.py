@@ -27,9 +27,9 @@ def main(hz: int | None, seconds: int, load: bool, in_a_row: bool, as_json: bool
     if load and in_a_row:
         raise click.UsageError("--load is for ticks that are waited for: not with --in-a-row")
     single_threaded()
-    from bench.figures import Target, print_report
-    from bench.loop_run import Run, measure
-    from bench.loop_view import show
+    from bench.report import Target, print_report
+    from bench.study.loop_run import Run, measure
+    from bench.study.loop_view import show
 
     def targets_of(run: Run) -> list[Target]:
         at = f"{run.joints} {'joint' if run.joints == 1 else 'joints'} at {run.hz} Hz: "

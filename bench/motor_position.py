@@ -29,13 +29,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from arrays import Vector
-from bench import population, scores
-from bench.estimates import Estimates, build, estimates
-from bench.figures import Target, print_report
-from bench.harness import Recording, Scenario, recordings
-from bench.lockstep import ROMEO
-from bench.monte_carlo import spread
-from bench.population import FRICTIONS, Friction
+from bench.report import Target, print_report
+from bench.rigs.arm_without_bus import Recording, Scenario, recordings
+from bench.rigs.lockstep import ROMEO
+from bench.study import population, scores
+from bench.study.estimates import Estimates, build, estimates
+from bench.study.monte_carlo import spread
+from bench.study.population import FRICTIONS, Friction
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from estimator.motor_position import Side

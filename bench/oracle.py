@@ -21,7 +21,7 @@ from typing import Any
 import click
 import msgspec
 
-from bench.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
+from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
 from daemon.modes.table import Event
 from simulator.hand import AnyAct, Guide, Push, Release
 

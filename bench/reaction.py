@@ -1,5 +1,7 @@
-"""How soon each fault is found, the stop command is on the bus, and the arm stands: every case of
-`bench.faults`, in lockstep, and what is none: an exception in the tick, and a daemon that dies.
+"""Reaction to faults: how soon each is found, the stop command is on the bus, and the arm stands.
+
+Every case of `bench.rigs.faults`, in lockstep, and what is none: an exception in the tick, and a
+daemon that dies.
 
     python -m bench.reaction [--json]
 
@@ -17,9 +19,9 @@ from typing import Any, cast
 
 import click
 
-from bench.faults import CASES, Case
-from bench.figures import Target, print_report
-from bench.stage import Stage, restore, stage, start
+from bench.report import Target, print_report
+from bench.rigs.breakable_arm import Stage, restore, stage, start
+from bench.rigs.faults import CASES, Case
 from daemon.ending import stop_on_error
 from daemon.faults.table import REACTIONS, Condition, Reaction
 from daemon.modes.table import Mode

@@ -15,8 +15,8 @@ import msgspec
 import numpy as np
 
 from bench.contact_free import moving
-from bench.figures import Target, print_report
-from bench.lockstep import Rig, lockstep_rig
+from bench.report import Target, print_report
+from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.modes.table import Event
 
 PATIENCE_S = 0.5

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import click
 
-from bench.figures import print_report
 from bench.paper import figure_02, figure_08, figure_13, figures_09_11
 from bench.paper.figure import save
+from bench.report import print_report
 
 EXPERIMENTS = {
     ("2",): figure_02.make,

@@ -7,9 +7,9 @@ from typing import Literal
 
 import msgspec
 
-from bench.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
-from bench.recording import Recorder, Recording
-from bench.rivals import KALMAN, KALMAN_BELIEF, kalman
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
+from bench.study.recording import Recorder, Recording
+from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.commands.demo_story import Story, touch_of
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory

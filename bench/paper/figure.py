@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from bench.contacts import count_contacts
-from bench.figures import Target
-from bench.recording import Recording
+from bench.report import Target
+from bench.study.contacts import count_contacts
+from bench.study.recording import Recording
 
 PIXELS_PER_INCH = 100
 COLOURS = {

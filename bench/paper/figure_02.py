@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from bench.figures import Target
 from bench.paper.experiments import Conditions, single_joint
 from bench.paper.figure import (
     LINK,
@@ -22,7 +21,8 @@ from bench.paper.figure import (
     finish,
     residual_table,
 )
-from bench.recording import Recording
+from bench.report import Target
+from bench.study.recording import Recording
 
 SHOWN_S = (2.5, 15.5)
 EXACT_S = 10.0  # of a plant that the model knows perfectly: what is left is of the sampling

@@ -5,7 +5,6 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bench.figures import Target
 from bench.paper.experiments import Conditions, contact_free
 from bench.paper.figure import (
     COLOURS,
@@ -22,7 +21,8 @@ from bench.paper.figure import (
     finish,
     residual_table,
 )
-from bench.recording import Recording
+from bench.report import Target
+from bench.study.recording import Recording
 
 SHOWN_S = (5.0, 30.0)
 

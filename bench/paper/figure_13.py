@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bench.figures import Target
 from bench.paper.experiments import Conditions, collaboration
 from bench.paper.figure import STYLE, Made, canvas, finish, runs
-from bench.recording import Recording
+from bench.report import Target
+from bench.study.recording import Recording
 from daemon.commands.demo_story import Story
 
 MODE_COLOURS = {"tracking": "#e4eef7", "admittance": "#fde3c8"}

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from bench.figures import Target
 from bench.paper.experiments import FOUR_JOINTS, REST_S, Conditions, contacts
 from bench.paper.figure import (
     COLOURS,
@@ -17,7 +16,8 @@ from bench.paper.figure import (
     finish,
     residual_table,
 )
-from bench.recording import Recording
+from bench.report import Target
+from bench.study.recording import Recording
 
 
 def make(seed: int) -> Made:

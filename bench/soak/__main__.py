@@ -27,12 +27,12 @@ from pathlib import Path
 
 import click
 
-from bench.figures import print_report
-from bench.soak.lockstep import simulate_hours
+from bench.report import print_report
 from bench.soak.plot import plot
 from bench.soak.progress import Progress
 from bench.soak.real_time import run_real_time
 from bench.soak.report import failures, show, targets_of
+from bench.soak.simulated import simulate_hours
 
 OUT = Path("bench/out")
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from random import Random
 
-from bench.processes import Pair
+from bench.rigs.processes import Pair
 
 Fault = Callable[[Pair, Random, Sequence[int]], None]
 """Makes the fault, and returns when its cause is gone; gets the nodes of the drives."""

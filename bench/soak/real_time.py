@@ -15,8 +15,8 @@ from random import Random
 import msgspec
 import numpy as np
 
-from bench.processes import PATIENCE_S, Pair, pair
-from bench.rude_clients import ATTACKS, attacking
+from bench.rigs.processes import PATIENCE_S, Pair, pair
+from bench.rigs.rude_clients import ATTACKS, attacking
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.onlooker import Onlooker
 from bench.soak.outside_faults import FAULTS

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.table import Table
 
-from bench.figures import Target
+from bench.report import Target
 from bench.soak.record import Part
 
 

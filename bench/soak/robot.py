@@ -10,7 +10,7 @@ import yaml
 from numpy.typing import NDArray
 
 from bench.contact_free import MOTION
-from bench.lockstep import ROMEO
+from bench.rigs.lockstep import ROMEO
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Joint

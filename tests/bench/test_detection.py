@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bench import population
 from bench.detection import alarmed, targets, worth
-from bench.detection_report import joint_table, table
-from bench.detection_score import score
-from bench.estimates import Estimates
-from bench.harness import Harness, Recording
-from bench.lockstep import ROMEO
-from bench.monte_carlo import Job, Result, run, what_was_named
-from bench.population import STEP_MS, Touch
+from bench.rigs.arm_without_bus import Harness, Recording
+from bench.rigs.lockstep import ROMEO
+from bench.study import population
+from bench.study.detection_report import joint_table, table
+from bench.study.detection_score import score
+from bench.study.estimates import Estimates
+from bench.study.monte_carlo import Job, Result, run, what_was_named
+from bench.study.population import STEP_MS, Touch
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from simulator.description import Mismatch, SimulationSettings

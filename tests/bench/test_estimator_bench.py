@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from bench.estimator import LATE, TURN, Subject, kept, subjects, two_arms
-from bench.lockstep import ROMEO
+from bench.rigs.lockstep import ROMEO
 from estimator.estimate import Flag
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.leading import Meter
+from bench.study.leading import Meter
 from simulator.hand import Guide, Hand, Push, Release
 
 NAMES = ("a", "b")

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.estimates import Estimates
-from bench.harness import Recording
-from bench.lockstep import ROMEO
 from bench.motor_position import Job, Tally, ratio, recall, rows_of, run, tally, targets, trend
+from bench.rigs.arm_without_bus import Recording
+from bench.rigs.lockstep import ROMEO
+from bench.study.estimates import Estimates
 from daemon.config.load import load_robot
 from estimator.motor_position import Side
 
@@ -132,7 +132,7 @@ def test_sensors_are_as_wrong_as_is_said(monkeypatch) -> None:
         seen.update(changes)
         raise RuntimeError
 
-    monkeypatch.setattr("bench.population.subject", subject)
+    monkeypatch.setattr("bench.study.population.subject", subject)
     with pytest.raises(RuntimeError):
         run(Job(ROMEO, "smooth", 8, 4.0))
     assert {name: abs(value) for name, value in seen.items()} == {

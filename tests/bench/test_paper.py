@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from bench.lockstep import ROMEO
 from bench.paper import figure_02
 from bench.paper.experiments import Conditions, least_at_rest, pushes, single_joint
 from bench.paper.figure import crossings, runs, save
+from bench.rigs.lockstep import ROMEO
 from daemon.config.load import load_robot
 
 

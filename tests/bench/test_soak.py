@@ -11,9 +11,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from bench.lockstep import ROMEO, lockstep_rig
+from bench.rigs.lockstep import ROMEO, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
-from bench.soak.lockstep import FAULTS, run_lockstep
 from bench.soak.onlooker import Onlooker
 from bench.soak.people import (
     HEARD_TICKS,
@@ -28,6 +27,7 @@ from bench.soak.people import (
 from bench.soak.record import Ledger, Part
 from bench.soak.report import failures
 from bench.soak.robot import gives_way, hand_script, strongest, write_robot
+from bench.soak.simulated import FAULTS, run_lockstep
 from bench.soak.trend import Bound, trend
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
@@ -302,7 +302,7 @@ def test_a_hand_presses_the_drives_about_as_far_as_they_are_said_to_give_way(
 
 
 def test_the_lockstep_part_goes_the_same_way_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bench.soak.lockstep.MEAN_PAUSE_S", 0.5)
+    monkeypatch.setattr("bench.soak.simulated.MEAN_PAUSE_S", 0.5)
     level = logging.getLogger("contactd").level
     runs = [run_lockstep(2, 2.5 / 3600.0) for _ in range(2)]
     assert logging.getLogger("contactd").level == level
@@ -331,11 +331,11 @@ def test_a_hand_that_begins_within_a_tick_has_moved_the_arm_already(
         return (Push(at_s=3.0, joint="LWristYaw", torque=0.4, duration_s=0.2),)
 
     over_heated = tuple(case for case in FAULTS if case.name == "over-temperature")
-    monkeypatch.setattr("bench.soak.lockstep.FAULTS", over_heated)
-    monkeypatch.setattr("bench.soak.lockstep.MEAN_PAUSE_S", 3.0)
-    monkeypatch.setattr("bench.soak.lockstep.hand_script", push)
+    monkeypatch.setattr("bench.soak.simulated.FAULTS", over_heated)
+    monkeypatch.setattr("bench.soak.simulated.MEAN_PAUSE_S", 3.0)
+    monkeypatch.setattr("bench.soak.simulated.hand_script", push)
     for who in ("operator", "program"):
-        monkeypatch.setattr(f"bench.soak.lockstep.{who}", nobody_resets)
+        monkeypatch.setattr(f"bench.soak.simulated.{who}", nobody_resets)
     part = run_lockstep(9, 4.0 / 3600.0)  # whose only fault comes after a second
     assert part.counts["ticks faulted"] > 280, part.counts
     assert not part.ledger.broken, part.ledger.cases

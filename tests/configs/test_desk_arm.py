@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.lockstep import DESK_ARM, Rig, lockstep_rig
+from bench.rigs.lockstep import DESK_ARM, Rig, lockstep_rig
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Request
 from daemon.protocol.socket_path import Peer

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from bench.house import House, open_house
-from bench.ideal_arm import LIMITS, IdealArm, T, tracking_arm
+from bench.rigs.ideal_arm import LIMITS, IdealArm, T, tracking_arm
+from bench.rigs.served_daemon import House, open_house
 from daemon.clients.client import Client
 from daemon.commands import contactctl, replies
 from daemon.modes.contact_reactions import Reaction, Reactions

@@ -8,8 +8,8 @@ from typing import Literal
 import msgspec
 import pytest
 
-from bench.house import House
-from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from bench.rigs.served_daemon import House
 from daemon.clients.client import Client
 from daemon.config.schema import Configuration
 from daemon.ending import wind_down

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.lockstep import ROMEO
+from bench.rigs.lockstep import ROMEO
 from daemon.clients.client import Client
 from errors import UnreachableError
 

@@ -12,7 +12,7 @@ import msgspec
 import pytest
 import yaml
 
-from bench.scripted_bus import ScriptedBus
+from bench.rigs.scripted_bus import ScriptedBus
 from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.identity import DriveIdentity

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.scripted_bus import (
+from bench.rigs.scripted_bus import (
     PERIOD_S,
     N,
     ScriptedBus,

@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from bench.durand_drive import SERIAL, DurandDrive
-from bench.lockstep import SINGLE_JOINT
+from bench.rigs.durand_drive import SERIAL, DurandDrive
+from bench.rigs.lockstep import SINGLE_JOINT
 from daemon.assembly import build_cycle, build_estimator, build_setups
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration

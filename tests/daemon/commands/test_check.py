@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from bench.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
+from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
 from daemon.commands.check import print_check
 from daemon.commands.contactd import main
 

@@ -16,7 +16,7 @@ from click.testing import CliRunner, Result
 from daemon.commands import contactctl, contactd
 from daemon.protocol.messages import COMMANDS
 
-ROOT = Path(contactctl.__file__).parents[3]
+ROOT = Path(contactctl.__file__).parents[2]
 Run = Callable[..., Result]
 
 

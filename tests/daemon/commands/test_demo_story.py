@@ -4,7 +4,7 @@ import msgspec
 import pytest
 from rich.text import Text
 
-from bench.lockstep import ROMEO, lockstep_rig
+from bench.rigs.lockstep import ROMEO, lockstep_rig
 from daemon.commands.demo import verdict
 from daemon.commands.demo_story import Story, Touch, touch_of
 from daemon.config.load import load_robot

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from bench.lockstep import ROMEO, SINGLE_JOINT
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from daemon.commands.worst_case import Load, worst_loads
 from daemon.config.load import load_robot
 from estimator.model import Model

@@ -19,7 +19,7 @@ from daemon.clients.recorder import read_log
 from daemon.commands import contactctl
 from daemon.protocol.messages import State
 
-ROOT = Path(contactctl.__file__).parents[3]
+ROOT = Path(contactctl.__file__).parents[2]
 Run = Callable[..., Result]
 
 

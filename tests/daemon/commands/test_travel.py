@@ -3,7 +3,7 @@
 import can
 import numpy as np
 
-from bench.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.commands.check import print_check
 from daemon.commands.worst_case import worst_travel
 from daemon.config.load import load_robot

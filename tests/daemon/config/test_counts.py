@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from bench.lockstep import ROMEO
+from bench.rigs.lockstep import ROMEO
 from daemon.config.counts import COARSEST, misfits
 from daemon.config.load import load_robot
 from daemon.config.schema import Joint

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from bench.afternoon import Arm
-from bench.house import open_house
-from bench.lockstep import SINGLE_JOINT
-from bench.typed import wired_joint
+from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.person import Arm
+from bench.rigs.served_daemon import open_house
+from bench.rigs.typed_session import wired_joint
 from daemon.clients.client import Client
 from daemon.commands.identify import from_here
 from daemon.config.load import load_robot

@@ -1,13 +1,13 @@
 """Every row of the supervisor's table, by making that fault: found in time, the right reaction on
-the bus, and the way back. The faults are those of `bench.faults`."""
+the bus, and the way back. The faults are those of `bench.rigs.faults`."""
 
 from collections.abc import Iterator
 from itertools import cycle
 
 import pytest
 
-from bench.faults import CASES, Case
-from bench.stage import Stage, restore, stage, start
+from bench.rigs.breakable_arm import Stage, restore, stage, start
+from bench.rigs.faults import CASES, Case
 from daemon.ending import REPEATS, stop_on_error
 from daemon.faults.table import REACTIONS, Condition, Reaction
 from daemon.modes.table import Event, Mode

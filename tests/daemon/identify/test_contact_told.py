@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.afternoon import Arm
-from bench.typed import Typed, wired_joint
+from bench.rigs.person import Arm
+from bench.rigs.typed_session import Typed, wired_joint
 from daemon.identify.session import Told, alone, left_out, spoils_wiring_of
 from daemon.protocol.messages import Contact, Event
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bench.afternoon import Arm
-from bench.house import House
-from bench.typed import Typed, identify, stopped, wired_joint
+from bench.rigs.person import Arm
+from bench.rigs.served_daemon import House
+from bench.rigs.typed_session import Typed, identify, stopped, wired_joint
 from daemon.clients.client import Client
 from daemon.clients.recorder import record
 from daemon.config import identified as file

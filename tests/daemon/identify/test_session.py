@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from bench.afternoon import Arm
-from bench.house import House
-from bench.lockstep import ROMEO, SINGLE_JOINT
-from bench.typed import MOTION_S, Typed, identify, stopped, wired_joint
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
+from bench.rigs.person import Arm
+from bench.rigs.served_daemon import House
+from bench.rigs.typed_session import MOTION_S, Typed, identify, stopped, wired_joint
 from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from bench.lockstep import SINGLE_JOINT
+from bench.rigs.lockstep import SINGLE_JOINT
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.identify.measured import COLUMNS, from_csv, from_states, raised

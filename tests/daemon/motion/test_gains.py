@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.ideal_arm import T, tracking_arm
+from bench.rigs.ideal_arm import T, tracking_arm
 from daemon.modes.contact_reactions import Reaction, Reactions
 from daemon.motion.admittance import GuidedBounds
 

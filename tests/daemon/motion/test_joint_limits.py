@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from bench.lockstep import Rig, lockstep_rig
+from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
 

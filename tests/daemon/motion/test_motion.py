@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.ideal_arm import MANNER, T, ideal_arm
+from bench.rigs.ideal_arm import MANNER, T, ideal_arm
 from daemon.modes.table import Mode
 
 

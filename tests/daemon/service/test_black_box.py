@@ -16,8 +16,8 @@ from click.testing import CliRunner
 
 from daemon.commands.contactd import main
 from daemon.protocol import socket_path
+from daemon.service import black_box
 from daemon.service.black_box import BlackBox, follow, ring_path, save, save_left_over, write_log
-from daemon.service.service import black_box
 from drivers.can.frame_ring import FrameRing, Recorded
 from drivers.can.wire import ERROR, EXTENDED, REMOTE
 from errors import LogError

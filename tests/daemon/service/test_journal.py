@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from daemon.service.service import journal
+from daemon.service import journal
 
 SAY = """
 import logging, os

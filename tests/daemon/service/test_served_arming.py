@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from bench.house import House
+from bench.rigs.served_daemon import House
 from daemon.clients.client import Client
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Request

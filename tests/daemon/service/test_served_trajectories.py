@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.house import House
+from bench.rigs.served_daemon import House
 from daemon.clients.client import Client
 from daemon.clients.trajectory_recorder import Recorded, record_trajectory
 from daemon.modes.table import Mode

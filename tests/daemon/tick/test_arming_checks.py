@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.faults.table import Condition
 from daemon.protocol.messages import Check
 from daemon.tick.arming_checks import CHECK_OF, NAMES, Verdict

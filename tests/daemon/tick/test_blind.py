@@ -6,7 +6,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.assembly import heed_identification
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.lockstep import DESK_ARM
+from bench.rigs.lockstep import DESK_ARM
 from daemon.assembly import build_cycle
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, Levels

@@ -5,7 +5,7 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 
-from bench.lockstep import lockstep_rig
+from bench.rigs.lockstep import lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.modes.contact_reactions import AfterQuiet, Reaction
 from daemon.modes.table import Event, Mode

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from bench.ideal_arm import IdealArm, T, holding_arm, ideal_arm
+from bench.rigs.ideal_arm import IdealArm, T, holding_arm, ideal_arm
 from daemon.faults.table import Condition, Finding
 from daemon.modes.contact_reactions import AfterQuiet, Reaction, Reactions
 from daemon.modes.table import ADVICE, TRANSITIONS, Event, Mode, refusal

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.ideal_arm import MANNER, IdealArm, holding_arm
+from bench.rigs.ideal_arm import MANNER, IdealArm, holding_arm
 from daemon.modes.contact_reactions import Reaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import GuidedBounds

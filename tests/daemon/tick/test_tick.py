@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
 from daemon.tick.tick import LONGEST_STEP

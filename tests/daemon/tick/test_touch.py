@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from bench.lockstep import Rig, lockstep_rig
+from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.clients.recorder import _LogWriter, _Stamp
 from daemon.clients.replay import replay
 from daemon.modes.table import Event, Mode

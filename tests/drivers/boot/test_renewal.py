@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.house import open_house
-from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from bench.rigs.served_daemon import open_house
 from drivers.boot.boot_up import DriveBoot
 from errors import DriveError
 from simulator.objects import key

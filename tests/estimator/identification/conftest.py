@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from bench.fleet import Reference, Scatter, SoftHand, random_arm, record_fleet
-from bench.lockstep import ROMEO
+from bench.rigs.arm_batch import Reference, Scatter, SoftHand, random_arm, record_fleet
+from bench.rigs.lockstep import ROMEO
 from daemon.assembly import build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import load_robot

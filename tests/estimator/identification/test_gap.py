@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.fleet import SoftHand, record_fleet
+from bench.rigs.arm_batch import SoftHand, record_fleet
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_in_motion import from_motion
 from estimator.identification.gap_result import GapVerdict

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.fleet import record_fleet
+from bench.rigs.arm_batch import record_fleet
 from daemon.identify.motions import WIRING_SPEED, WIRING_TRAVEL, wiring_motion
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.wiring import check_wiring

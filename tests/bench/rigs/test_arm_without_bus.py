@@ -5,8 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.harness import Harness, Motion, Push, Recording, Scenario, Subject, record, recordings
-from bench.lockstep import ROMEO, lockstep_rig
+from bench.rigs.arm_without_bus import (
+    Harness,
+    Motion,
+    Push,
+    Recording,
+    Scenario,
+    Subject,
+    record,
+    recordings,
+)
+from bench.rigs.lockstep import ROMEO, lockstep_rig
 from daemon.commands.simulated_robot import read_simulation
 from daemon.config.load import Robot, load_robot
 from daemon.modes.table import Event

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from click.testing import CliRunner, Result
 
-from bench.afternoon import Arm, Written
-from bench.house import House
-from bench.lockstep import SINGLE_JOINT
+from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.person import Arm, Written
+from bench.rigs.served_daemon import House
 from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot

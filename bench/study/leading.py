@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from arrays import Vector
-from bench.lockstep import Rig
+from bench.rigs.lockstep import Rig
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from simulator.arm import SimulatedArm

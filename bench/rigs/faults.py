@@ -6,7 +6,8 @@ Faults of processes (SIGSTOP, SIGKILL, a second daemon) are no part of it.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from bench.bus_faults import (
+from bench.rigs.breakable_arm import Fault, Stage
+from bench.rigs.bus_faults import (
     adapter_gone,
     bus_down,
     bus_off,
@@ -20,7 +21,7 @@ from bench.bus_faults import (
     pdos_stale,
     pdos_stale_on_a_late_machine,
 )
-from bench.drive_faults import (
+from bench.rigs.drive_faults import (
     OVER_TEMPERATURE,
     UNDER_VOLTAGE,
     deaf_to_nmt_too,
@@ -34,7 +35,7 @@ from bench.drive_faults import (
     runaway,
     stone_deaf,
 )
-from bench.measurement_faults import (
+from bench.rigs.measurement_faults import (
     encoder_frozen,
     encoder_jump,
     gear_slips,
@@ -45,7 +46,6 @@ from bench.measurement_faults import (
     torque_saturated,
     torque_stuck,
 )
-from bench.stage import Fault, Stage
 from daemon.faults.table import Condition
 
 

@@ -1,8 +1,8 @@
 """The lockstep part: simulated hours, every random choice from one seed.
 
-The daemon's cycle and service, the simulated arm, a hand, people, and the faults of `bench.faults`
-on one virtual bus. Requests reach the service without its socket, so that no clock of this machine
-decides anything.
+The daemon's cycle and service, the simulated arm, a hand, people, and the faults of
+`bench.rigs.faults` on one virtual bus. Requests reach the service without its socket, so that no
+clock of this machine decides anything.
 """
 
 import concurrent.futures
@@ -21,16 +21,16 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.faults import CASES, Case
-from bench.faulty_bus import FaultyBus
-from bench.lockstep import Rig, lockstep_rig
+from bench.rigs.breakable_arm import Stage
+from bench.rigs.faults import CASES, Case
+from bench.rigs.faulty_bus import FaultyBus
+from bench.rigs.lockstep import Rig, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.people import LAPSES_TICKS, Leases, Person, View, hear, operator, program
 from bench.soak.process import held
 from bench.soak.progress import Progress
 from bench.soak.record import Part
 from bench.soak.robot import gives_way, hand_script, write_robot
-from bench.stage import Stage
 from daemon.config.load import load_robot
 from daemon.protocol.messages import Reply, State
 from daemon.protocol.socket_path import Peer

@@ -5,7 +5,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from bench.loop_run import Distribution, Run
+from bench.study.loop_run import Distribution, Run
 
 EDGES_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, np.inf)
 BAR_WIDTH = 9

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from arrays import Matrix, Vector
-from bench.harness import Motion, Push, Subject
+from bench.rigs.arm_without_bus import Motion, Push, Subject
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 from simulator.description import Mismatch, SimulationSettings

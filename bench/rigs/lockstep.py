@@ -26,7 +26,7 @@ from simulator.events import Listener
 from simulator.hand import AnyAct
 from simulator.lockstep import Lockstep
 
-ROMEO = Path(__file__).parent.parent / "configs" / "romeo_left_arm"
+ROMEO = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
 SINGLE_JOINT = ROMEO.parent / "single_joint"
 DESK_ARM = ROMEO.parent / "desk_arm"
 

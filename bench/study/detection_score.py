@@ -9,9 +9,9 @@ from operator import add
 import numpy as np
 
 from arrays import Vector
-from bench import scores
-from bench.monte_carlo import Result
-from bench.scores import Felt, Trial
+from bench.study import scores
+from bench.study.monte_carlo import Result
+from bench.study.scores import Felt, Trial
 from daemon.assembly import build_transmission
 from daemon.config.schema import Configuration
 

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from arrays import Vector
 
-OUT: Final = Path(__file__).parent / "out"
+OUT: Final = Path(__file__).parents[1] / "out"
 TITLES: Final = {
     "K_theta_s": "Coulomb friction of motor and link, $K_{\\theta s}$",
     "K_theta_v": "viscous friction of motor and link, $K_{\\theta v}$",

@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 
 from bench.contact_free import MOTION
-from bench.faulty_bus import FaultyBus
-from bench.lockstep import Rig, lockstep_rig
+from bench.rigs.faulty_bus import FaultyBus
+from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.faults.detector import FAULT_STATES
 from daemon.modes.table import Event, Mode

@@ -5,8 +5,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from bench.lockstep import SINGLE_JOINT, lockstep_rig
-from bench.loop_run import Distribution, RecordedDrives
+from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
+from bench.study.loop_run import Distribution, RecordedDrives
 from drivers.can.wire import open_wire
 
 SYNC, SETPOINT = (0x080, b""), (0x201, bytes(6))

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from bench.detection_score import Score
-from bench.population import Friction
+from bench.study.detection_score import Score
+from bench.study.population import Friction
 from daemon.config.schema import Configuration
 
 mpl.use("Agg")

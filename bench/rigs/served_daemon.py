@@ -10,7 +10,7 @@ from typing import Any
 
 from click.testing import CliRunner, Result
 
-from bench.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.assembly import heed_identification
 from daemon.clients.client import Client
 from daemon.commands import contactctl, contactd

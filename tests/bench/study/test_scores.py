@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench import scores
-from bench.scores import Errors, Felt, Trial
+from bench.study import scores
+from bench.study.scores import Errors, Felt, Trial
 
 
 @pytest.mark.parametrize(

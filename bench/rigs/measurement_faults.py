@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from bench.stage import ELBOW, PITCH, YAW, Stage, for_ever
+from bench.rigs.breakable_arm import ELBOW, PITCH, YAW, Stage, for_ever
 from daemon.motion.path import Follower, Reference
 from simulator.sensors import Readings
 

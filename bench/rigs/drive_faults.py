@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from bench.stage import ELBOW, Fault, Stage, for_ever
+from bench.rigs.breakable_arm import ELBOW, Fault, Stage, for_ever
 from simulator.state_machine import Event as DriveEvent
 
 OVER_CURRENT, UNDER_VOLTAGE, OVER_TEMPERATURE = 0x2310, 0x3220, 0x4310

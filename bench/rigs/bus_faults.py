@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import can
 
-from bench.stage import ELBOW, Fault, Stage, for_ever
+from bench.rigs.breakable_arm import ELBOW, Fault, Stage, for_ever
 
 ERROR = {"is_extended_id": False, "is_error_frame": True}
 

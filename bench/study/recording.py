@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Matrix
-from bench.lockstep import Rig
+from bench.rigs.lockstep import Rig
 from daemon.config.schema import Configuration
 from estimator.contact import dead_band
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.contacts import Count, Stretch, count_contacts, count_joint, stretches
+from bench.study.contacts import Count, Stretch, count_contacts, count_joint, stretches
 
 PERIOD = 0.1
 FADE = 0.2  # two ticks

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.rivals import KalmanObserver, fair_index, kalman, steady_gains
+from bench.study.rivals import KalmanObserver, fair_index, kalman, steady_gains
 
 PERIOD = 0.01
 

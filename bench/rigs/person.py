@@ -12,9 +12,9 @@ import msgspec
 import yaml
 
 from arrays import Vector
-from bench.fleet import SoftHand
-from bench.house import House, open_house
-from bench.lockstep import ROMEO
+from bench.rigs.arm_batch import SoftHand
+from bench.rigs.lockstep import ROMEO
+from bench.rigs.served_daemon import House, open_house
 from daemon.config.identified import IdentifiedJoint
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode

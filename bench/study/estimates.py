@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from arrays import Matrix
 from bench.contact_free import BESIDE
-from bench.harness import Recording
-from bench.rivals import KALMAN, KALMAN_BELIEF, kalman
+from bench.rigs.arm_without_bus import Recording
+from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.assembly import build_estimator
 from daemon.config.load import Robot
 from estimator.estimator import Estimator

@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.assembly import build_cycle
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid

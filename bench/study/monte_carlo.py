@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from bench import population, scores
-from bench.estimates import Estimates, build, estimates
-from bench.harness import Push, Recording, Scenario, record
-from bench.population import STEP_MS, Friction, Step, Touch
-from bench.scores import Errors, Trial
+from bench.rigs.arm_without_bus import Push, Recording, Scenario, record
+from bench.study import population, scores
+from bench.study.estimates import Estimates, build, estimates
+from bench.study.population import STEP_MS, Friction, Step, Touch
+from bench.study.scores import Errors, Trial
 from daemon.assembly import build_transmission
 from daemon.config.load import Robot, load_robot
 

@@ -1,0 +1,1 @@
+"""Simulated set-ups that benches and tests use."""

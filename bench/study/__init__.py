@@ -1,0 +1,1 @@
+"""Populations, scores and reports behind the commands of bench."""
