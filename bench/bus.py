@@ -35,7 +35,7 @@ from drivers.boot.required_objects import DriveSetup
 from drivers.can.frame_ring import FrameRing
 from drivers.cia402 import PowerTarget
 from drivers.codec import MEASURED, link_side, receive_pdos, transmit_pdos
-from drivers.drives import Arm
+from drivers.drives import Drives
 
 OPERATION_ENABLED: Final = 0x0027
 ENABLE_OPERATION: Final = 0x000F
@@ -67,16 +67,16 @@ class Ours:
     ) -> None:
         joints = [(setup.name, setup.wiring) for setup in setups]
         profiles = {setup.wiring.profile: setup.profile for setup in setups}
-        self._arm = Arm(bus, joints, profiles, period_s, time.monotonic, ring=ring)
+        self._drives = Drives(bus, joints, profiles, period_s, time.monotonic, ring=ring)
         self._tick, self._period_s = 0, period_s
 
     def request(self) -> None:
         self._tick += 1
-        self._arm.sync(self._tick * self._period_s)
+        self._drives.sync(self._tick * self._period_s)
 
     def finish(self, velocity: Vector) -> NDArray[np.float64]:
-        samples = self._arm.collect(time.monotonic() + 1.0)
-        self._arm.command(PowerTarget.ON, velocity)
+        samples = self._drives.collect(time.monotonic() + 1.0)
+        self._drives.command(PowerTarget.ON, velocity)
         assert samples.fresh.all()
         assert samples.motor_position is not None
         return np.array(

@@ -96,7 +96,7 @@ def program_error() -> dict[str, Any]:
             on.silence()
 
         on.rig.cycle.controller = cast(Any, None)
-        with suppress(ProgramError), stop_on_error(on.rig.cycle.arm, on.period_s, sleep):
+        with suppress(ProgramError), stop_on_error(on.rig.cycle.drives, on.period_s, sleep):
             on.tick()
         stands = 1 + len(told) + silent_ticks(on, lambda: on.speed < STANDS)
     return row(

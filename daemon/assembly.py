@@ -23,7 +23,7 @@ from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.frame_ring import FrameRing
-from drivers.drives import Arm
+from drivers.drives import Drives
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.thresholds import Thresholds
@@ -37,7 +37,7 @@ def build_cycle(
 
     Raises ContactdError."""
     c = robot.configuration
-    arm = Arm(
+    drives = Drives(
         bus,
         [(joint.name, joint.wiring) for joint in c.joints],
         c.drives,
@@ -51,8 +51,8 @@ def build_cycle(
         build_controller(robot),
         build_observer(c),
     )
-    prearm = PreArm(arm.names, arm.nodes, controller.motion.limits)
-    return Cycle(arm, estimator, controller, observer, prearm, c.period_s)
+    prearm = PreArm(drives.names, drives.nodes, controller.motion.limits)
+    return Cycle(drives, estimator, controller, observer, prearm, c.period_s)
 
 
 def heed_identification(cycle: Cycle, robot: Robot, serials: list[int | None]) -> None:

@@ -16,7 +16,7 @@ from daemon.modes.table import Event, Mode
 from daemon.tick.loop import Loop
 from daemon.tick.tick import Cycle
 from drivers.cia402 import reached
-from drivers.drives import Arm
+from drivers.drives import Drives
 from errors import ProgramError
 
 # How long the drives may take to reach the state they end in [s].
@@ -55,12 +55,12 @@ def _stragglers(cycle: Cycle) -> list[str]:
         return []
     pairs = zip(cycle.samples.states, cycle.decision.power, strict=True)
     wrong = np.flatnonzero([not reached(state, target) for state, target in pairs])
-    return [cycle.arm.names[i] for i in wrong]
+    return [cycle.drives.names[i] for i in wrong]
 
 
 @contextmanager
 def stop_on_error(
-    arm: Arm, period_s: float, sleep: Callable[[float], None] = time.sleep
+    drives: Drives, period_s: float, sleep: Callable[[float], None] = time.sleep
 ) -> Iterator[None]:
     """Quick stop of all drives on any exception of the block; its traceback goes to the log, and
     ProgramError is raised from it. The drives hold by themselves from then on."""
@@ -68,7 +68,7 @@ def stop_on_error(
         yield
     except Exception as error:
         for _ in range(REPEATS):
-            arm.quick_stop()
+            drives.quick_stop()
             sleep(period_s)
         finding = Finding(Condition.PROGRAM_ERROR, f"{type(error).__name__}: {error}")
         _log.critical("%s", finding, exc_info=error)

@@ -77,10 +77,10 @@ def _serve(
         robot, loop, control, realtime, os.getpid(), notifier, serials, boot, black_box.tell
     )
     # From the first heartbeat on the drives expect the next.
-    cycle.arm.start(0.0)
+    cycle.drives.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)
     notifier.ready(service.summary())
-    with stop_on_error(cycle.arm, c.period_s):
+    with stop_on_error(cycle.drives, c.period_s):
         loop.run(service.doors, lambda: not (signals.received or cycle.fatal))
         why = signals.received or str(cycle.fatal)
         service.ending = True
@@ -93,7 +93,7 @@ def _serve(
     if not stragglers and cycle.controller.machine.mode is Mode.OFF:
         # At rest for good, the drives need not miss us.
         boot.let_go()
-    cycle.arm.end()
+    cycle.drives.end()
     if stragglers:
         raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")
     _log.info("ended: %s", _ending(robot))

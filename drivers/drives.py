@@ -59,7 +59,7 @@ class _Drive:
     emergency: int = 0  # code of the last one, 0 when it is over
 
 
-class Arm:
+class Drives:
     """All drives of an arm on one bus.
 
     A tick is `sync(now)`, `collect(deadline)`, `command(...)`. Before the first come `boot_up`
@@ -153,7 +153,7 @@ class Arm:
             self._send([SYNC_FRAME])
 
     def collect(self, deadline: float) -> Samples:
-        """Read until every TPDO of this SYNC is in, or `deadline` on the arm's clock has passed.
+        """Read until every TPDO of this SYNC is in, or `deadline` on the caller's clock has passed.
 
         Frames that are queued already are read even when it has. After a SYNC before which not
         all could be read (the bus has come back, somebody floods it), nothing counts as its answer.

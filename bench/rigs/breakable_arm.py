@@ -80,7 +80,9 @@ class Stage:
         self.rig.request(event)
         for _ in range(100):
             self.tick()
-            faulty = [state for state in self.rig.cycle.arm.samples.states if state in FAULT_STATES]
+            faulty = [
+                state for state in self.rig.cycle.drives.samples.states if state in FAULT_STATES
+            ]
             if self.rig.mode is mode and not faulty:
                 return
         raise AssertionError(f"{self.rig.mode}: {self.rig.cycle.controller.machine.cause}")

@@ -141,7 +141,7 @@ def lockstep_rig(
         boot = replace(build_boot(robot, near), listen_s=0.0)
         with lockstep.serving():
             boot.boot_up()
-        cycle.arm.start(0.0)
+        cycle.drives.start(0.0)
         lockstep.pump()
         yield Rig(robot, cycle, arm, lockstep, channel, near, boot)
 

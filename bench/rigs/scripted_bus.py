@@ -6,7 +6,7 @@ from typing import Final
 import can
 
 from drivers.answers import Samples
-from drivers.drives import Arm
+from drivers.drives import Drives
 
 N: Final = 7
 PERIOD_S: Final = 0.010
@@ -56,8 +56,10 @@ class ScriptedBus:
         self.sent.append((message.arbitration_id, bytes(message.data)))
 
 
-def tick(arm: Arm, bus: ScriptedBus, frames: list[can.Message], now: float = PERIOD_S) -> Samples:
+def tick(
+    drives: Drives, bus: ScriptedBus, frames: list[can.Message], now: float = PERIOD_S
+) -> Samples:
     """SYNC, and these frames as the answer; the command is the caller's."""
-    arm.sync(now)
+    drives.sync(now)
     bus.incoming += frames
-    return arm.collect(now)
+    return drives.collect(now)

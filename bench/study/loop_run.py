@@ -184,7 +184,7 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
                 event = Event.ENABLE if tick < START_S * hz / 2 else Event.START
                 assert not (why := cycle.controller.request(event, "the bench", loop.time_s)), why
 
-        cycle.arm.start(0.0)
+        cycle.drives.start(0.0)
         loop.run(doors, lambda: cycle.tick < ticks - 1)
         beside, why = cyclictest.result() if waits else (None, "")
     figures = 1e6 * figures[WARM_UP_TICKS:]

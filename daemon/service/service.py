@@ -230,19 +230,19 @@ class Service:
         watchdog is fed as long as drives answer or are given up.
         """
         cycle = self.loop.cycle
-        joints = cycle.arm.unfit() if cycle.controller.faulted else []
+        joints = cycle.drives.unfit() if cycle.controller.faulted else []
         if not joints:
             return []
         if self.boot is None:
-            names = ", ".join(cycle.arm.names[i] for i in joints)
+            names = ", ".join(cycle.drives.names[i] for i in joints)
             return [f"these drives have lost their set-up, start the daemon again: {names}"]
         try:
             self.boot.renew(joints, lambda: self.notifier.ticked(self.loop.now_s), _log.info)
         except ContactdError as error:
-            cycle.arm.listen_again(self.loop.time_s)
+            cycle.drives.listen_again(self.loop.time_s)
             return str(error).splitlines()
         else:
-            cycle.arm.start(self.loop.time_s)
+            cycle.drives.start(self.loop.time_s)
             cycle.prearm.renewed(joints)
             return []
         finally:

@@ -18,7 +18,7 @@ from daemon.tick.arming_checks import FLAG_NAMES, Objection, PreArm
 from daemon.tick.controller import Controller, Decision, Observed
 from drivers.answers import Samples
 from drivers.cia402 import DriveState, PowerTarget
-from drivers.drives import Arm
+from drivers.drives import Drives
 from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 from estimator.motor_position import Side
@@ -49,14 +49,14 @@ class Cycle:
 
     def __init__(
         self,
-        arm: Arm,
+        drives: Drives,
         estimator: Estimator,
         controller: Controller,
         observer: Observer,
         prearm: PreArm,
         period_s: float,
     ) -> None:
-        self.arm, self.estimator, self.controller = arm, estimator, controller
+        self.drives, self.estimator, self.controller = drives, estimator, controller
         self.tick = -1
         self.events: list[Event] = []
         self.prearm = prearm
@@ -73,7 +73,7 @@ class Cycle:
         self._estimate: Estimate | None = None
         self._decision: Decision | None = None
         self._told: frozenset[Finding] = frozenset()
-        self._nothing = np.zeros(len(arm.names))
+        self._nothing = np.zeros(len(drives.names))
         self.fatal: Finding | None = None
         """What the program must end for, once the drives are told to stop."""
 
@@ -102,11 +102,11 @@ class Cycle:
         self._time_s = time_s
         self.tick += 1
         self.events.clear()
-        self.arm.sync(time_s)
+        self.drives.sync(time_s)
 
     def finish(self, deadline: float, wakeup: Wakeup = ON_TIME) -> None:
         """Take the samples that arrive until `deadline` (the arm's clock), decide, command."""
-        samples = self._samples = self.arm.collect(deadline)
+        samples = self._samples = self.drives.collect(deadline)
         estimate = self._estimated(samples)
         machine = self.controller.machine
         mode = machine.mode
@@ -126,12 +126,12 @@ class Cycle:
         if estimate is None:
             self.controller.doubt(self._time_s, findings)
             if self.controller.faulted:
-                self.arm.command(PowerTarget.QUICK_STOP, self._nothing)
+                self.drives.command(PowerTarget.QUICK_STOP, self._nothing)
         else:
             observed = self._observe(samples, estimate, findings)
             decision = self.controller.step(self._time_s, self._step_s(), observed)
             self._decision = decision
-            self.arm.command(decision.power, decision.velocity, decision.reset)
+            self.drives.command(decision.power, decision.velocity, decision.reset)
         if mode is Mode.ENABLING and machine.mode is Mode.HOLDING:
             # What friction held until now is not an external torque.
             self.estimator.reset()
@@ -173,7 +173,7 @@ class Cycle:
             joints = self.estimator.detector.touched().tolist()
             if any(joints):
                 i = joints.index(True)
-                touched = f"{self.arm.names[i]} feels {estimate.residual[i]:+.2f} Nm"
+                touched = f"{self.drives.names[i]} feels {estimate.residual[i]:+.2f} Nm"
         for contact in estimate.contacts if self._updated else ():
             if contact.level == "collision":
                 hit = f"{contact.joint} feels {contact.torque:+.2f} Nm, beyond its collision level"
@@ -197,7 +197,7 @@ class Cycle:
         samples, estimate = self._samples, self._estimate
         if samples is None or estimate is None:
             return ()
-        unheard, forgetful = self.arm.unheard(), self.arm.forgetful()
+        unheard, forgetful = self.drives.unheard(), self.drives.forgetful()
         return self.prearm.objections(samples, estimate, self._findings, unheard, forgetful)
 
     def checks(self) -> list[Check]:

@@ -198,4 +198,4 @@ def test_while_it_waits_for_drives_the_watchdog_is_fed_and_nobody_else_is_missed
     rig.run(0.3)
     rig.arm.drives[1].tick = lambda *_: None
     rig.run(0.3)
-    assert rig.cycle.arm.unheard() == ("column", "swing"), "and it is watched as before"
+    assert rig.cycle.drives.unheard() == ("column", "swing"), "and it is watched as before"

@@ -19,7 +19,7 @@ from drivers.boot.identity import DriveIdentity
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.frame_ring import FrameRing
 from drivers.codec import Joint
-from drivers.drives import Arm
+from drivers.drives import Drives
 from drivers.settings import DriveProfile, JointWiring
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, JointDescription, SimulationSettings
@@ -91,12 +91,12 @@ class Bench:
         """What an object of a drive holds."""
         return self.simulated.drives[drive].objects.number(index, subindex)
 
-    def tick(self, arm: Arm) -> Any:
+    def tick(self, drives: Drives) -> Any:
         """SYNC and samples; the command is the caller's."""
         self.ticks += 1
-        arm.sync(self.now)
+        drives.sync(self.now)
         self.lockstep.pump()
-        return arm.collect(self.now)
+        return drives.collect(self.now)
 
 
 @pytest.fixture
@@ -163,9 +163,11 @@ def make_bench() -> Iterator[Callable[[], Bench]]:
 
 
 @pytest.fixture
-def make_arm(joints: list[Joint], profiles: dict[str, DriveProfile]) -> Callable[[can.BusABC], Arm]:
+def make_drives(
+    joints: list[Joint], profiles: dict[str, DriveProfile]
+) -> Callable[[can.BusABC], Drives]:
     """An arm whose clock stands still: `collect` reads what is queued."""
-    return lambda bus: Arm(bus, joints, profiles, PERIOD_S, lambda: 0.0)
+    return lambda bus: Drives(bus, joints, profiles, PERIOD_S, lambda: 0.0)
 
 
 @pytest.fixture
@@ -174,9 +176,9 @@ def scripted() -> ScriptedBus:
 
 
 @pytest.fixture
-def arm(scripted: ScriptedBus, make_arm: Callable[[Any], Arm]) -> Arm:
+def drives(scripted: ScriptedBus, make_drives: Callable[[Any], Drives]) -> Drives:
     """On the scripted bus; started, at time 0."""
-    arm = make_arm(scripted)
-    arm.start(0.0)
+    drives = make_drives(scripted)
+    drives.start(0.0)
     scripted.sent.clear()
-    return arm
+    return drives

@@ -18,7 +18,7 @@ from bench.rigs.scripted_bus import (
     tick,
 )
 from drivers.cia402 import DriveState, PowerTarget
-from drivers.drives import EVENTS_PER_TICK, FRAMES_PER_PASS, Arm
+from drivers.drives import EVENTS_PER_TICK, FRAMES_PER_PASS, Drives
 from drivers.events import (
     AdapterGone,
     BusOff,
@@ -37,18 +37,18 @@ STILL = np.zeros(N)
 # -- with the simulated drives ---------------------------------------------------------------------
 
 
-def test_enable_move_stop_disable(bench, setups, make_arm):
+def test_enable_move_stop_disable(bench, setups, make_drives):
     with bench.lockstep.serving():
         bench.boot(setups).boot_up()
-    arm = make_arm(bench.bus)
-    arm.start(0.0)
-    assert np.isnan(arm.samples.current).all()
+    drives = make_drives(bench.bus)
+    drives.start(0.0)
+    assert np.isnan(drives.samples.current).all()
 
     def run(ticks, power, velocity):
         for _ in range(ticks):
-            samples = bench.tick(arm)
+            samples = bench.tick(drives)
             assert samples.events == ()
-            arm.command(power, velocity)
+            drives.command(power, velocity)
         return samples
 
     samples = run(10, PowerTarget.OFF, STILL)
@@ -71,36 +71,40 @@ def test_enable_move_stop_disable(bench, setups, make_arm):
     assert samples.states[:3] == [DriveState.SWITCH_ON_DISABLED] * 3
     assert samples.states[3:] == [DriveState.QUICK_STOP_ACTIVE] * 4
     assert not any(
-        (arm.counters.unknown_frames, arm.counters.late_frames, arm.counters.missing_frames)
+        (
+            drives.counters.unknown_frames,
+            drives.counters.late_frames,
+            drives.counters.missing_frames,
+        )
     )
 
 
-def test_drives_stop_by_themselves_when_the_loop_hangs(bench, setups, make_arm):
+def test_drives_stop_by_themselves_when_the_loop_hangs(bench, setups, make_drives):
     with bench.lockstep.serving():
         bench.boot(setups).boot_up()
-    arm = make_arm(bench.bus)
-    arm.start(0.0)
+    drives = make_drives(bench.bus)
+    drives.start(0.0)
     for _ in range(50):
-        bench.tick(arm)
-        arm.command(PowerTarget.ON, np.full(N, 0.1))
+        bench.tick(drives)
+        drives.command(PowerTarget.ON, np.full(N, 0.1))
     bench.simulated.advance(bench.simulated.now + 1.0)
-    samples = bench.tick(arm)
+    samples = bench.tick(drives)
     assert {event for event in samples.events if isinstance(event, Emergency)} >= {
         Emergency(node, 0x8130, 0x11) for node in range(1, N + 1)
     }
     assert set(samples.states) == {DriveState.QUICK_STOP_ACTIVE}
 
 
-def test_an_orderly_end_is_no_fault_to_the_drives(bench, setups, make_arm):
+def test_an_orderly_end_is_no_fault_to_the_drives(bench, setups, make_drives):
     with bench.lockstep.serving():
         bench.boot(setups).boot_up()
-    arm = make_arm(bench.bus)
-    arm.start(0.0)
+    drives = make_drives(bench.bus)
+    drives.start(0.0)
     for power in (PowerTarget.ON, PowerTarget.QUICK_STOP):
         for _ in range(20):
-            bench.tick(arm)
-            arm.command(power, STILL)
-    arm.end()
+            bench.tick(drives)
+            drives.command(power, STILL)
+    drives.end()
     bench.lockstep.pump()
     with bench.lockstep.serving():
         bench.boot(setups).let_go()
@@ -111,17 +115,17 @@ def test_an_orderly_end_is_no_fault_to_the_drives(bench, setups, make_arm):
         assert not 0x180 <= message.arbitration_id < 0x580, "no PDO"
 
 
-def test_start_names_every_node_and_nobody_else(scripted, make_arm):
-    make_arm(scripted).start(0.0)
+def test_start_names_every_node_and_nobody_else(scripted, make_drives):
+    make_drives(scripted).start(0.0)
     assert scripted.sent == [(0x77F, b"\x05")] + [
         (0x000, bytes([1, node])) for node in range(1, N + 1)
     ]
 
 
-def test_the_master_beats_within_a_third_of_the_drives_patience(scripted, arm):
+def test_the_master_beats_within_a_third_of_the_drives_patience(scripted, drives):
     beats = []
     for k in range(1, 100):
-        tick(arm, scripted, everything(), k * PERIOD_S)
+        tick(drives, scripted, everything(), k * PERIOD_S)
         assert scripted.sent.pop() == (0x080, b""), "SYNC last"
         beats += [k * PERIOD_S for cob_id, _ in scripted.sent if cob_id == 0x77F]
         scripted.sent.clear()
@@ -130,8 +134,8 @@ def test_the_master_beats_within_a_third_of_the_drives_patience(scripted, arm):
     assert gaps.min() > 2.5 * PERIOD_S, "and not more often than needed"
 
 
-def test_the_heartbeat_is_last(scripted, arm):
-    arm.end()
+def test_the_heartbeat_is_last(scripted, drives):
+    drives.end()
     assert scripted.sent == [
         *((0x000, bytes([128, node])) for node in range(1, N + 1)),
         (0x77F, b"\x05"),
@@ -149,12 +153,12 @@ def test_the_heartbeat_is_last(scripted, arm):
         (frame(0x203, bytes(6)), ForeignMaster(0x203)),
     ],
 )
-def test_what_happens_beside_samples_is_an_event(scripted, arm, message, event):
-    assert tick(arm, scripted, [message]).events == (event,)
+def test_what_happens_beside_samples_is_an_event(scripted, drives, message, event):
+    assert tick(drives, scripted, [message]).events == (event,)
     assert str(event)
-    assert tick(arm, scripted, []).events == (), "and is told once"
+    assert tick(drives, scripted, []).events == (), "and is told once"
     scripted.incoming.append(message)  # between two ticks
-    assert tick(arm, scripted, []).events == (event,)
+    assert tick(drives, scripted, []).events == (event,)
 
 
 @pytest.mark.parametrize(
@@ -168,8 +172,8 @@ def test_what_happens_beside_samples_is_an_event(scripted, arm, message, event):
         frame(0x703, is_remote_frame=True),
     ],
 )
-def test_what_is_none_of_our_business_is_no_event(scripted, arm, message):
-    samples = tick(arm, scripted, [message])
+def test_what_is_none_of_our_business_is_no_event(scripted, drives, message):
+    samples = tick(drives, scripted, [message])
     assert samples.events == ()
     assert samples.statuswords == [-1] * N
 
@@ -189,22 +193,22 @@ def test_what_is_none_of_our_business_is_no_event(scripted, arm, message):
         (frame(0x080, bytes(8), is_error_frame=True), BusTrouble("error frame: bus error")),
     ],
 )
-def test_error_frames_in_words(scripted, arm, message, event):
-    assert tick(arm, scripted, [message]).events == (event,)
+def test_error_frames_in_words(scripted, drives, message, event):
+    assert tick(drives, scripted, [message]).events == (event,)
 
 
-def test_a_drive_that_falls_silent(scripted, arm):
+def test_a_drive_that_falls_silent(scripted, drives):
     for k in range(1, 40):
         beats = [frame(0x700 + node, b"\5") for node in range(1, N + 1) if node != 4 or k < 10]
-        samples = tick(arm, scripted, beats + everything(), k * PERIOD_S)
+        samples = tick(drives, scripted, beats + everything(), k * PERIOD_S)
         # Last heard in tick 9, three periods of 50 ms.
         assert samples.events == ((HeartbeatLost(4),) if k == 25 else ())
 
 
-def test_a_drive_that_leaves_operational(scripted, arm):
-    tick(arm, scripted, [frame(0x702, b"\5")])
+def test_a_drive_that_leaves_operational(scripted, drives):
+    tick(drives, scripted, [frame(0x702, b"\5")])
     scripted.sent.clear()
-    assert tick(arm, scripted, [frame(0x702, b"\x7f")]).events == (NotOperational(2, 127),)
+    assert tick(drives, scripted, [frame(0x702, b"\x7f")]).events == (NotOperational(2, 127),)
     # It hears no setpoint any more; at an NMT stop it stops by itself.
     assert [data for cob_id, data in scripted.sent if cob_id == 0x000] == [b"\x02\x02"]
 
@@ -224,38 +228,38 @@ def test_a_drive_that_leaves_operational(scripted, arm):
         (ValueError("file descriptor cannot be a negative integer (-1)"), AdapterGone),
     ],
 )
-def test_a_bus_that_fails_is_an_event(scripted, arm, failure, event):
-    tick(arm, scripted, everything())
+def test_a_bus_that_fails_is_an_event(scripted, drives, failure, event):
+    tick(drives, scripted, everything())
     scripted.failure = failure
-    arm.command(PowerTarget.ON, STILL)
-    arm.sync(2 * PERIOD_S)
-    samples = arm.collect(2 * PERIOD_S)
-    arm.end()
+    drives.command(PowerTarget.ON, STILL)
+    drives.sync(2 * PERIOD_S)
+    samples = drives.collect(2 * PERIOD_S)
+    drives.end()
     assert {type(found) for found in samples.events} == {event}
     assert len(samples.events) == 2, "once for sending, once for receiving"
     assert not samples.fresh.any()
-    assert arm.counters.send_errors == 3, "setpoints, SYNC, and the farewell"
+    assert drives.counters.send_errors == 3, "setpoints, SYNC, and the farewell"
     scripted.failure = None
-    assert tick(arm, scripted, everything(), 3 * PERIOD_S).fresh.all(), "and it comes back"
+    assert tick(drives, scripted, everything(), 3 * PERIOD_S).fresh.all(), "and it comes back"
 
 
-def test_a_closed_bus_is_an_event(wire, make_arm):
-    arm = make_arm(wire[0])
-    arm.start(0.0)
+def test_a_closed_bus_is_an_event(wire, make_drives):
+    drives = make_drives(wire[0])
+    drives.start(0.0)
     wire[0].shutdown()
-    arm.sync(PERIOD_S)
-    samples = arm.collect(PERIOD_S)
-    arm.command(PowerTarget.ON, STILL)
+    drives.sync(PERIOD_S)
+    samples = drives.collect(PERIOD_S)
+    drives.command(PowerTarget.ON, STILL)
     assert {type(event) for event in samples.events} == {BusTrouble}
 
 
-def test_a_flood_is_bounded(scripted, arm):
-    arm.sync(PERIOD_S)
+def test_a_flood_is_bounded(scripted, drives):
+    drives.sync(PERIOD_S)
     scripted.incoming += [frame(0x80 + 1 + k % N, struct.pack("<HB", k, 1)) for k in range(2000)]
-    samples = arm.collect(PERIOD_S)
+    samples = drives.collect(PERIOD_S)
     assert len(scripted.incoming) == 2000 - FRAMES_PER_PASS
     assert len(samples.events) == EVENTS_PER_TICK
-    assert arm.counters.dropped_events == FRAMES_PER_PASS - EVENTS_PER_TICK
+    assert drives.counters.dropped_events == FRAMES_PER_PASS - EVENTS_PER_TICK
 
 
 ANY_FRAME = st.builds(
@@ -277,11 +281,11 @@ ANY_FRAME = st.builds(
 @given(ticks=st.lists(st.lists(ANY_FRAME, max_size=40), max_size=5))
 def test_no_frame_makes_an_exception(joints, profiles, ticks):
     bus = ScriptedBus()
-    arm = Arm(bus, joints, profiles, PERIOD_S, lambda: 0.0)
-    arm.start(0.0)
+    drives = Drives(bus, joints, profiles, PERIOD_S, lambda: 0.0)
+    drives.start(0.0)
     for k, frames in enumerate(ticks, start=1):
-        samples = tick(arm, bus, frames, k * PERIOD_S)
-        arm.command(PowerTarget.ON, np.full(N, 0.1))
+        samples = tick(drives, bus, frames, k * PERIOD_S)
+        drives.command(PowerTarget.ON, np.full(N, 0.1))
         assert len(samples.events) <= EVENTS_PER_TICK
         assert samples.age_ticks.max() <= k
         moved = {cob_id - 0x201 for cob_id, data in bus.sent[-N:] if data[2:] != bytes(4)}
@@ -289,27 +293,27 @@ def test_no_frame_makes_an_exception(joints, profiles, ticks):
         assert moved == in_operation
 
 
-def test_a_new_start_forgets_what_was_before(scripted, arm):
-    tick(arm, scripted, everything())
+def test_a_new_start_forgets_what_was_before(scripted, drives):
+    tick(drives, scripted, everything())
     for _ in range(6):
-        tick(arm, scripted, [frame(0x703, b"\0"), frame(0x84, struct.pack("<HB", 0x8130, 1))])
-    assert arm.unfit() == [2]
+        tick(drives, scripted, [frame(0x703, b"\0"), frame(0x84, struct.pack("<HB", 0x8130, 1))])
+    assert drives.unfit() == [2]
     scripted.incoming += everything()
-    arm.start(1.0)
-    assert arm.unfit() == []
-    samples = tick(arm, scripted, [], 1.01)
+    drives.start(1.0)
+    assert drives.unfit() == []
+    samples = tick(drives, scripted, [], 1.01)
     assert samples.events == ()
     assert list(samples.age_ticks) == [1] * N
 
 
-def test_a_drive_is_unfit_for_a_reset_when_it_forgot_is_silent_or_locked(scripted, arm):
-    tick(arm, scripted, everything(0x08))
-    assert arm.unfit() == [], "an ordinary fault needs an ordinary reset"
+def test_a_drive_is_unfit_for_a_reset_when_it_forgot_is_silent_or_locked(scripted, drives):
+    tick(drives, scripted, everything(0x08))
+    assert drives.unfit() == [], "an ordinary fault needs an ordinary reset"
     lost = [frame(0x80 + 4, struct.pack("<HB", 0x8130, 0x11)), frame(0x702, b"\5")]
-    tick(arm, scripted, [*lost, *everything(0x08)], 0.02)
-    assert arm.unfit() == [3], "in fault for the loss of its master"
-    tick(arm, scripted, [frame(0x702, b"\x7f"), *everything(0x08)], 0.03)
-    assert arm.unfit() == [1, 3], "no longer operational"
+    tick(drives, scripted, [*lost, *everything(0x08)], 0.02)
+    assert drives.unfit() == [3], "in fault for the loss of its master"
+    tick(drives, scripted, [frame(0x702, b"\x7f"), *everything(0x08)], 0.03)
+    assert drives.unfit() == [1, 3], "no longer operational"
     over = [frame(0x80 + 4, struct.pack("<HB", 0, 0)), frame(0x702, b"\5")]
-    tick(arm, scripted, [*over, *everything(0x08)], 0.16)
-    assert arm.unfit() == [*range(N)], "silent for three heartbeats, or still unset"
+    tick(drives, scripted, [*over, *everything(0x08)], 0.16)
+    assert drives.unfit() == [*range(N)], "silent for three heartbeats, or still unset"

@@ -49,7 +49,7 @@ class Rig:
     def boot_up(self) -> None:
         with self.drive.serving():
             self.boot.boot_up(self.told.append)
-        self.cycle.arm.start(self.ticks * T)
+        self.cycle.drives.start(self.ticks * T)
         self.drive.pump()
 
     def run(self, seconds: float) -> None:
@@ -172,10 +172,10 @@ def test_after_its_power_was_off_it_must_be_set_up_again(rig):
     rig.drive.power_on()
     rig.run(0.3)
     assert rig.cycle.controller.faulted
-    assert rig.cycle.arm.unfit() == [0]
+    assert rig.cycle.drives.unfit() == [0]
     with rig.drive.serving():
         rig.boot.renew([0], lambda: None)
-    rig.cycle.arm.start(rig.ticks * T)
+    rig.cycle.drives.start(rig.ticks * T)
     rig.run(0.1)
     assert not rig.request(Event.RESET)
     rig.run(0.2)

@@ -12,10 +12,10 @@ from drivers.events import BadSetpoint, Disobedient
 STILL = np.zeros(N)
 
 
-def test_a_setpoint_on_the_wire(scripted, arm):
-    tick(arm, scripted, everything())
+def test_a_setpoint_on_the_wire(scripted, drives):
+    tick(drives, scripted, everything())
     scripted.sent.clear()
-    arm.command(PowerTarget.ON, np.linspace(-0.3, 0.3, N))
+    drives.command(PowerTarget.ON, np.linspace(-0.3, 0.3, N))
     gears = np.array([150, 150, 100, 100, 100, 80, 80])
     counts = np.rint(np.linspace(-0.3, 0.3, N) * gears * 600 / (2 * np.pi)).astype(int)
     assert scripted.sent == [
@@ -33,51 +33,51 @@ def test_a_setpoint_on_the_wire(scripted, arm):
         (OPERATION_ENABLED, PowerTarget.OFF),
     ],
 )
-def test_a_drive_that_is_not_in_operation_gets_no_velocity(scripted, arm, statusword, power):
-    tick(arm, scripted, everything(statusword))
+def test_a_drive_that_is_not_in_operation_gets_no_velocity(scripted, drives, statusword, power):
+    tick(drives, scripted, everything(statusword))
     scripted.sent.clear()
-    arm.command(power, np.full(N, 0.5))
+    drives.command(power, np.full(N, 0.5))
     assert len(scripted.sent) == N
     assert {data[2:] for _, data in scripted.sent} == {bytes(4)}
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_a_velocity_that_is_not_finite_stops_the_arm(scripted, arm, bad):
-    tick(arm, scripted, everything())
+def test_a_velocity_that_is_not_finite_stops_the_arm(scripted, drives, bad):
+    tick(drives, scripted, everything())
     scripted.sent.clear()
     velocity = np.full(N, 0.5)
     velocity[2] = bad
-    arm.command(PowerTarget.ON, velocity)
+    drives.command(PowerTarget.ON, velocity)
     assert {data for _, data in scripted.sent} == {struct.pack("<Hi", 0x02, 0)}
-    assert [type(event) for event in tick(arm, scripted, []).events] == [BadSetpoint]
+    assert [type(event) for event in tick(drives, scripted, []).events] == [BadSetpoint]
 
 
-def test_a_reset_is_an_edge(scripted, arm):
+def test_a_reset_is_an_edge(scripted, drives):
     words = []
     for k in range(4):
-        tick(arm, scripted, everything(0x08), k * PERIOD_S)
+        tick(drives, scripted, everything(0x08), k * PERIOD_S)
         scripted.sent.clear()
-        arm.command(PowerTarget.OFF, STILL, reset=True)
+        drives.command(PowerTarget.OFF, STILL, reset=True)
         words.append({data[:2] for _, data in scripted.sent})
     assert words == [{b"\x80\0"}, {b"\0\0"}] * 2
 
 
-def test_the_quick_stop_needs_neither_samples_nor_state(scripted, arm):
-    arm.quick_stop()
+def test_the_quick_stop_needs_neither_samples_nor_state(scripted, drives):
+    drives.quick_stop()
     stops = [(0x200 + node, bytes([0x02, 0, 0, 0, 0, 0])) for node in range(1, N + 1)]
     assert scripted.sent == [*stops, (0x080, b"")]
 
 
-def test_a_drive_that_does_not_stop_gets_an_nmt_stop_and_the_others_do_not(scripted, arm):
+def test_a_drive_that_does_not_stop_gets_an_nmt_stop_and_the_others_do_not(scripted, drives):
     beats = [frame(0x700 + node, b"\x05") for node in range(1, N + 1)]
     stopped, told = everything(0x07), []
     for k in range(30):
         third = tpdos(3) if k % 2 == 0 else []  # what it did not say does not count
         answers = [*stopped[:4], *third, *stopped[6:]] if k < 20 else everything()
-        samples = tick(arm, scripted, [*beats, *answers], k * PERIOD_S)
+        samples = tick(drives, scripted, [*beats, *answers], k * PERIOD_S)
         told += [(k, event) for event in samples.events]
         scripted.sent.clear()
-        arm.command(PowerTarget.QUICK_STOP if k < 20 else PowerTarget.ON, STILL)
+        drives.command(PowerTarget.QUICK_STOP if k < 20 else PowerTarget.ON, STILL)
         stops = [data for cob_id, data in scripted.sent if cob_id == 0x000]
         assert stops == ([b"\x02\x03"] if k == 10 else []), k
     assert told == [(11, Disobedient(3))], "later it is to run, and does"

@@ -240,7 +240,7 @@ def test_an_exception_anywhere_in_the_tick_stops_all_drives(
 
 
 def test_without_an_exception_it_does_nothing(on: Stage) -> None:
-    with stop_on_error(on.rig.cycle.arm, on.period_s, sleep=pytest.fail):
+    with stop_on_error(on.rig.cycle.drives, on.period_s, sleep=pytest.fail):
         on.tick()
 
 

@@ -200,13 +200,13 @@ def test_a_restarted_drive_must_be_set_up_again_and_then_may_be_armed(rig: Rig) 
     assert text.startswith("restarted, and without their set-up: joint")
     assert "contactctl reset" in text
     assert text in rig.cycle.controller.not_armable()
-    rig.cycle.arm.start(rig.time_s)  # as after setting it up again
+    rig.cycle.drives.start(rig.time_s)  # as after setting it up again
     rig.tick()
     assert "set-up" not in failed(rig)
 
 
 def test_a_missing_heartbeat(calm: Rig) -> None:
-    arm, samples, estimate = calm.cycle.arm, calm.cycle.samples, calm.cycle.estimate
+    arm, samples, estimate = calm.cycle.drives, calm.cycle.samples, calm.cycle.estimate
     assert samples is not None
     assert estimate is not None
     assert arm.unheard() == ()

@@ -129,7 +129,7 @@ def run(robot: Robot, harm, commands) -> tuple[FuzzedBus, list[Mode]]:
     """All ticks; the modes that there were."""
     bus = FuzzedBus(robot.configuration, harm)
     cycle = build_cycle(robot, bus, lambda: 0.0)
-    cycle.arm.start(0.0)
+    cycle.drives.start(0.0)
     modes = []
     for tick in range(TICKS):
         time_s = tick * bus.period_s
