@@ -22,7 +22,7 @@ from arrays import Matrix, Vector
 from bench.contact_free import MOTION, moving
 from bench.report import Target, print_report
 from bench.rigs.lockstep import lockstep_rig
-from bench.rigs.person import Afternoon, Arm, Written, poor_guesses
+from bench.rigs.person import Arm, Person, Written, poor_guesses
 from daemon.modes.table import Event
 from simulator.description import SimulationSettings
 
@@ -125,7 +125,7 @@ def main(seed: int, as_json: bool) -> None:
             click.echo(text)
 
     with tempfile.TemporaryDirectory(prefix="commissioning-") as folder:
-        afternoon = Afternoon(Path(folder), seed, tell)
+        afternoon = Person(Path(folder), seed, tell)
         arm = afternoon.arm
         went = afternoon.from_zero_to_armed()
         gap_share, rigid = of_gaps(arm)

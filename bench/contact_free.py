@@ -81,7 +81,7 @@ def contact_free(seconds: float, seed: int, friction: str, motor_position: str) 
 
         def each() -> None:
             nonlocal phi_before, free_before
-            estimate = rig.cycle.estimate
+            estimate = rig.tick.estimate
             assert estimate is not None
             # An estimate belongs to the middle between two samples, and so does this truth.
             phi, free = plant.phi.copy(), plant.in_gap
@@ -97,7 +97,7 @@ def contact_free(seconds: float, seed: int, friction: str, motor_position: str) 
                 above[name] = now
 
         rig.run(seconds, each)
-        assert rig.mode is Mode.TRACKING, rig.cycle.controller.machine.cause
+        assert rig.mode is Mode.TRACKING, rig.tick.controller.machine.cause
     return {
         "friction": friction,
         "motor_position": motor_position,

@@ -1,4 +1,4 @@
-"""How punctual the loop is, and what a tick costs: the daemon's real loop, cycle and doors on
+"""How punctual the loop is, and what a tick costs: the daemon's real loop, tick and doors on
 python-can's virtual bus, in real time, with cyclictest beside it at the same interval.
 
     python -m bench.loop [--hz N] [--seconds S] [--load | --in-a-row] [--json]

@@ -48,18 +48,18 @@ def session(rig: Rig) -> Iterator[bytes]:
 
     def during(seconds: float) -> Iterator[bytes]:
         for _ in range(round(seconds / rig.robot.configuration.period_s)):
-            rig.tick()
-            state = msgspec.to_builtins(rig.cycle.state())
+            rig.step()
+            state = msgspec.to_builtins(rig.tick.state())
             del state["timing"]
             yield msgspec.json.encode(state)
 
     def asked(event: Event) -> None:
-        rig.cycle.controller.request(event, "the oracle", rig.time_s)
+        rig.tick.controller.request(event, "the oracle", rig.time_s)
 
     yield from during(0.1)
     asked(Event.ENABLE)
     yield from during(0.6)
-    rig.cycle.controller.arm("the oracle")
+    rig.tick.controller.arm("the oracle")
     asked(Event.START)
     yield from during(13.3)
     rig.arm.drives[1].fault(OVER_CURRENT, "over-current")

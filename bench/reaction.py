@@ -20,10 +20,10 @@ from typing import Any, cast
 import click
 
 from bench.report import Target, print_report
-from bench.rigs.breakable_arm import Stage, restore, stage, start
+from bench.rigs.breakable_arm import BreakableArm, restore, stage, start
 from bench.rigs.faults import CASES, Case
 from daemon.ending import stop_on_error
-from daemon.faults.table import REACTIONS, Condition, Reaction
+from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.table import Mode
 from errors import ProgramError
 from simulator.state_machine import State
@@ -32,34 +32,34 @@ STOP_TICKS = 2
 STANDS = 0.02  # [rad/s] of the fastest motor, at the link
 PATIENCE_TICKS = 100
 WORDS = {
-    Reaction.CONTINUE: "continue",
-    Reaction.HOLD: "hold",
-    Reaction.QUICK_STOP: "quick stop",
-    Reaction.FAULT_EXIT: "fault exit",
+    Response.CONTINUE: "continue",
+    Response.HOLD: "hold",
+    Response.QUICK_STOP: "quick stop",
+    Response.FAULT_EXIT: "fault exit",
 }
 
 
-def told_to_stop(on: Stage, reaction: Reaction) -> bool:
+def told_to_stop(on: BreakableArm, reaction: Response) -> bool:
     """Whether the stop command that belongs to a reaction was sent in this tick."""
-    if reaction is Reaction.HOLD:
+    if reaction is Response.HOLD:
         return on.rig.mode is Mode.STOPPING and bool(on.setpoints())
     return on.stops
 
 
-def measure(on: Stage, case: Case) -> dict[str, Any]:
+def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
     """Make the fault; None where something did not happen, or is not asked for."""
-    reaction = REACTIONS[case.condition].reaction
+    reaction = TABLE[case.condition].response
     fault = case.fault(on)
     found = told = stood = None
-    obeyed = reaction in (Reaction.HOLD, Reaction.QUICK_STOP)
+    obeyed = reaction in (Response.HOLD, Response.QUICK_STOP)
     mute = 0  # ticks after it was found in which the bus took nothing
     for tick in range(1, case.ticks + PATIENCE_TICKS):
         next(fault, None)
-        if on.rig.cycle.fatal:
+        if on.rig.tick.fatal:
             on.silence()  # as after its end
         else:
             on.tick()
-        if found is None and any(f.condition is case.condition for f in on.rig.cycle.findings):
+        if found is None and any(f.condition is case.condition for f in on.rig.tick.findings):
             found = tick
         if found and obeyed and told is None:
             if told_to_stop(on, reaction):
@@ -70,11 +70,11 @@ def measure(on: Stage, case: Case) -> dict[str, Any]:
             stood = None
         elif found and stood is None:
             stood = tick
-        if found and (reaction is Reaction.CONTINUE or (stood and (told or not obeyed))):
+        if found and (reaction is Response.CONTINUE or (stood and (told or not obeyed))):
             break
     if hasattr(fault, "close"):
         fault.close()
-    stops = reaction is not Reaction.CONTINUE
+    stops = reaction is not Response.CONTINUE
     return row(
         case,
         found_tick=found,
@@ -95,8 +95,8 @@ def program_error() -> dict[str, Any]:
             told.append(on.stops)
             on.silence()
 
-        on.rig.cycle.controller = cast(Any, None)
-        with suppress(ProgramError), stop_on_error(on.rig.cycle.drives, on.period_s, sleep):
+        on.rig.tick.controller = cast(Any, None)
+        with suppress(ProgramError), stop_on_error(on.rig.tick.drives, on.period_s, sleep):
             on.tick()
         stands = 1 + len(told) + silent_ticks(on, lambda: on.speed < STANDS)
     return row(
@@ -128,7 +128,7 @@ def killed() -> dict[str, Any]:
     }
 
 
-def silent_ticks(on: Stage, done: Callable[[], bool]) -> int:
+def silent_ticks(on: BreakableArm, done: Callable[[], bool]) -> int:
     """Ticks without a daemon until something is so."""
     for tick in range(PATIENCE_TICKS):
         if done():
@@ -139,7 +139,7 @@ def silent_ticks(on: Stage, done: Callable[[], bool]) -> int:
 
 def row(case: Case, **measured: int | None) -> dict[str, Any]:
     """What is printed and kept of one fault."""
-    reaction = WORDS[REACTIONS[case.condition].reaction]
+    reaction = WORDS[TABLE[case.condition].response]
     stated = {"fault": case.name, "condition": case.condition.value, "reaction": reaction}
     return {**stated, "stated_ticks": case.ticks, "mute_ticks": 0, **measured}
 

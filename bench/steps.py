@@ -33,9 +33,9 @@ def delay_of(rig: Rig, joint: int, torque: float) -> tuple[float | None, bool]:
     felt: float | None = None
     crossed = False
     for _ in range(round(PATIENCE_S / period)):
-        rig.tick()
+        rig.step()
         crossed |= bool(np.sign(plant.phi[joint]) != side)
-        estimate = rig.cycle.estimate
+        estimate = rig.tick.estimate
         assert estimate is not None
         if estimate.thresholded[joint] * torque > 0.0:
             felt = rig.arm.now - begun

@@ -9,16 +9,16 @@ from daemon.config.identified import objections
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row
 from daemon.config.schema import Configuration
-from daemon.faults.detector import Observer, Patience
-from daemon.faults.following import Following, FollowingBounds
-from daemon.faults.plausibility import Bounds, Plausibility
+from daemon.faults.detector import DetectorSettings, FaultDetector
+from daemon.faults.following import Following, FollowingSettings
+from daemon.faults.plausibility import Plausibility, PlausibilitySettings
 from daemon.modes.contact_reactions import Reactions
-from daemon.motion.admittance import AdmittanceLaw, Gains, GuidedBounds
-from daemon.motion.motion import Manner, Motion
+from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
+from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place, Sinusoids
 from daemon.tick.arming_checks import PreArm, Verdict
-from daemon.tick.controller import Controller, Tuning
-from daemon.tick.tick import Cycle
+from daemon.tick.controller import Controller, ControllerSettings
+from daemon.tick.tick import Tick
 from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup
@@ -30,9 +30,9 @@ from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
 
 
-def build_cycle(
+def build_tick(
     robot: Robot, bus: can.BusABC, clock: Callable[[], float], ring: FrameRing | None = None
-) -> Cycle:
+) -> Tick:
     """The tick of `robot` on an open bus whose drives are set up; `ring` keeps its frames.
 
     Raises ContactdError."""
@@ -49,20 +49,20 @@ def build_cycle(
     estimator, controller, observer = (
         build_estimator(c, robot.urdf),
         build_controller(robot),
-        build_observer(c),
+        build_fault_detector(c),
     )
     prearm = PreArm(drives.names, drives.nodes, controller.motion.limits)
-    return Cycle(drives, estimator, controller, observer, prearm, c.period_s)
+    return Tick(drives, estimator, controller, observer, prearm, c.period_s)
 
 
-def heed_identification(cycle: Cycle, robot: Robot, serials: list[int | None]) -> None:
-    """Let `cycle` arm, and close loops over the links, only as far as `contactd identify` has shown
+def heed_identification(tick: Tick, robot: Robot, serials: list[int | None]) -> None:
+    """Let `tick` arm, and close loops over the links, only as far as `contactd identify` has shown
     that it may. serials: of the drives that answered, in the order of the joints."""
     c, found = robot.configuration, robot.identified
     against = objections(found, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True)))
     text = "; ".join(against) or f"{c.identified} is of these drives"
-    cycle.prearm.identification = Verdict(not against, text)
-    cycle.controller.motion.blind = not cycle.prearm.identification.passed
+    tick.prearm.identification = Verdict(not against, text)
+    tick.controller.motion.blind = not tick.prearm.identification.passed
 
 
 def build_boot(robot: Robot, bus: can.BusABC, ring: FrameRing | None = None) -> DriveBoot:
@@ -126,15 +126,15 @@ def build_transmission(c: Configuration) -> Transmission:
     )
 
 
-def build_observer(c: Configuration) -> Observer:
+def build_fault_detector(c: Configuration) -> FaultDetector:
     """What is watched beside the contacts, and how long a nuisance may last."""
     s = c.supervisor
-    patience = Patience(
+    patience = DetectorSettings(
         s.stale_ticks,
         s.overrun_ticks,
         min(c.drives[joint.wiring.profile].master_timeout_ms for joint in c.joints) / 1000.0,
     )
-    bounds = Bounds(
+    bounds = PlausibilitySettings(
         lower=row(c, lambda j: j.limits.lower),
         upper=row(c, lambda j: j.limits.upper),
         speed=s.speed_margin * row(c, lambda j: j.limits.velocity),
@@ -146,25 +146,25 @@ def build_observer(c: Configuration) -> Observer:
         motor_drift=c.estimator.gap.velocity_bias,
         motor_scale_error=c.estimator.gap.velocity_scale_error,
     )
-    following = FollowingBounds(
+    following = FollowingSettings(
         deviation=s.following_margin * row(c, lambda j: j.limits.velocity),
         current=bounds.current,
         lag_s=c.control.drive_lag_ms / 1000.0,
     )
     joints = {joint.wiring.node: joint.name for joint in c.joints}
-    return Observer(joints, patience, Plausibility(bounds), Following(following, c.period_s))
+    return FaultDetector(joints, patience, Plausibility(bounds), Following(following, c.period_s))
 
 
 def build_controller(robot: Robot) -> Controller:
     """Modes and reactions over `build_motion`."""
     c = robot.configuration
-    tuning = Tuning(
+    tuning = ControllerSettings(
         joints=tuple(c.joint_names),
         ends=tuple(joint.end for joint in c.joints),
         reactions=Reactions(c.reactions.contact, c.reactions.collision),
         quiet_s=c.admittance.quiet_s,
         after_quiet=c.admittance.after_quiet,
-        bounds=GuidedBounds(c.admittance.max_duration_s, c.admittance.max_excursion),
+        bounds=AllowanceSettings(c.admittance.max_duration_s, c.admittance.max_excursion),
         enable_timeout_s=c.supervisor.enable_timeout_s,
         stop_timeout_s=c.supervisor.stop_timeout_s,
     )
@@ -174,7 +174,7 @@ def build_controller(robot: Robot) -> Controller:
 def build_motion(robot: Robot) -> Motion:
     """Trajectory, admittance and limits."""
     c = robot.configuration
-    manner = Manner(
+    manner = MotionSettings(
         position_gain=c.control.position_gain,
         return_velocity=c.admittance.return_velocity,
         retract_velocity=c.reactions.retract_velocity,

@@ -1,6 +1,6 @@
 """Ending of the arm: at rest as configured and seen to be so, or stopped at once on an error.
 
-`wind_down` ends an undisturbed program; `stop_on_error` tells the drives to quick-stop before
+`bring_to_rest` ends an undisturbed program; `stop_on_error` tells the drives to quick-stop before
 anything else is done, whatever breaks in the loop.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from daemon.faults.table import Condition, Finding
 from daemon.modes.table import Event, Mode
 from daemon.tick.loop import Loop
-from daemon.tick.tick import Cycle
+from daemon.tick.tick import Tick
 from drivers.cia402 import reached
 from drivers.drives import Drives
 from errors import ProgramError
@@ -27,35 +27,39 @@ REPEATS = 3
 _log = logging.getLogger("contactd")
 
 
-def wind_down(loop: Loop, doors: Callable[[], None], stop_timeout_s: float, why: str) -> list[str]:
+def bring_to_rest(
+    loop: Loop, doors: Callable[[], None], stop_timeout_s: float, why: str
+) -> list[str]:
     """Decelerate, stop, let every joint end as configured, and see that it did.
 
     Returns the names of drives that did not follow. The loop goes on ticking meanwhile, and so does
     our heartbeat; it ends with the last tick.
     """
-    cycle = loop.cycle
-    machine = cycle.controller.machine
+    tick = loop.tick
+    machine = tick.controller.machine
 
     def tick_until(done: Callable[[], bool], patience_s: float) -> None:
         end = loop.time_s + patience_s
         loop.run(doors, lambda: not done() and loop.time_s < end)
 
-    cycle.controller.request(Event.DISABLE, why, loop.time_s)
+    tick.controller.request(Event.DISABLE, why, loop.time_s)
     # A joint that does not stop in time becomes a fault, and then a quick stop. An arm that holds
     # is off at once, but the next tick tells the drives so, and the SYNC after it makes them hear.
-    resting, heard = (Mode.OFF, Mode.FAULTED), cycle.tick + 2
-    tick_until(lambda: machine.mode in resting and cycle.tick >= heard, stop_timeout_s + PATIENCE_S)
-    tick_until(lambda: not _stragglers(cycle), PATIENCE_S)
-    return _stragglers(cycle)
+    resting, heard = (Mode.OFF, Mode.FAULTED), tick.number + 2
+    tick_until(
+        lambda: machine.mode in resting and tick.number >= heard, stop_timeout_s + PATIENCE_S
+    )
+    tick_until(lambda: not _stragglers(tick), PATIENCE_S)
+    return _stragglers(tick)
 
 
-def _stragglers(cycle: Cycle) -> list[str]:
+def _stragglers(tick: Tick) -> list[str]:
     """Drives that have not reached what was last asked of them."""
-    if cycle.samples is None or cycle.decision is None:
+    if tick.samples is None or tick.decision is None:
         return []
-    pairs = zip(cycle.samples.states, cycle.decision.power, strict=True)
+    pairs = zip(tick.samples.states, tick.decision.power, strict=True)
     wrong = np.flatnonzero([not reached(state, target) for state, target in pairs])
-    return [cycle.drives.names[i] for i in wrong]
+    return [tick.drives.names[i] for i in wrong]
 
 
 @contextmanager

@@ -10,9 +10,9 @@ from pathlib import Path
 import can
 import numpy as np
 
-from daemon.assembly import build_boot, build_cycle, build_estimator, heed_identification
+from daemon.assembly import build_boot, build_estimator, build_tick, heed_identification
 from daemon.config.load import Robot
-from daemon.ending import stop_on_error, wind_down
+from daemon.ending import bring_to_rest, stop_on_error
 from daemon.modes.table import Mode
 from daemon.protocol.socket_path import default_socket_path
 from daemon.service.black_box import BlackBox, default_directory, ring_path
@@ -65,35 +65,37 @@ def _serve(
     boot.boot_up(progress)
     if signals.received:
         return
-    cycle = build_cycle(robot, bus, time.monotonic, black_box.ring)
+    tick = build_tick(robot, bus, time.monotonic, black_box.ring)
     _warm_up(robot)
     realtime = go_realtime()
     for grant in realtime:
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
-    loop = Loop(cycle, Clock(time.monotonic, sleep_until), c.period_s)
+    loop = Loop(tick, Clock(time.monotonic, sleep_until), c.period_s)
     serials = [identity.serial for identity in boot.identities]
-    heed_identification(cycle, robot, serials)
+    heed_identification(tick, robot, serials)
     service = Service(
         robot, loop, control, realtime, os.getpid(), notifier, serials, boot, black_box.tell
     )
     # From the first heartbeat on the drives expect the next.
-    cycle.drives.start(0.0)
+    tick.drives.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)
     notifier.ready(service.summary())
-    with stop_on_error(cycle.drives, c.period_s):
-        loop.run(service.doors, lambda: not (signals.received or cycle.fatal))
-        why = signals.received or str(cycle.fatal)
+    with stop_on_error(tick.drives, c.period_s):
+        loop.run(service.doors, lambda: not (signals.received or tick.fatal))
+        why = signals.received or str(tick.fatal)
         service.ending = True
         notifier.stopping(f"stopping: {why}")
         stragglers = (
-            [] if cycle.fatal else wind_down(loop, service.doors, c.supervisor.stop_timeout_s, why)
+            []
+            if tick.fatal
+            else bring_to_rest(loop, service.doors, c.supervisor.stop_timeout_s, why)
         )
-    if cycle.fatal:
-        raise BusError(f"{cycle.fatal}; the drives stop by themselves")
-    if not stragglers and cycle.controller.machine.mode is Mode.OFF:
+    if tick.fatal:
+        raise BusError(f"{tick.fatal}; the drives stop by themselves")
+    if not stragglers and tick.controller.machine.mode is Mode.OFF:
         # At rest for good, the drives need not miss us.
         boot.let_go()
-    cycle.drives.end()
+    tick.drives.end()
     if stragglers:
         raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")
     _log.info("ended: %s", _ending(robot))

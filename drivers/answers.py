@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from arrays import Vector
 from drivers.cia402 import DriveState, drive_state
 from drivers.codec import Joint, SampleDecoder
-from drivers.events import Event, LateAnswer
+from drivers.events import BusEvent, LateAnswer
 from drivers.settings import DriveProfile
 
 
@@ -30,7 +30,7 @@ class Samples:
     age_ticks: NDArray[np.int64]
     states: list[DriveState]
     statuswords: list[int]  # -1 before the first
-    events: tuple[Event, ...] = ()
+    events: tuple[BusEvent, ...] = ()
 
 
 @dataclass(slots=True)
@@ -54,7 +54,7 @@ class Answers:
         joints: Sequence[Joint],
         profiles: Mapping[str, DriveProfile],
         counters: Counters,
-        tell: Callable[[Event], None],
+        tell: Callable[[BusEvent], None],
     ) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
         self._counters, self._tell = counters, tell

@@ -21,9 +21,9 @@ from drivers.cia402 import DriveState, PowerTarget
 from drivers.codec import Joint
 from drivers.events import (
     BadSetpoint,
+    BusEvent,
     Disobedient,
     Emergency,
-    Event,
     ForeignMaster,
     NotOperational,
     bus_failure,
@@ -98,7 +98,7 @@ class Drives:
         self._heartbeat_every_s = max(timeout_ms / 3000.0 - period_s, 0.0)
         self._heartbeat_at = -np.inf
         self._now = 0.0
-        self._events: list[Event] = []
+        self._events: list[BusEvent] = []
         self.samples = self._answers.samples
 
     def start(self, now: float) -> None:
@@ -223,13 +223,13 @@ class Drives:
         """
         self._send([*self._nmt(ENTER_PRE_OPERATIONAL), self._heartbeat])
 
-    def forgetful(self) -> tuple[str, ...]:
+    def restarted(self) -> tuple[str, ...]:
         """Joints whose drives restarted and have not been set up again since."""
         return tuple(
             name for name, drive in zip(self.names, self._drives, strict=True) if drive.watch.forgot
         )
 
-    def unheard(self) -> tuple[str, ...]:
+    def silent(self) -> tuple[str, ...]:
         """Joints whose drive sends no heartbeat, or one that says it is not operational."""
         return tuple(
             name
@@ -286,7 +286,7 @@ class Drives:
             drive.emergency = code
             self._tell(Emergency(drive.watch.node, code, data[2]))
 
-    def _tell(self, event: Event | None) -> None:
+    def _tell(self, event: BusEvent | None) -> None:
         """Keep an event for the next samples, once, within bounds."""
         if event is None or event in self._events:
             return

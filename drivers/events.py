@@ -142,8 +142,7 @@ class BusTrouble:
         return self.text
 
 
-BusEvent = LateAnswer | ErrorPassive | BusOff | AdapterGone | BusTrouble
-Event = (
+BusEvent = (
     Emergency
     | HeartbeatLost
     | NotOperational
@@ -152,11 +151,15 @@ Event = (
     | Rebooted
     | ForeignMaster
     | BadSetpoint
-    | BusEvent
+    | LateAnswer
+    | ErrorPassive
+    | BusOff
+    | AdapterGone
+    | BusTrouble
 )
 
 
-def told(event: Event, joints: Mapping[int, str]) -> str:
+def told(event: BusEvent, joints: Mapping[int, str]) -> str:
     """An event in words, for people who know their drives by joint; `joints`: of each node."""
     node = getattr(event, "node", None)
     if node is None:

@@ -9,7 +9,7 @@ from arrays import Vector
 from errors import ConfigurationError
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.drive import Drive, Surroundings
-from simulator.events import Event, Listener
+from simulator.events import Happening, Listener
 from simulator.hand import AnyAct, Hand
 from simulator.mismatch import true_parameters
 from simulator.plant import Plant
@@ -159,7 +159,7 @@ class SimulatedArm:
                 drive.tick(now)
         if self.hand.began:
             for words in self.hand.update(now, plant.q, SERVO_PERIOD_S):
-                self._on_event(Event(now, "hand", words))
+                self._on_event(Happening(now, "hand", words))
         plant.external_torque[:] = self.external_torque
         self.servo.update(plant.theta_dot)
         np.multiply(plant.parameters.torque_constant, self.servo.current, out=plant.motor_torque)
@@ -191,4 +191,4 @@ class SimulatedArm:
         self._send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
 
     def _tell_drive(self, text: str) -> None:
-        self._on_event(Event(self.now, "drive", text))
+        self._on_event(Happening(self.now, "drive", text))

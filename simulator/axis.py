@@ -7,9 +7,9 @@ import numpy as np
 from simulator.description import JointDescription
 from simulator.objects import Objects, key
 from simulator.plant import Plant
-from simulator.profile import DriveProfile
+from simulator.profile import SimulatedMake
 from simulator.servo import Servo
-from simulator.state_machine import HOLDING_OPTIONS, Event, State, on_controlword, step
+from simulator.state_machine import HOLDING_OPTIONS, State, Trigger, on_controlword, step
 
 CSV = 9
 VOLTAGE_PRESENT, REMOTE, LIMIT_ACTIVE, FOLLOWS = 1 << 4, 1 << 9, 1 << 11, 1 << 12
@@ -27,7 +27,7 @@ class Axis:
         self,
         joint: int,
         about: JointDescription,
-        profile: DriveProfile,
+        profile: SimulatedMake,
         objects: Objects,
         servo: Servo,
         plant: Plant,
@@ -49,7 +49,7 @@ class Axis:
     def start(self) -> None:
         """Power-up: limp, switch on disabled, limits from the objects."""
         self.state, self._controlword = State.NOT_READY_TO_SWITCH_ON, 0
-        self.happen(Event.INITIALISED)
+        self.happen(Trigger.INITIALISED)
         self.configure()
 
     def configure(self) -> None:
@@ -99,7 +99,7 @@ class Axis:
             velocity = min(max(velocity, -self._fastest), self._fastest)
             self._servo.follow(self._joint, velocity, self._interpolation_s)
 
-    def happen(self, event: Event) -> None:
+    def happen(self, event: Trigger) -> None:
         """Something inside the drive, not a controlword."""
         after = step(self.state, event, self._objects.number(0x605A))
         if after is not self.state:
@@ -112,13 +112,13 @@ class Axis:
             return
         self.stopping = False
         if self.state is State.FAULT_REACTION_ACTIVE:
-            self.happen(Event.REACTION_DONE)
+            self.happen(Trigger.REACTION_DONE)
         elif not energised:
-            self.happen(Event.DISABLE_VOLTAGE)
+            self.happen(Trigger.DISABLE_VOLTAGE)
         elif self._objects.number(0x605A) in HOLDING_OPTIONS:
             self._tell("standing, holding")
         else:
-            self.happen(Event.QUICK_STOP_DONE)
+            self.happen(Trigger.QUICK_STOP_DONE)
 
     def _enter(self, state: State) -> None:
         servo, joint = self._servo, self._joint

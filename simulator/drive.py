@@ -18,16 +18,16 @@ from simulator.guards import guard_pdos, guard_values
 from simulator.objects import Objects, key
 from simulator.pdo import ReceivePdo, TransmitPdo, pdo_number, pdo_numbers
 from simulator.plant import Plant
-from simulator.profile import DriveProfile
+from simulator.profile import SimulatedMake
 from simulator.sdo import sdo_server
 from simulator.servo import Servo
-from simulator.state_machine import Event, State
+from simulator.state_machine import State, Trigger
 
-CONNECTION_LOST: tuple[tuple[str, Event | None], ...] = (
+CONNECTION_LOST: tuple[tuple[str, Trigger | None], ...] = (
     ("no action, going on", None),
-    ("fault", Event.FAULT_DETECTED),
-    ("voltage disabled", Event.DISABLE_VOLTAGE),
-    ("quick stop", Event.QUICK_STOP),
+    ("fault", Trigger.FAULT_DETECTED),
+    ("voltage disabled", Trigger.DISABLE_VOLTAGE),
+    ("quick stop", Trigger.QUICK_STOP),
 )
 """By the value of 6007."""
 
@@ -46,7 +46,7 @@ class Surroundings:
     """What a drive is wired to."""
 
     description: ArmDescription
-    profile: DriveProfile
+    profile: SimulatedMake
     servo: Servo
     plant: Plant
     send: Callable[[int, bytes], None]
@@ -278,7 +278,7 @@ class Drive:
         """Something broke: EMCY with `code`, fault reaction by 605E."""
         self._tell(reason)
         self._emergencies.raise_error(code, GENERIC_ERROR)
-        self.axis.happen(Event.FAULT_DETECTED)
+        self.axis.happen(Trigger.FAULT_DETECTED)
         self.due = 0.0
 
     def _lose_master(self) -> None:
@@ -287,7 +287,7 @@ class Drive:
         if self._wired.profile.locks:
             self._tell(f"{reason}, fault, locked")
             self._locked = True
-            self.axis.happen(Event.FAULT_DETECTED)
+            self.axis.happen(Trigger.FAULT_DETECTED)
         else:
             self._lose_connection(reason)
         behaviour = self.objects.number(0x1029, 1)

@@ -6,7 +6,7 @@ from typing import Literal
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class Happening:
     """`at_s` in simulated time; `text` is one sentence for people."""
 
     at_s: float
@@ -14,4 +14,4 @@ class Event:
     text: str
 
 
-Listener = Callable[[Event], None]
+Listener = Callable[[Happening], None]

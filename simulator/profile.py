@@ -14,7 +14,7 @@ RPM = TURN / 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class DriveProfile:
+class SimulatedMake:
     """Where a drive keeps each quantity, and what one count means. Motor quantities are before the
     gear; objects are keys, see `objects.key`."""
 
@@ -49,10 +49,10 @@ class DriveProfile:
     is taken before NMT reset communication."""
 
 
-PROFILE = DriveProfile()
+PROFILE = SimulatedMake()
 """configs/romeo_left_arm/drive.eds: two encoders, current."""
 
-LOCKING = DriveProfile(
+LOCKING = SimulatedMake(
     link_position=key(0x6064),
     motor_position=None,
     motor_velocity=key(0x6069),
@@ -83,7 +83,7 @@ def _mapped(known: dict[int, Entry]) -> Iterator[int]:
                 yield int(entry.default) >> 8
 
 
-def profile_of(eds: Path) -> DriveProfile:
+def profile_of(eds: Path) -> SimulatedMake:
     """The drive of an EDS, known by its product code (1018 sub 2); any other is simulated as a
     `PROFILE`. Raises ConfigurationError when the EDS lacks an object that the simulation needs."""
     known = entries(eds, 1)

@@ -7,7 +7,7 @@ import numpy as np
 
 from arrays import Vector
 from simulator.description import ArmDescription, SimulationSettings
-from simulator.profile import PROFILE, TURN, DriveProfile
+from simulator.profile import PROFILE, TURN, SimulatedMake
 from simulator.servo import SERVO_PERIOD_S
 
 
@@ -32,7 +32,7 @@ class Sensors:
         description: ArmDescription,
         settings: SimulationSettings,
         q: Vector,
-        profile: DriveProfile = PROFILE,
+        profile: SimulatedMake = PROFILE,
     ) -> None:
         joints = description.joints
         self._settings = settings

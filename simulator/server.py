@@ -15,7 +15,7 @@ from errors import BusError
 from simulator.arm import SimulatedArm
 from simulator.bus_end import Link
 from simulator.description import ArmDescription, SimulationSettings
-from simulator.events import Event
+from simulator.events import Happening
 from simulator.hand import AnyAct
 from simulator.socketcand import HELLO, Conversation, Reply, frame_line
 
@@ -74,9 +74,9 @@ class RealTimeArm:
     def _complain(self, now: float, text: str) -> None:
         if now - self._complained_s > 1.0:
             self._complained_s = now
-            self.tell(Event(self.arm.now, "server", text))
+            self.tell(Happening(self.arm.now, "server", text))
 
-    def tell(self, event: Event) -> None:
+    def tell(self, event: Happening) -> None:
         """Write `{monotonic_s, simulated_s, kind, text}` as one line."""
         if self._events is not None:
             line = {
@@ -150,7 +150,7 @@ class Server:
             self.close()
             raise
         self.arm = self._real_time.arm
-        self._real_time.tell(Event(0.0, "server", f"listening on {host}:{self.port}"))
+        self._real_time.tell(Happening(0.0, "server", f"listening on {host}:{self.port}"))
 
     def run(self, stop: threading.Event) -> None:
         """Serve until `stop` is set."""
@@ -263,7 +263,7 @@ def serve_on_bus(
                 real_time.arm.receive(message)
                 message = link.receive(0.0)
             while told:
-                real_time.tell(Event(real_time.arm.now, "server", told.pop(0)))
+                real_time.tell(Happening(real_time.arm.now, "server", told.pop(0)))
     finally:
         link.close()
 

@@ -20,7 +20,7 @@ class State(Enum):
     FAULT = 0x0008
 
 
-class Event(Enum):
+class Trigger(Enum):
     """Commands of the controlword, and what happens inside the drive."""
 
     SHUTDOWN = "shutdown"
@@ -46,17 +46,17 @@ class Transition:
 HOLDING_OPTIONS = frozenset({5, 6, 7, 8})
 """605A: the drive stays in quick stop active, and transition 16 leads back."""
 
-CONTROLWORD_MASKS: tuple[tuple[int, int, Event], ...] = (
-    (0x02, 0x00, Event.DISABLE_VOLTAGE),
-    (0x06, 0x02, Event.QUICK_STOP),
-    (0x07, 0x06, Event.SHUTDOWN),
-    (0x0F, 0x07, Event.SWITCH_ON),
-    (0x0F, 0x0F, Event.ENABLE_OPERATION),
+CONTROLWORD_MASKS: tuple[tuple[int, int, Trigger], ...] = (
+    (0x02, 0x00, Trigger.DISABLE_VOLTAGE),
+    (0x06, 0x02, Trigger.QUICK_STOP),
+    (0x07, 0x06, Trigger.SHUTDOWN),
+    (0x0F, 0x07, Trigger.SWITCH_ON),
+    (0x0F, 0x0F, Trigger.ENABLE_OPERATION),
 )
 """(mask, value, command); every controlword fits exactly one row."""
 
-_S, _E = State, Event
-TRANSITIONS: Mapping[tuple[State, Event], Transition] = MappingProxyType(
+_S, _E = State, Trigger
+TRANSITIONS: Mapping[tuple[State, Trigger], Transition] = MappingProxyType(
     {
         (_S.NOT_READY_TO_SWITCH_ON, _E.INITIALISED): Transition(1, _S.SWITCH_ON_DISABLED),
         (_S.SWITCH_ON_DISABLED, _E.SHUTDOWN): Transition(2, _S.READY_TO_SWITCH_ON),
@@ -87,12 +87,12 @@ TRANSITIONS: Mapping[tuple[State, Event], Transition] = MappingProxyType(
 )
 
 
-def command(controlword: int) -> Event:
+def command(controlword: int) -> Trigger:
     """The command that bits 0 to 3 of a controlword ask for."""
     return next(event for mask, value, event in CONTROLWORD_MASKS if controlword & mask == value)
 
 
-def step(state: State, event: Event, quick_stop_option: int = 6) -> State:
+def step(state: State, event: Trigger, quick_stop_option: int = 6) -> State:
     """The state after one event; without a row in the table the state stays.
 
     `quick_stop_option` is 605A: quick stop done (12) needs an option that does not hold, the way
@@ -101,10 +101,10 @@ def step(state: State, event: Event, quick_stop_option: int = 6) -> State:
     transition = TRANSITIONS.get((state, event))
     if transition is None:
         return state
-    if state is State.QUICK_STOP_ACTIVE and event is not Event.DISABLE_VOLTAGE:
+    if state is State.QUICK_STOP_ACTIVE and event is not Trigger.DISABLE_VOLTAGE:
         holds = quick_stop_option in HOLDING_OPTIONS
-        if event in (Event.QUICK_STOP_DONE, Event.ENABLE_OPERATION) and (
-            holds is (event is Event.QUICK_STOP_DONE)
+        if event in (Trigger.QUICK_STOP_DONE, Trigger.ENABLE_OPERATION) and (
+            holds is (event is Trigger.QUICK_STOP_DONE)
         ):
             return state
     return transition.target
@@ -114,11 +114,11 @@ def step(state: State, event: Event, quick_stop_option: int = 6) -> State:
 def on_controlword(state: State, previous: int, controlword: int, quick_stop_option: int) -> State:
     """The state after a controlword: fault reset on the rising edge of bit 7, else its command."""
     if controlword & ~previous & 0x80:
-        after = step(state, Event.FAULT_RESET, quick_stop_option)
+        after = step(state, Trigger.FAULT_RESET, quick_stop_option)
         if after is not state:
             return after
     asked = command(controlword)
     after = step(state, asked, quick_stop_option)
-    if state is State.READY_TO_SWITCH_ON and asked is Event.ENABLE_OPERATION:
+    if state is State.READY_TO_SWITCH_ON and asked is Trigger.ENABLE_OPERATION:
         after = step(after, asked, quick_stop_option)
     return after

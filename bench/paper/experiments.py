@@ -17,7 +17,7 @@ from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Snapshot, State
 from estimator.residual import Variant
 from simulator.description import Mismatch, SimulationSettings
-from simulator.events import Event as Happening
+from simulator.events import Happening
 from simulator.hand import Push, read_script
 
 Friction = Literal["smooth", "dahl"]
@@ -160,14 +160,14 @@ def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Record
     ) as rig:
         rig.enable()
         rig.run(SETTLE_S)
-        refused = rig.cycle.controller.arm("the bench")
+        refused = rig.tick.controller.arm("the bench")
         assert not refused, refused
         rig.request(Event.START)
         begin_s, recorder, states = rig.time_s, Recorder(rig), []
 
         def each() -> None:
             recorder()
-            states.append(_clocked(rig.cycle.state(), begin_s))
+            states.append(_clocked(rig.tick.state(), begin_s))
 
         rig.run(seconds, each)
         ahead_s = rig.time_s - rig.arm.now - begin_s
@@ -211,5 +211,5 @@ def _record(rig: Rig, seconds: float) -> Recording:
 
 def _finished(rig: Rig, recorder: Recorder) -> Recording:
     """With the rival. A fault on the way would have stopped the arm and spoilt the figure."""
-    assert rig.mode is Mode.TRACKING, (rig.mode, rig.cycle.controller.machine.cause)
+    assert rig.mode is Mode.TRACKING, (rig.mode, rig.tick.controller.machine.cause)
     return with_kalman(recorder.recording())

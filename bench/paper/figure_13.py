@@ -13,7 +13,7 @@ from bench.study.recording import Recording
 from daemon.commands.demo_story import Story
 
 MODE_COLOURS = {"tracking": "#e4eef7", "admittance": "#fde3c8"}
-TIMING = ("cycles", "missed", "lateness_us", "tick_us")  # of the machine, not of the experiment
+TIMING = ("ticks", "missed", "lateness_us", "tick_us")  # of the machine, not of the experiment
 
 
 def make(seed: int) -> Made:

@@ -21,7 +21,7 @@ from simulator.sensors import Readings
 
 ELBOW, YAW, PITCH = 2, 5, 6  # joints that are disturbed; nodes are one more
 
-Fault = Callable[["Stage"], Iterator[None]]
+Fault = Callable[["BreakableArm"], Iterator[None]]
 """What is between two `yield`s happens before a tick; when it is closed, the cause is gone."""
 
 
@@ -32,7 +32,7 @@ def for_ever() -> Iterator[None]:
 
 
 @dataclass(slots=True)
-class Stage:
+class BreakableArm:
     """The rig, and what can be broken about it."""
 
     rig: Rig
@@ -57,11 +57,11 @@ class Stage:
             rig.arm.advance(rig.arm.now + self.left_out * self.period_s)
             rig.ticks += self.left_out
         wakeup = Wakeup(lateness_s=self.late_s, left_out=self.left_out) if self.late_s else ON_TIME
-        rig.cycle.begin(rig.time_s)
+        rig.tick.begin(rig.time_s)
         if not self.bus.sent:
             rig.arm.advance(rig.arm.now + self.period_s)  # without a SYNC nobody else moves it
         rig.lockstep.pump()
-        rig.cycle.finish(0.0, wakeup)
+        rig.tick.finish(0.0, wakeup)
         rig.ticks += 1
 
     def silence(self) -> None:
@@ -81,11 +81,11 @@ class Stage:
         for _ in range(100):
             self.tick()
             faulty = [
-                state for state in self.rig.cycle.drives.samples.states if state in FAULT_STATES
+                state for state in self.rig.tick.drives.samples.states if state in FAULT_STATES
             ]
             if self.rig.mode is mode and not faulty:
                 return
-        raise AssertionError(f"{self.rig.mode}: {self.rig.cycle.controller.machine.cause}")
+        raise AssertionError(f"{self.rig.mode}: {self.rig.tick.controller.machine.cause}")
 
     def setpoints(self) -> dict[int, tuple[int, int]]:
         """By node: the controlword and the target velocity [counts] that the last tick sent."""
@@ -171,7 +171,7 @@ def _configured(c: Configuration) -> Configuration:
 
 
 @contextmanager
-def stage() -> Iterator[Stage]:
+def stage() -> Iterator[BreakableArm]:
     """A booted arm, off, on a bus that can be broken."""
     buses: list[FaultyBus] = []
 
@@ -180,25 +180,25 @@ def stage() -> Iterator[Stage]:
         return buses[0]
 
     with lockstep_rig(configure=_configured, bus=between) as rig:
-        made = Stage(rig, buses[0], rig.arm.plant.q.copy())
+        made = BreakableArm(rig, buses[0], rig.arm.plant.q.copy())
         read = rig.arm.sensors.read
         rig.arm.sensors.read = lambda *state: made.sense(read(*state))  # type: ignore[method-assign]
         made.run(0.1)
         yield made
 
 
-def start(on: Stage, *, armed: bool) -> None:
+def start(on: BreakableArm, *, armed: bool) -> None:
     """From off: enable, move all joints, and arm if asked."""
     on.until(Mode.HOLDING, Event.ENABLE)
     on.rig.request(Event.START)
     on.run(0.25)
-    assert on.rig.mode is Mode.TRACKING, on.rig.cycle.controller.machine.cause
+    assert on.rig.mode is Mode.TRACKING, on.rig.tick.controller.machine.cause
     if armed:
         # Whether it would be allowed so soon after the fault before is not what is asked here.
-        on.rig.cycle.controller.machine.arm("the bench")
+        on.rig.tick.controller.machine.arm("the bench")
 
 
-def restore(on: Stage) -> None:
+def restore(on: BreakableArm) -> None:
     """Off, with the arm where it was at first, and no fault latched."""
     on.run(0.05)
     on.until(Mode.OFF, Event.RESET if on.rig.mode is Mode.FAULTED else Event.DISABLE)

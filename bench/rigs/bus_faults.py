@@ -5,22 +5,22 @@ from collections.abc import Iterator
 
 import can
 
-from bench.rigs.breakable_arm import ELBOW, Fault, Stage, for_ever
+from bench.rigs.breakable_arm import ELBOW, BreakableArm, Fault, for_ever
 
 ERROR = {"is_extended_id": False, "is_error_frame": True}
 
 
-def one_pdo_missing(on: Stage) -> Iterator[None]:
+def one_pdo_missing(on: BreakableArm) -> Iterator[None]:
     with on.losing(0x281 + ELBOW):
         yield
 
 
-def pdos_stale(on: Stage) -> Iterator[None]:
+def pdos_stale(on: BreakableArm) -> Iterator[None]:
     with on.losing(0x181 + ELBOW, 0x281 + ELBOW):
         yield from for_ever()
 
 
-def pdos_lost_in_turn(on: Stage) -> Iterator[None]:
+def pdos_lost_in_turn(on: BreakableArm) -> Iterator[None]:
     """Never a tick with all drives, never two in a row without the same one."""
     while True:
         for node in (1, 2):
@@ -28,14 +28,14 @@ def pdos_lost_in_turn(on: Stage) -> Iterator[None]:
                 yield
 
 
-def pdos_stale_on_a_late_machine(on: Stage) -> Iterator[None]:
+def pdos_stale_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
     with on.losing(0x181 + ELBOW, 0x281 + ELBOW), on.late(0.012):
         for _ in range(4):
             yield
 
 
 def foreign(cob_id: int, data: bytes = b"") -> Fault:
-    def fault(on: Stage) -> Iterator[None]:
+    def fault(on: BreakableArm) -> Iterator[None]:
         on.bus.add(cob_id, data)
         yield
 
@@ -46,25 +46,25 @@ def _full_queue() -> Exception:
     return can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
 
 
-def one_enobufs(on: Stage) -> Iterator[None]:
+def one_enobufs(on: BreakableArm) -> Iterator[None]:
     with on.raising(_full_queue()):
         yield
 
 
-def enobufs(on: Stage) -> Iterator[None]:
+def enobufs(on: BreakableArm) -> Iterator[None]:
     with on.raising(_full_queue()):
         for _ in range(5):
             yield
 
 
-def bus_down(on: Stage) -> Iterator[None]:
+def bus_down(on: BreakableArm) -> Iterator[None]:
     down = can.CanOperationError("Error receiving: Network is down", errno.ENETDOWN)
     with on.raising(down, down):
         for _ in range(20):
             yield
 
 
-def old_frames(on: Stage) -> Iterator[None]:
+def old_frames(on: BreakableArm) -> Iterator[None]:
     """The bus returns, and every drive's answers of the last half second come at once."""
     drives = on.rig.arm.drives
     for _ in range(4):
@@ -75,18 +75,18 @@ def old_frames(on: Stage) -> Iterator[None]:
         yield
 
 
-def error_passive(on: Stage) -> Iterator[None]:
+def error_passive(on: BreakableArm) -> Iterator[None]:
     on.bus.add(0x004, b"\0\x20\0\0\0\0\0\0", **ERROR)
     yield
 
 
-def bus_off(on: Stage) -> Iterator[None]:
+def bus_off(on: BreakableArm) -> Iterator[None]:
     on.bus.add(0x040, bytes(8), **ERROR)
     with on.raising(_full_queue()):
         yield
 
 
-def adapter_gone(on: Stage) -> Iterator[None]:
+def adapter_gone(on: BreakableArm) -> Iterator[None]:
     with on.raising(
         OSError(errno.ENODEV, "No such device"), OSError(errno.ENODEV, "No such device")
     ):

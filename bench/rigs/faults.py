@@ -6,7 +6,7 @@ Faults of processes (SIGSTOP, SIGKILL, a second daemon) are no part of it.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from bench.rigs.breakable_arm import Fault, Stage
+from bench.rigs.breakable_arm import BreakableArm, Fault
 from bench.rigs.bus_faults import (
     adapter_gone,
     bus_down,
@@ -50,14 +50,14 @@ from daemon.faults.table import Condition
 
 
 def late(seconds: float) -> Fault:
-    def fault(on: Stage) -> Iterator[None]:
+    def fault(on: BreakableArm) -> Iterator[None]:
         with on.late(seconds):
             yield
 
     return fault
 
 
-def late_ticks(on: Stage) -> Iterator[None]:
+def late_ticks(on: BreakableArm) -> Iterator[None]:
     with on.late(0.012):
         for _ in range(8):
             yield

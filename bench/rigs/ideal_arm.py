@@ -8,25 +8,27 @@ import numpy as np
 from arrays import Vector
 from daemon.modes.contact_reactions import AfterQuiet, Reactions
 from daemon.modes.table import ENERGISED, Event, Mode
-from daemon.motion.admittance import AdmittanceLaw, Gains, GuidedBounds
+from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
 from daemon.motion.limits import Limits
-from daemon.motion.motion import Manner, Motion
+from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place, Sinusoids
-from daemon.tick.controller import Controller, Decision, Observed, Tuning
+from daemon.tick.controller import ControlInput, Controller, ControllerSettings, Decision
 
 T = 0.01
 AMPLITUDE, FREQUENCY = 0.3, 0.2  # of joint a; b holds
-TUNING = Tuning(
+TUNING = ControllerSettings(
     joints=("a", "b"),
     ends=("hold", "brake"),
     reactions=Reactions(),
     quiet_s=2.0,
     after_quiet=AfterQuiet.RESUME,
-    bounds=GuidedBounds(max_duration_s=5.0, max_excursion=0.4),
+    bounds=AllowanceSettings(max_duration_s=5.0, max_excursion=0.4),
     enable_timeout_s=3.0,
     stop_timeout_s=3.0,
 )
-MANNER = Manner(position_gain=8.0, return_velocity=0.2, retract_velocity=0.4, retract_distance=0.1)
+MANNER = MotionSettings(
+    position_gain=8.0, return_velocity=0.2, retract_velocity=0.4, retract_distance=0.1
+)
 LIMITS = Limits(np.full(2, -1.0), np.full(2, 1.0), np.full(2, 1.0), np.full(2, 4.0), T)
 
 
@@ -64,7 +66,7 @@ class IdealArm:
         before = self.decisions[-1].velocity if self.decisions else np.zeros(2)
         # Its drives come on with the mode, and go off with it.
         on = (self.mode in ENERGISED,) * 2
-        calm = Observed(self.q.copy(), before, np.zeros(2), "", "", on, (), tuple)
+        calm = ControlInput(self.q.copy(), before, np.zeros(2), "", "", on, (), tuple)
         decision = self.controller.step(self.time_s, T, replace(calm, **seen))
         self.q = self.q + decision.velocity * T
         self.tick += 1

@@ -12,13 +12,13 @@ import can
 import msgspec
 from can.interfaces.virtual import VirtualBus
 
-from daemon.assembly import build_boot, build_cycle
+from daemon.assembly import build_boot, build_tick
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import State
-from daemon.tick.tick import Cycle
+from daemon.tick.tick import Tick
 from drivers.boot.boot_up import DriveBoot
 from simulator.arm import SimulatedArm
 from simulator.description import SimulationSettings
@@ -54,10 +54,10 @@ class LockstepBus(VirtualBus):
 
 @dataclass(slots=True)
 class Rig:
-    """Both ends; `tick` moves them on by one period."""
+    """Both ends; `step` moves them on by one period."""
 
     robot: Robot
-    cycle: Cycle
+    tick: Tick
     arm: SimulatedArm
     lockstep: Lockstep
     channel: str  # of the virtual bus, for whoever wants to listen
@@ -70,28 +70,28 @@ class Rig:
         """Of the next tick."""
         return self.ticks * self.robot.configuration.period_s
 
-    def tick(self) -> None:
+    def step(self) -> None:
         """SYNC, answers of the simulated drives, decision, setpoints."""
-        self.cycle.begin(self.time_s)
+        self.tick.begin(self.time_s)
         self.lockstep.pump()
-        self.cycle.finish(0.0)
+        self.tick.finish(0.0)
         self.ticks += 1
 
     def run(self, seconds: float, each: Callable[[], None] = lambda: None) -> None:
         """Tick for so long; `each` is called after every tick."""
         for _ in range(round(seconds / self.robot.configuration.period_s)):
-            self.tick()
+            self.step()
             each()
 
     def states(self, seconds: float) -> list[State]:
         """Every State of the next `seconds`."""
         states: list[State] = []
-        self.run(seconds, lambda: states.append(self.cycle.state()))
+        self.run(seconds, lambda: states.append(self.tick.state()))
         return states
 
     def request(self, event: Event) -> None:
         """As a person would; raises AssertionError with the reasons of a refusal."""
-        reasons = self.cycle.controller.request(event, "the bench", self.time_s)
+        reasons = self.tick.controller.request(event, "the bench", self.time_s)
         assert not reasons, reasons
 
     def enable(self) -> None:
@@ -99,12 +99,12 @@ class Rig:
         self.run(0.1)
         self.request(Event.ENABLE)
         self.run(0.5)
-        assert self.mode is Mode.HOLDING, (self.mode, self.cycle.controller.machine.cause)
+        assert self.mode is Mode.HOLDING, (self.mode, self.tick.controller.machine.cause)
 
     @property
     def mode(self) -> Mode:
         """The controller's."""
-        return self.cycle.controller.machine.mode
+        return self.tick.controller.machine.mode
 
 
 @contextmanager
@@ -137,13 +137,13 @@ def lockstep_rig(
         arm = SimulatedArm(description, settings, far.send, hand_script=hand, on_event=on_event)
         lockstep = Lockstep(arm, far)
         arm.power_on()
-        cycle = build_cycle(robot, bus(near), lambda: 0.0)
+        tick = build_tick(robot, bus(near), lambda: 0.0)
         boot = replace(build_boot(robot, near), listen_s=0.0)
         with lockstep.serving():
             boot.boot_up()
-        cycle.drives.start(0.0)
+        tick.drives.start(0.0)
         lockstep.pump()
-        yield Rig(robot, cycle, arm, lockstep, channel, near, boot)
+        yield Rig(robot, tick, arm, lockstep, channel, near, boot)
 
 
 def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:

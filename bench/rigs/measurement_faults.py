@@ -6,13 +6,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from bench.rigs.breakable_arm import ELBOW, PITCH, YAW, Stage, for_ever
+from bench.rigs.breakable_arm import ELBOW, PITCH, YAW, BreakableArm, for_ever
 from daemon.motion.path import Follower, Reference
 from simulator.sensors import Readings
 
 
-def not_a_number(on: Stage) -> Iterator[None]:
-    on.rig.cycle.estimator.residual.values[0][ELBOW] = np.nan
+def not_a_number(on: BreakableArm) -> Iterator[None]:
+    on.rig.tick.estimator.residual.values[0][ELBOW] = np.nan
     yield
 
 
@@ -30,8 +30,8 @@ class _Infinite:
         return replace(self._follower.step(dt), q=np.full(7, np.inf))
 
 
-def infinite_reference(on: Stage) -> Iterator[None]:
-    motion = on.rig.cycle.controller.motion
+def infinite_reference(on: BreakableArm) -> Iterator[None]:
+    motion = on.rig.tick.controller.motion
     follower = motion.follower
     motion.follower = cast(Follower, _Infinite(follower))
     try:
@@ -41,7 +41,7 @@ def infinite_reference(on: Stage) -> Iterator[None]:
         motion.follower = follower
 
 
-def _counts(on: Stage, rad: float) -> int:
+def _counts(on: BreakableArm, rad: float) -> int:
     profile = on.rig.robot.configuration.drives["two_encoder_drive"]
     return round(rad / profile.link_position.scale)
 
@@ -50,7 +50,7 @@ def _at(values: list[int], joint: int, value: int) -> list[int]:
     return [*values[:joint], value, *values[joint + 1 :]]
 
 
-def encoder_jump(on: Stage) -> Iterator[None]:
+def encoder_jump(on: BreakableArm) -> Iterator[None]:
     jump = _counts(on, 0.2)
 
     def jumped(r: Readings) -> Readings:
@@ -60,7 +60,7 @@ def encoder_jump(on: Stage) -> Iterator[None]:
         yield from for_ever()
 
 
-def encoder_frozen(on: Stage) -> Iterator[None]:
+def encoder_frozen(on: BreakableArm) -> Iterator[None]:
     held: list[int] = []
 
     def frozen(r: Readings) -> Readings:
@@ -71,7 +71,7 @@ def encoder_frozen(on: Stage) -> Iterator[None]:
         yield from for_ever()
 
 
-def gear_slips(on: Stage) -> Iterator[None]:
+def gear_slips(on: BreakableArm) -> Iterator[None]:
     slipped = 0.0
 
     def slipping(r: Readings) -> Readings:
@@ -84,7 +84,7 @@ def gear_slips(on: Stage) -> Iterator[None]:
             yield
 
 
-def torque_stuck(on: Stage) -> Iterator[None]:
+def torque_stuck(on: BreakableArm) -> Iterator[None]:
     held: list[int] = []
 
     def stuck(r: Readings) -> Readings:
@@ -95,7 +95,7 @@ def torque_stuck(on: Stage) -> Iterator[None]:
         yield from for_ever()
 
 
-def torque_saturated(on: Stage) -> Iterator[None]:
+def torque_saturated(on: BreakableArm) -> Iterator[None]:
     joint = on.rig.robot.configuration.joints[PITCH].wiring
     full = round(1000 * joint.max_current_A / joint.rated_current_A)
 
@@ -107,7 +107,7 @@ def torque_saturated(on: Stage) -> Iterator[None]:
             yield
 
 
-def hit_hard(on: Stage) -> Iterator[None]:
+def hit_hard(on: BreakableArm) -> Iterator[None]:
     on.rig.arm.external_torque[ELBOW] = 9.0
     try:
         for _ in range(15):
@@ -116,7 +116,7 @@ def hit_hard(on: Stage) -> Iterator[None]:
         on.rig.arm.external_torque[ELBOW] = 0.0
 
 
-def pushed_beyond_a_limit(on: Stage) -> Iterator[None]:
+def pushed_beyond_a_limit(on: BreakableArm) -> Iterator[None]:
     on.rig.arm.external_torque[YAW] = 1.4
     try:
         for _ in range(100):

@@ -14,7 +14,7 @@ import yaml
 from arrays import Vector
 from bench.rigs.arm_batch import SoftHand
 from bench.rigs.lockstep import ROMEO
-from bench.rigs.served_daemon import House, open_house
+from bench.rigs.served_daemon import ServedDaemon, open_house
 from daemon.config.identified import IdentifiedJoint
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
@@ -48,7 +48,7 @@ class OneHand:
 
     began, touching, done = True, True, False
 
-    def __init__(self, house: House, joint: int) -> None:
+    def __init__(self, house: ServedDaemon, joint: int) -> None:
         arm, robot = house.rig.arm, house.rig.robot
         # What the hand feels is where the gap is.
         q = arm.plant.q - arm.plant.phi
@@ -102,7 +102,7 @@ class Arm:
         self.joints = load_robot(self.folder).configuration.joint_names
         self.true: PlantParameters | None = None
 
-    def house(self) -> AbstractContextManager[House]:
+    def house(self) -> AbstractContextManager[ServedDaemon]:
         """The daemon started anew, and the arm where it was left hanging."""
         return open_house(
             self.folder.parent, self.folder, truth=self.truth, simulate=self._simulate
@@ -127,7 +127,7 @@ class Arm:
         with self.house() as house:
             house.rig.enable()
             house.run(0.5)
-            return list(house.rig.cycle.controller.arm("the bench"))
+            return list(house.rig.tick.controller.arm("the bench"))
 
     def found(self) -> list[IdentifiedJoint]:
         """What identified.yaml says of each joint."""
@@ -166,7 +166,7 @@ MISTAKES = {
 }
 
 
-class Afternoon:
+class Person:
     """What a person does, in order; every step says whether it went well."""
 
     def __init__(self, folder: Path, seed: int, tell: Callable[[str], None]) -> None:

@@ -35,7 +35,7 @@ class PatientSocket(ControlSocket):
 
 
 @dataclass(slots=True)
-class House:
+class ServedDaemon:
     """Service, loop and simulated arm; time passes by `tick` alone, and every `idle_s` while no
     client reads."""
 
@@ -50,7 +50,7 @@ class House:
 
     def tick(self) -> None:
         """One tick, and the doors after it."""
-        self.rig.tick()
+        self.rig.step()
         self.service.doors()
 
     def run(self, seconds: float) -> None:
@@ -105,7 +105,9 @@ class House:
 
 
 @contextmanager
-def open_house(folder: Path, robot: Path = SINGLE_JOINT, **both_ends: Any) -> Iterator[House]:
+def open_house(
+    folder: Path, robot: Path = SINGLE_JOINT, **both_ends: Any
+) -> Iterator[ServedDaemon]:
     """The daemon of `robot`, off, with its control socket in `folder`; `both_ends` as of
     `lockstep_rig`."""
     with (
@@ -114,8 +116,8 @@ def open_house(folder: Path, robot: Path = SINGLE_JOINT, **both_ends: Any) -> It
         closing(Notifier()) as notifier,
     ):
         c = rig.robot.configuration
-        loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+        loop = Loop(rig.tick, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
         serials = [identity.serial for identity in rig.boot.identities]
-        heed_identification(rig.cycle, rig.robot, serials)
+        heed_identification(rig.tick, rig.robot, serials)
         rig.run(0.1)
-        yield House(rig, Service(rig.robot, loop, control, [], 1, notifier, serials))
+        yield ServedDaemon(rig, Service(rig.robot, loop, control, [], 1, notifier, serials))

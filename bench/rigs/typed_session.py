@@ -8,7 +8,7 @@ from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.person import Arm, Written
-from bench.rigs.served_daemon import House
+from bench.rigs.served_daemon import ServedDaemon
 from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot
@@ -40,7 +40,7 @@ def identify(folder: Path, step: str, entry: file.Entry) -> None:
 class Typed:
     """A command at the terminal, while time passes."""
 
-    def __init__(self, house: House, *words: str) -> None:
+    def __init__(self, house: ServedDaemon, *words: str) -> None:
         self.house = house
         self._results: list[Result] = []
         command = ["identify", *words, "--socket", str(house.path)]
@@ -75,7 +75,7 @@ class Typed:
         return self._results[0].exit_code, " ".join(self._results[0].output.split())
 
 
-def stopped(house: House, *words: str, after_s: float = MOTION_S) -> tuple[int, str]:
+def stopped(house: ServedDaemon, *words: str, after_s: float = MOTION_S) -> tuple[int, str]:
     """By Ctrl-C."""
     typed = Typed(house, *words)
     typed.moves(after_s)

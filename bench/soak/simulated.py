@@ -1,6 +1,6 @@
 """The lockstep part: simulated hours, every random choice from one seed.
 
-The daemon's cycle and service, the simulated arm, a hand, people, and the faults of
+The daemon's tick and service, the simulated arm, a hand, people, and the faults of
 `bench.rigs.faults` on one virtual bus. Requests reach the service without its socket, so that no
 clock of this machine decides anything.
 """
@@ -21,7 +21,7 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.rigs.breakable_arm import Stage
+from bench.rigs.breakable_arm import BreakableArm
 from bench.rigs.faults import CASES, Case
 from bench.rigs.faulty_bus import FaultyBus
 from bench.rigs.lockstep import Rig, lockstep_rig
@@ -105,7 +105,7 @@ class _Visitor:
 class _Troublemaker:
     """One fault after the other, each for a while."""
 
-    def __init__(self, rng: Random, stage: Stage) -> None:
+    def __init__(self, rng: Random, stage: BreakableArm) -> None:
         self._rng, self._stage = rng, stage
         self._fault: Iterator[None] | None = None
         self._case: Case = FAULTS[0]
@@ -137,7 +137,7 @@ class _Troublemaker:
     def after(self) -> None:
         """After it: was it noticed?"""
         if self._fault is not None:
-            findings = self._stage.rig.cycle.findings
+            findings = self._stage.rig.tick.findings
             self._found |= any(finding.condition is self._case.condition for finding in findings)
 
 
@@ -161,7 +161,7 @@ def run_lockstep(seed: int, hours: float, tell: Tell = lambda share: None) -> Pa
             ControlSocket(Path(folder) / "control") as control,
             contextlib.closing(Notifier()) as notifier,
         ):
-            stage = Stage(rig, buses[0], rig.arm.plant.q.copy())
+            stage = BreakableArm(rig, buses[0], rig.arm.plant.q.copy())
             read = rig.arm.sensors.read
             rig.arm.sensors.read = lambda *state: stage.sense(read(*state))  # type: ignore[method-assign]
             _soak(part, rng, stage, _service(rig, control, notifier), seconds, tell)
@@ -183,7 +183,7 @@ def _silent_log() -> Iterator[None]:
 
 def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
     c = rig.robot.configuration
-    loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+    loop = Loop(rig.tick, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
     # The clock of the rig starts at zero, as the loop's does.
     boot = _LockstepBoot(rig.bus, rig.boot.setups, c.period_ms, c.bus.master_node)
     boot.identities = rig.boot.identities
@@ -192,7 +192,7 @@ def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
 
 
 def _soak(
-    part: Part, rng: Random, stage: Stage, service: Service, seconds: float, tell: Tell
+    part: Part, rng: Random, stage: BreakableArm, service: Service, seconds: float, tell: Tell
 ) -> None:
     rig, c = stage.rig, stage.rig.robot.configuration
     leases = Leases()
@@ -212,7 +212,7 @@ def _soak(
                 touches.append((now, now))
             touches[-1] = (touches[-1][0], now)
         trouble.after()
-        state, plant = rig.cycle.state(), rig.arm.plant  # as it is published
+        state, plant = rig.tick.state(), rig.arm.plant  # as it is published
         service.doors()
         watch.see(
             state,
@@ -268,7 +268,7 @@ class _Sampler:
 
 def _visit(visitor: _Visitor, service: Service, leases: Leases, trouble: bool, part: Part) -> None:
     """Let somebody look at the arm and do what they will."""
-    machine, now = service.loop.cycle.controller.machine, service.loop.time_s
+    machine, now = service.loop.tick.controller.machine, service.loop.time_s
     step = visitor.person.send(View(machine.mode, machine.armed, trouble))
     if step.requests and not visitor.connection:
         visitor.connection = leases.connection()

@@ -164,15 +164,15 @@ def lead(
     start = arm.plant.q.copy()
     way_s = takes(arm, names, to, speed, rests_s)
     while not metered(arm).done:
-        rig.tick()
+        rig.step()
     if not yields(rig):
-        raise click.ClickException(f"{rig.mode}: {rig.cycle.controller.machine.cause}")
+        raise click.ClickException(f"{rig.mode}: {rig.tick.controller.machine.cause}")
     released, coast, drift = rig.time_s, 0.0, 0.0
     commanded = np.zeros(len(names))
     theta, q = arm.plant.theta.copy(), arm.plant.q.copy()
     while yields(rig):
-        rig.tick()
-        decision = rig.cycle.decision
+        rig.step()
+        decision = rig.tick.decision
         assert decision is not None
         commanded += decision.velocity * rig.robot.configuration.period_s
         coast = max(coast, float(np.abs(arm.plant.theta - theta).max()))

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
-from daemon.assembly import build_cycle
+from daemon.assembly import build_tick
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
 from daemon.modes.table import Event, Mode
@@ -162,14 +162,14 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
         clock = Clock(time.monotonic, sleep_until) if waits else in_a_row()
         drives = RecordedDrives(near, answers, round(STEADY_S * hz), 1.0 / hz, clock.now)
         near.channel.append(drives)  # type: ignore[attr-defined]
-        cycle = build_cycle(robot, near, clock.now)
+        tick = build_tick(robot, near, clock.now)
         if load:
             stack.enter_context(hogs(2 * (os.cpu_count() or 1)))
         cyclictest = Cyclictest(hz, seconds, folder / "cyclictest.json")
         if waits:
             stack.enter_context(cyclictest)
         realtime = go_realtime()
-        loop = Loop(cycle, clock, 1.0 / hz)
+        loop = Loop(tick, clock, 1.0 / hz)
         service = Service(robot, loop, control, realtime, os.getpid(), Notifier())
         figures = np.zeros((ticks, 3))  # lateness, CPU time, work [s]
         begun = time.thread_time()
@@ -177,15 +177,15 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
         def doors() -> None:
             nonlocal begun
             service.doors()
-            tick, now = cycle.tick, time.thread_time()
-            figures[tick] = loop.wakeup.lateness_s, now - begun - drives.cpu_s, loop.work_s
+            number, now = tick.number, time.thread_time()
+            figures[number] = loop.wakeup.lateness_s, now - begun - drives.cpu_s, loop.work_s
             begun, drives.cpu_s = now, 0.0
-            if tick in (round(ENABLE_S * hz), round(START_S * hz)):
-                event = Event.ENABLE if tick < START_S * hz / 2 else Event.START
-                assert not (why := cycle.controller.request(event, "the bench", loop.time_s)), why
+            if number in (round(ENABLE_S * hz), round(START_S * hz)):
+                event = Event.ENABLE if number < START_S * hz / 2 else Event.START
+                assert not (why := tick.controller.request(event, "the bench", loop.time_s)), why
 
-        cycle.drives.start(0.0)
-        loop.run(doors, lambda: cycle.tick < ticks - 1)
+        tick.drives.start(0.0)
+        loop.run(doors, lambda: tick.number < ticks - 1)
         beside, why = cyclictest.result() if waits else (None, "")
     figures = 1e6 * figures[WARM_UP_TICKS:]
     third = len(figures) // 3
@@ -196,7 +196,7 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
         joints=len(robot.configuration.joints),
         seconds=seconds,
         realtime=[grant.text for grant in realtime],
-        mode=cycle.controller.machine.mode.value,
+        mode=tick.controller.machine.mode.value,
         missed=loop.missed,
         drift_us=abs(float(drift)),
         lateness_us=lateness,
@@ -232,10 +232,10 @@ def record(hz: int) -> tuple[Robot, Answers]:
                     rig.request(Event.ENABLE)
                 if rig.ticks == round(START_S * hz) + 1:
                     rig.request(Event.START)
-                rig.tick()
+                rig.step()
                 heard = iter(lambda: ear.recv(0.0), None)
                 answers.append(tuple(m for m in heard if _of_a_drive(m, nodes)))
-        assert rig.mode is Mode.TRACKING, rig.cycle.controller.machine.cause
+        assert rig.mode is Mode.TRACKING, rig.tick.controller.machine.cause
         return rig.robot, answers
 
 

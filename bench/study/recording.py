@@ -88,7 +88,7 @@ class Recorder:
 
     def __call__(self) -> None:
         rig, plant = self._rig, self._rig.arm.plant
-        samples, estimate, decision = rig.cycle.samples, rig.cycle.estimate, rig.cycle.decision
+        samples, estimate, decision = rig.tick.samples, rig.tick.estimate, rig.tick.decision
         assert samples is not None
         assert estimate is not None
         assert decision is not None
@@ -128,7 +128,7 @@ class Recorder:
         return Recording(
             configuration=self._rig.robot.configuration,
             urdf=self._rig.robot.urdf,
-            delay_s=self._rig.cycle.estimator.delay_s,
+            delay_s=self._rig.tick.estimator.delay_s,
             residuals=residuals,
             **arrays,
         )

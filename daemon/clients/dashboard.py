@@ -194,7 +194,7 @@ def status_view(status: Status) -> RenderableType:
     table.add_row("trajectory", Text(_trajectory(status.trajectory)))
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
     work = f"work at most {status.work_max_us / 1e3:.2f} ms"
-    table.add_row("loop", f"{status.cycles} cycles, {missed}, {work}")
+    table.add_row("loop", f"{status.ticks} ticks, {missed}, {work}")
     table.add_row("real time", _grants(status.realtime))
     uptime = _duration(status.uptime_s)
     table.add_row("process", f"pid {status.pid}, up {uptime}, {status.readers} readers")

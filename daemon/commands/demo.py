@@ -201,7 +201,7 @@ def _print_report(console: Console, story: Story, passed: bool, *, ended: bool) 
     report = story.report(ended_well=ended)
     late, work = report["lateness_us"], report["tick_us"]
     console.print(
-        f"\nloop: {report['cycles']} cycles, {report['missed']} missed; woken late by "
+        f"\nloop: {report['ticks']} ticks, {report['missed']} missed; woken late by "
         f"{late['p50'] / 1000:.2f} ms (median), {late['p99'] / 1000:.2f} ms (p99), "
         f"{late['max'] / 1000:.2f} ms (max); tick {work['p50'] / 1000:.2f} ms (median), "
         f"{work['max'] / 1000:.2f} ms (max)"

@@ -216,7 +216,7 @@ class Story:
         """The object that `contactd demo --json` prints."""
         timing = [state.timing for state in self._states]
         return {
-            "cycles": len(self._states),
+            "ticks": len(self._states),
             "missed": timing[-1].missed - timing[0].missed,
             "lateness_us": percentiles([t.lateness_us for t in timing]),
             "tick_us": percentiles([t.work_us for t in timing[1:]]),

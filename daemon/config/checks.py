@@ -16,7 +16,7 @@ from estimator.model import Model
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Problem:
     """One thing that does not fit: where in the file, and what is allowed."""
 
     keys: list[str | int]
@@ -24,7 +24,7 @@ class Finding:
     what: str
 
 
-def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[Finding]:
+def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[Problem]:
     """Everything wrong with a configuration whose types and ranges are right."""
     findings = [
         *_names_and_nodes(configuration),
@@ -43,57 +43,57 @@ def _at(index: int, joint: Joint, *path: str) -> tuple[list[str | int], str]:
     return ["joints", index, *path], ".".join([f"joints[{index}] ({joint.name})", *path])
 
 
-def _names_and_nodes(c: Configuration) -> Iterator[Finding]:
+def _names_and_nodes(c: Configuration) -> Iterator[Problem]:
     names = Counter(c.joint_names)
     nodes = Counter(joint.wiring.node for joint in c.joints)
     for i, joint in enumerate(c.joints):
         if names[joint.name] > 1:
-            yield Finding(*_at(i, joint, "name"), "two joints have this name")
+            yield Problem(*_at(i, joint, "name"), "two joints have this name")
         if nodes[joint.wiring.node] > 1:
             others = [
                 o.name for o in c.joints if o.wiring.node == joint.wiring.node and o is not joint
             ]
-            yield Finding(
+            yield Problem(
                 *_at(i, joint, "wiring", "node"),
                 f"node {joint.wiring.node} is also that of {', '.join(others)}; "
                 "each drive needs a node id of its own",
             )
         if joint.wiring.node == c.bus.master_node:
-            yield Finding(
+            yield Problem(
                 *_at(i, joint, "wiring", "node"),
                 f"node {joint.wiring.node} is the master's (bus.master_node)",
             )
         if joint.wiring.profile not in c.drives:
-            yield Finding(
+            yield Problem(
                 *_at(i, joint, "wiring", "profile"),
                 f"no drive profile `{joint.wiring.profile}`; there are: {', '.join(c.drives)}",
             )
 
 
-def _joints(c: Configuration) -> Iterator[Finding]:
+def _joints(c: Configuration) -> Iterator[Problem]:
     for i, joint in enumerate(c.joints):
         if joint.limits.lower >= joint.limits.upper:
-            yield Finding(
+            yield Problem(
                 *_at(i, joint, "limits", "lower"),
                 f"{joint.limits.lower:g} must be less than upper ({joint.limits.upper:g})",
             )
         if joint.thresholds.contact >= joint.thresholds.collision:
-            yield Finding(
+            yield Problem(
                 *_at(i, joint, "thresholds", "contact"),
                 f"{joint.thresholds.contact:g} must be less than collision "
                 f"({joint.thresholds.collision:g})",
             )
         spring = joint.gap_spring
         if joint.half_gap == 0 and (spring.stiffness > 0 or spring.damping > 0):
-            yield Finding(
+            yield Problem(
                 *_at(i, joint, "gap_spring"), "must be zero where half_gap is 0: there is no border"
             )
 
 
-def _estimator(c: Configuration) -> Iterator[Finding]:
+def _estimator(c: Configuration) -> Iterator[Problem]:
     gain, limit = c.estimator.gain, 2.0 / c.period_s
     if gain >= limit:
-        yield Finding(
+        yield Problem(
             ["estimator", "gain"],
             "estimator.gain",
             f"{gain:g} /s rings at a period of {c.period_ms} ms: T K must be less than 2, "
@@ -104,23 +104,23 @@ def _estimator(c: Configuration) -> Iterator[Finding]:
             profile = c.drives.get(joint.wiring.profile)
             sent = profile and any("motor_position" in p for p in profile.tpdo.values())
             if profile and not sent:
-                yield Finding(
+                yield Problem(
                     *_at(i, joint, "wiring", "profile"),
                     f"`{joint.wiring.profile}` sends no motor_position, which "
                     "estimator.motor_position: measured needs (or choose integrated)",
                 )
 
 
-def _profiles(c: Configuration, folder: Path) -> Iterator[Finding]:
+def _profiles(c: Configuration, folder: Path) -> Iterator[Problem]:
     used = {joint.wiring.profile for joint in c.joints}
     for name, profile in c.drives.items():
         if name not in used:
-            yield Finding(["drives", name], f"drives.{name}", "no joint uses this profile")
+            yield Problem(["drives", name], f"drives.{name}", "no joint uses this profile")
         for what in _data_sheet(c, name, folder):
-            yield Finding(["drives", name], f"drives.{name}", what)
+            yield Problem(["drives", name], f"drives.{name}", what)
         # A drive must survive one lost heartbeat of ours, which is sent every third of the time.
         if profile.master_timeout_ms < 3 * c.period_ms:
-            yield Finding(
+            yield Problem(
                 ["drives", name, "master_timeout_ms"],
                 f"drives.{name}.master_timeout_ms",
                 f"{profile.master_timeout_ms} ms must be at least three periods "
@@ -151,67 +151,67 @@ def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
     return [f"{profile.eds}: {what}" for what in dict.fromkeys(found)]
 
 
-def _counts(c: Configuration) -> Iterator[Finding]:
+def _counts(c: Configuration) -> Iterator[Problem]:
     for i, joint in enumerate(c.joints):
         profile = c.drives.get(joint.wiring.profile)
         for entry, what in misfits(joint, profile) if profile else ():
             keys, where = _at(i, joint, "wiring")
-            yield Finding(keys, where, f"{joint.wiring.profile}.{entry}: {what}")
+            yield Problem(keys, where, f"{joint.wiring.profile}.{entry}: {what}")
 
 
-def _trajectory(c: Configuration) -> Iterator[Finding]:
+def _trajectory(c: Configuration) -> Iterator[Problem]:
     joints = {joint.name: joint for joint in c.joints}
     if c.trajectory.file is not None and c.trajectory.sinusoids:
-        yield Finding(
+        yield Problem(
             ["trajectory", "file"], "trajectory.file", "either a file or sinusoids, not both"
         )
     for name, wave in c.trajectory.sinusoids.items():
         keys: list[str | int] = ["trajectory", "sinusoids", name]
         where = f"trajectory.sinusoids.{name}"
         if name not in joints:
-            yield Finding(keys, where, f"no such joint; there are: {', '.join(joints)}")
+            yield Problem(keys, where, f"no such joint; there are: {', '.join(joints)}")
             continue
         limits, omega = joints[name].limits, 2 * math.pi * wave.frequency_Hz
         if (peak := wave.amplitude * omega) > limits.velocity:
-            yield Finding(
+            yield Problem(
                 keys, where, f"its speed of {peak:.3g} rad/s is above the limit {limits.velocity:g}"
             )
         # A w^2 |sin| with A w |cos| / ramp of a soft start, which may fall on any phase.
         peak = wave.amplitude * omega * math.hypot(omega, 1.0 / c.trajectory.ramp_s)
         if peak > limits.acceleration:
-            yield Finding(
+            yield Problem(
                 keys,
                 where,
                 f"its acceleration of {peak:.3g} rad/s2 (a soft start included) is above the limit "
                 f"{limits.acceleration:g}",
             )
         if 2 * wave.amplitude > limits.upper - limits.lower:
-            yield Finding(
+            yield Problem(
                 keys,
                 where,
                 f"does not fit between the limits {limits.lower:g} and {limits.upper:g}",
             )
 
 
-def _urdf(c: Configuration, urdf: str) -> Iterator[Finding]:
+def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
     try:
         model = Model(urdf, c.joint_names)
     except ModelError as error:
-        yield Finding(["urdf"], f"urdf ({c.urdf})", str(error))
+        yield Problem(["urdf"], f"urdf ({c.urdf})", str(error))
         return
     for i, joint in enumerate(c.joints):
         lower, upper = float(model.lower[i]), float(model.upper[i])
         if joint.limits.lower < lower or joint.limits.upper > upper:
-            yield Finding(
+            yield Problem(
                 *_at(i, joint, "limits"),
                 f"[{joint.limits.lower:g}, {joint.limits.upper:g}] goes beyond the URDF's "
                 f"[{lower:g}, {upper:g}] rad",
             )
 
 
-def _load(c: Configuration) -> Iterator[Finding]:
+def _load(c: Configuration) -> Iterator[Problem]:
     joints = [(joint.name, joint.wiring) for joint in c.joints]
     try:
         refuse_overload(joints, c.drives, c.period_s, c.bus.bitrate)
     except ConfigurationError as error:
-        yield Finding(["bus", "bitrate"], "bus.bitrate", str(error))
+        yield Problem(["bus", "bitrate"], "bus.bitrate", str(error))

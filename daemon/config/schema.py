@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from daemon.modes.contact_reactions import AfterQuiet, Reaction
+from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.motion.admittance import MAX_GAIN
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
 from estimator.settings import EstimatorSettings
@@ -76,7 +76,7 @@ class Joint(Settings, frozen=True):
     end: Literal["hold", "brake", "limp"] = "hold"
 
 
-class Control(Settings, frozen=True):
+class PositionLoop(Settings, frozen=True):
     """The loop on link position that turns a reference into a target velocity."""
 
     # Quiet up to 8 /s, cycles in the gap at 40 /s.
@@ -102,8 +102,8 @@ class ReactionSettings(Settings, frozen=True):
     """What a contact leads to while the arm is armed. While it is not, a contact is only reported
     and a collision stops the arm, whatever is said here."""
 
-    contact: Reaction = Reaction.ADMITTANCE  # beyond `thresholds.contact`
-    collision: Reaction = Reaction.ADMITTANCE  # beyond `thresholds.collision`
+    contact: ContactReaction = ContactReaction.ADMITTANCE  # beyond `thresholds.contact`
+    collision: ContactReaction = ContactReaction.ADMITTANCE  # beyond `thresholds.collision`
     retract_distance: Annotated[float, Meta(gt=0, le=1)] = 0.15  # of the furthest joint [rad]
     retract_velocity: Speed = 0.4  # [rad/s]
 
@@ -157,7 +157,7 @@ class Configuration(Settings, frozen=True):
     joints: Annotated[list[Joint], Meta(min_length=1, max_length=32)]
     identified: Name = "identified.yaml"  # beside the configuration; need not exist
     estimator: EstimatorSettings = EstimatorSettings()
-    control: Control = Control()
+    control: PositionLoop = PositionLoop()
     admittance: Admittance = Admittance()
     reactions: ReactionSettings = ReactionSettings()
     trajectory: Trajectory = Trajectory()

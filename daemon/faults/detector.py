@@ -16,12 +16,12 @@ from drivers.cia402 import DriveState
 from drivers.events import (
     AdapterGone,
     BadSetpoint,
+    BusEvent,
     BusOff,
     BusTrouble,
     Disobedient,
     Emergency,
     ErrorPassive,
-    Event,
     ForeignMaster,
     HeartbeatLost,
     LateAnswer,
@@ -31,7 +31,7 @@ from drivers.events import (
     told,
 )
 
-CONDITION_OF: dict[type[Event], Condition] = {
+CONDITION_OF: dict[type[BusEvent], Condition] = {
     HeartbeatLost: Condition.HEARTBEAT_LOST,
     Emergency: Condition.EMERGENCY,
     Rebooted: Condition.REBOOTED,
@@ -53,7 +53,7 @@ STARVED_FACTOR = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Patience:
+class DetectorSettings:
     """How long a nuisance may last before it becomes a doubt."""
 
     stale_ticks: int
@@ -61,13 +61,13 @@ class Patience:
     master_timeout_s: float  # how long the drives wait for our heartbeat
 
 
-class Observer:
+class FaultDetector:
     """Names what holds; counts what takes several ticks to become a doubt."""
 
     def __init__(
         self,
         joints: Mapping[int, str],
-        patience: Patience,
+        patience: DetectorSettings,
         plausibility: Plausibility,
         following: Following,
     ) -> None:
@@ -130,7 +130,7 @@ class Observer:
             found += self._of_values(samples, mode, residual, interval_s)
         return tuple(found)
 
-    def _of_events(self, events: Sequence[Event]) -> Iterator[Finding]:
+    def _of_events(self, events: Sequence[BusEvent]) -> Iterator[Finding]:
         disturbances = [event for event in events if isinstance(event, DISTURBANCES)]
         self._disturbed_in_row = self._disturbed_in_row + 1 if disturbances else 0
         for event in events:
@@ -199,7 +199,7 @@ class Observer:
                 continue  # the hand that leads the arm is stronger than the motor
             yield Finding(doubt.condition, self._names[doubt.joint], doubt.figures)
         if mode in SENSING:
-            astray = self._following.astray(samples.motor_velocity, samples.current)
-            for joint in np.flatnonzero(astray).tolist():
+            not_following = self._following.not_following(samples.motor_velocity, samples.current)
+            for joint in np.flatnonzero(not_following).tolist():
                 figures = self._following.figures(joint)
                 yield Finding(Condition.NOT_FOLLOWING, self._names[joint], figures)

@@ -24,7 +24,7 @@ LATENCY_TICKS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
-class FollowingBounds:
+class FollowingSettings:
     """Arrays of shape (n,)."""
 
     deviation: Vector  # of the motor's velocity from its setpoints [rad/s]
@@ -35,7 +35,7 @@ class FollowingBounds:
 class Following:
     """Compares velocities with all setpoints that a motor may still be obeying."""
 
-    def __init__(self, bounds: FollowingBounds, period_s: float) -> None:
+    def __init__(self, bounds: FollowingSettings, period_s: float) -> None:
         self._bounds = bounds
         self._pressing = PRESSING_SHARE * bounds.current
         n = len(bounds.current)
@@ -56,7 +56,7 @@ class Following:
         self._told[self._next] = setpoint
         self._next = (self._next + 1) % len(self._told)
 
-    def astray(self, velocity: Vector, current: Vector) -> NDArray[np.bool_]:
+    def not_following(self, velocity: Vector, current: Vector) -> NDArray[np.bool_]:
         """Joints whose drives do not follow: motor velocity [rad/s] and current [A] of a tick."""
         deviation = self._bounds.deviation
         if not np.count_nonzero(np.abs(velocity - self._told[self._next - 1]) > deviation):
@@ -70,8 +70,8 @@ class Following:
         np.logical_and(faster > deviation, current > -self._pressing, out=self._too_fast)
         self._in_row += 1
         self._in_row *= self._too_slow | self._too_fast
-        astray: NDArray[np.bool_] = self._in_row >= TICKS
-        return astray
+        not_following: NDArray[np.bool_] = self._in_row >= TICKS
+        return not_following
 
     def figures(self, joint: int) -> str:
         """By how much a joint that is astray differs from the nearest of its setpoints."""

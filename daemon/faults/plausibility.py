@@ -52,7 +52,7 @@ _FIGURES: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Bounds:
+class PlausibilitySettings:
     """What each joint may show, arrays of shape (n,)."""
 
     lower: Vector  # joint limits [rad]
@@ -79,7 +79,7 @@ class Doubt:
 class Plausibility:
     """Compares each tick's complete samples with the bounds, and with those before."""
 
-    def __init__(self, bounds: Bounds) -> None:
+    def __init__(self, bounds: PlausibilitySettings) -> None:
         n = len(bounds.speed)
         self._b = bounds
         self._middle = 0.5 * (bounds.upper + bounds.lower)

@@ -16,7 +16,7 @@ from typing import Final
 from daemon.modes.table import Event
 
 
-class Reaction(IntEnum):
+class Response(IntEnum):
     """In rising order of strength."""
 
     CONTINUE = 0  # noted; arming waits until it is over
@@ -64,14 +64,14 @@ class Condition(StrEnum):
 class Row:
     """The reaction to a condition, when the condition is found, and why that reaction."""
 
-    reaction: Reaction
+    response: Response
     when: str
     why: str
 
 
-_C, _R = Condition, Reaction
+_C, _R = Condition, Response
 
-REACTIONS: Final[dict[Condition, Row]] = {
+TABLE: Final[dict[Condition, Row]] = {
     # --- drives and bus -----------------------------------------------------------------------
     _C.SAMPLE_MISSING: Row(
         _R.CONTINUE,
@@ -237,11 +237,11 @@ REACTIONS: Final[dict[Condition, Row]] = {
     ),
 }
 
-EVENT_OF: Final[dict[Reaction, Event | None]] = {
-    Reaction.CONTINUE: None,
-    Reaction.HOLD: Event.DOUBT,
-    Reaction.QUICK_STOP: Event.FAULT,
-    Reaction.FAULT_EXIT: Event.FAULT,
+EVENT_OF: Final[dict[Response, Event | None]] = {
+    Response.CONTINUE: None,
+    Response.HOLD: Event.DOUBT,
+    Response.QUICK_STOP: Event.FAULT,
+    Response.FAULT_EXIT: Event.FAULT,
 }
 
 
@@ -255,9 +255,9 @@ class Finding:
     figures: str = field(default="", compare=False)
 
     @property
-    def reaction(self) -> Reaction:
+    def response(self) -> Response:
         """What the table asks for."""
-        return REACTIONS[self.condition].reaction
+        return TABLE[self.condition].response
 
     def __str__(self) -> str:
         words = f"{self.condition.value}: {self.text}" if self.text else self.condition.value
@@ -266,4 +266,4 @@ class Finding:
 
 def strongest(findings: tuple[Finding, ...]) -> Finding | None:
     """The finding whose reaction wins; the first among equals."""
-    return max(findings, key=lambda finding: finding.reaction, default=None)
+    return max(findings, key=lambda finding: finding.response, default=None)

@@ -23,7 +23,7 @@ from daemon.clients.client import Client
 from daemon.config.schema import Configuration
 from daemon.identify.measured import configuration_of
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Command, Event, State, Status
+from daemon.protocol.messages import Command, Notice, State, Status
 from errors import ContactdError, ControlError, LogError, UnreachableError
 
 _SETTLE_S = 6.0
@@ -31,7 +31,7 @@ _SETTLE_S = 6.0
 _OURS = frozenset({Mode.HOLDING.value, Mode.TRACKING.value})
 
 
-Told = Callable[[Event], str]
+Told = Callable[[Notice], str]
 """Of a contact; empty where there is nothing to say."""
 
 
@@ -55,7 +55,7 @@ class InterruptedStepError(ContactdError):
 
 
 def followed(
-    states: Iterable[State], each: Callable[[State], bool], felt: Callable[[Event], None]
+    states: Iterable[State], each: Callable[[State], bool], felt: Callable[[Notice], None]
 ) -> str:
     """Until the trajectory has come to its end, or `each`, which sees all of it, has enough. The
     answer says what else ended it; `felt` is told of contacts as they come."""
@@ -151,7 +151,7 @@ class Session:
         recorded. The arm holds afterwards if it still can.
         """
 
-        def felt(event: Event) -> None:
+        def felt(event: Notice) -> None:
             if text := of_contact(event):
                 self.say(text)
 
@@ -221,7 +221,7 @@ class Session:
             raise failures[0]
 
 
-def left_out(event: Event) -> str:
+def left_out(event: Notice) -> str:
     """Friction and thresholds learn nothing from what lies around a touch."""
     return f"{event.text}: if that was you, hands off; it is discarded"
 
@@ -229,7 +229,7 @@ def left_out(event: Event) -> str:
 def spoils_wiring_of(joint: str) -> Told:
     """The wiring is judged by all of so short a motion."""
 
-    def told(event: Event) -> str:
+    def told(event: Notice) -> str:
         return f"{event.text}: if that was you, hands off, and check the wiring of {joint} again"
 
     return told
@@ -238,7 +238,7 @@ def spoils_wiring_of(joint: str) -> Told:
 def alone(joint: str) -> Told:
     """A hand is to push this joint, of which there is nothing to say, and no other."""
 
-    def told(event: Event) -> str:
+    def told(event: Notice) -> str:
         contact = event.contact
         if contact is None or contact.joint == joint:
             return ""

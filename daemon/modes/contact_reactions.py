@@ -7,7 +7,7 @@ from enum import StrEnum
 from daemon.modes.table import Event, Mode
 
 
-class Reaction(StrEnum):
+class ContactReaction(StrEnum):
     """What the arm does about a contact while it is armed."""
 
     REPORT = "report"  # nothing but say so
@@ -25,12 +25,12 @@ class AfterQuiet(StrEnum):
     RETURN = "return"  # from where the contact took it, after going back there slowly
 
 
-EVENT_OF: dict[Reaction, Event | None] = {
-    Reaction.REPORT: None,
-    Reaction.ADMITTANCE: Event.TOUCH,
-    Reaction.RETRACT: Event.RETRACT,
-    Reaction.HOLD: Event.HALT,
-    Reaction.QUICK_STOP: Event.FAULT,
+EVENT_OF: dict[ContactReaction, Event | None] = {
+    ContactReaction.REPORT: None,
+    ContactReaction.ADMITTANCE: Event.TOUCH,
+    ContactReaction.RETRACT: Event.RETRACT,
+    ContactReaction.HOLD: Event.HALT,
+    ContactReaction.QUICK_STOP: Event.FAULT,
 }
 
 # Where a contact counts as long as it lasts; elsewhere one is being reacted to already, and only a
@@ -42,8 +42,8 @@ ATTENTIVE = frozenset({Mode.HOLDING, Mode.TRACKING, Mode.RETURNING})
 class Reactions:
     """The reaction to each level."""
 
-    contact: Reaction = Reaction.ADMITTANCE
-    collision: Reaction = Reaction.ADMITTANCE
+    contact: ContactReaction = ContactReaction.ADMITTANCE
+    collision: ContactReaction = ContactReaction.ADMITTANCE
 
     def to_contact(self, armed: bool) -> Event | None:
         """What a contact that lasts leads to: nothing while the arm is not armed."""
@@ -51,6 +51,6 @@ class Reactions:
 
     def to_collision(self, armed: bool) -> Event | None:
         """What a collision that begins leads to: not armed, the arm stops whatever is chosen."""
-        if armed or self.collision is Reaction.QUICK_STOP:
+        if armed or self.collision is ContactReaction.QUICK_STOP:
             return EVENT_OF[self.collision]
         return Event.HALT

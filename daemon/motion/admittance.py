@@ -59,7 +59,7 @@ class Gains:
 
 
 @dataclass(frozen=True, slots=True)
-class GuidedBounds:
+class AllowanceSettings:
     """How long [s] and how far [rad] contacts may lead the arm."""
 
     max_duration_s: float
@@ -74,7 +74,7 @@ class Allowance:
     what the arm does by itself, in sum: a biased residual cannot walk the arm away in small steps.
     """
 
-    def __init__(self, bounds: GuidedBounds, n: int) -> None:
+    def __init__(self, bounds: AllowanceSettings, n: int) -> None:
         self._bounds = bounds
         self._spent_s = 0.0
         self._moved = np.zeros(n)

@@ -19,7 +19,7 @@ PLANNED_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
+class MotionSettings:
     """What the configuration says about motion."""
 
     position_gain: float  # [1/s]
@@ -33,7 +33,7 @@ class Motion:
 
     def __init__(
         self,
-        manner: Manner,
+        manner: MotionSettings,
         limits: Limits,
         law: AdmittanceLaw,
         gains: Gains,

@@ -110,7 +110,7 @@ class Contact(msgspec.Struct, frozen=True, kw_only=True):
     side: str  # gap state of the joint
 
 
-class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+class Notice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Something that happened in this tick: a change of mode or permission, a contact, a fault."""
 
     kind: Literal["mode", "contact", "fault"]
@@ -165,7 +165,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     reference: PerJoint  # desired q [rad]
     setpoint: PerJoint  # target velocity [rad/s]
     quiet_s: float  # since the last tick with a non-zero thresholded residual
-    events: list[Event]
+    events: list[Notice]
     timing: Timing
 
 
@@ -214,7 +214,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     cause: str
     trajectory: Trajectory
     checks: list[Check]  # what arming needs
-    cycles: int
+    ticks: int
     missed: int
     lateness_max_us: float
     work_max_us: float

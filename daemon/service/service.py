@@ -22,7 +22,7 @@ from daemon.service.notify import Notifier
 from daemon.service.permission import Permission
 from daemon.service.socket import ControlSocket
 from daemon.service.status import snapshot_of, status_of
-from daemon.service.upload import LoadingDock
+from daemon.service.upload import TrajectoryUpload
 from daemon.tick.loop import Loop
 from drivers.boot.boot_up import DriveBoot
 from errors import ContactdError, TrajectoryError
@@ -81,7 +81,7 @@ class Service:
     boot: DriveBoot | None = None  # None: the drives cannot be set up again from here
     on_fault: Callable[[str], None] = lambda text: None
     ending: bool = False  # the arm is being brought to rest for good
-    dock: LoadingDock = field(init=False)
+    dock: TrajectoryUpload = field(init=False)
     permission: Permission = field(init=False)
     place: str = field(init=False)  # of config.yaml; the file system is asked only once
     _limit: LogLimit = field(default_factory=LogLimit)
@@ -89,19 +89,19 @@ class Service:
     def __post_init__(self) -> None:
         c = self.robot.configuration
         self.place = str(self.robot.place())
-        self.dock = LoadingDock(c.joint_names, limits_of(c), c.trajectory.ramp_s)
-        cycle = self.loop.cycle
-        self.permission = Permission(cycle.controller, cycle.checks)
+        self.dock = TrajectoryUpload(c.joint_names, limits_of(c), c.trajectory.ramp_s)
+        tick = self.loop.tick
+        self.permission = Permission(tick.controller, tick.checks)
         self.control.on_close = self._on_close
 
     # --- after every tick -------------------------------------------------------------------
 
     def doors(self) -> None:
         """Publish the tick, log its events, serve the control socket: bounded work."""
-        cycle = self.loop.cycle
-        if self.control.readers and cycle.decision is not None:
-            self.control.publish(cycle.state(self.loop.wakeup))
-        for event in cycle.events:
+        tick = self.loop.tick
+        if self.control.readers and tick.decision is not None:
+            self.control.publish(tick.state(self.loop.wakeup))
+        for event in tick.events:
             if event.kind == "fault" or self._limit.admit(event.text, self.loop.time_s):
                 self._tell(event.kind, event.text)
             if event.kind == "fault":
@@ -116,12 +116,12 @@ class Service:
         self.notifier.ticked(self.loop.wakeup.monotonic_s)
 
     def _tell(self, kind: str, text: str) -> None:
-        place = {"kind": kind, "tick": self.loop.cycle.tick}
+        place = {"kind": kind, "tick": self.loop.tick.number}
         _log.log(_LEVELS[kind], "%s", text, extra=place)
 
     def summary(self) -> str:
         """The mode and its cause, in one line."""
-        machine = self.loop.cycle.controller.machine
+        machine = self.loop.tick.controller.machine
         return f"{_outcome(machine)}: {machine.cause}"
 
     def handle(self, request: Request, peer: Peer) -> Reply:
@@ -130,13 +130,13 @@ class Service:
             return self._reply(request, misplaced)
         if self.ending and request.command not in AT_THE_END:
             return self._reply(request, ["the daemon is ending"])
-        controller = self.loop.cycle.controller
+        controller = self.loop.tick.controller
         who = str(Owner(peer.uid, peer.pid))
         match request.command:
             case "status":
                 reply = self._reply(request, [], status=self._status())
             case "subscribe":
-                reply = self._reply(request, [], snapshot=snapshot_of(self.robot, self.loop.cycle))
+                reply = self._reply(request, [], snapshot=snapshot_of(self.robot, self.loop.tick))
             case "load":
                 reply = self._load(request, peer)
             case "gain":
@@ -165,7 +165,7 @@ class Service:
         snapshot: Snapshot | None = None,
         more: str = "",
     ) -> Reply:
-        machine = self.loop.cycle.controller.machine
+        machine = self.loop.tick.controller.machine
         outcome = "refused" if reasons else said or _outcome(machine) + more
         return Reply(
             ok=not reasons,
@@ -220,7 +220,7 @@ class Service:
         joint, gain = request.joint, request.gain
         if joint is None or gain is None:
             return self._reply(request, ["it takes a `joint` and a `gain`"])
-        reasons = self.loop.cycle.controller.set_gain(joint, gain, who)
+        reasons = self.loop.tick.controller.set_gain(joint, gain, who)
         return self._reply(request, reasons, said=f"{joint} {gain:g} rad/s per Nm")
 
     def _renewed(self) -> list[str]:
@@ -229,21 +229,21 @@ class Service:
         By SDO, so no tick happens meanwhile: the arm stands in quick stop or without torque. The
         watchdog is fed as long as drives answer or are given up.
         """
-        cycle = self.loop.cycle
-        joints = cycle.drives.unfit() if cycle.controller.faulted else []
+        tick = self.loop.tick
+        joints = tick.drives.unfit() if tick.controller.faulted else []
         if not joints:
             return []
         if self.boot is None:
-            names = ", ".join(cycle.drives.names[i] for i in joints)
+            names = ", ".join(tick.drives.names[i] for i in joints)
             return [f"these drives have lost their set-up, start the daemon again: {names}"]
         try:
             self.boot.renew(joints, lambda: self.notifier.ticked(self.loop.now_s), _log.info)
         except ContactdError as error:
-            cycle.drives.listen_again(self.loop.time_s)
+            tick.drives.listen_again(self.loop.time_s)
             return str(error).splitlines()
         else:
-            cycle.drives.start(self.loop.time_s)
-            cycle.prearm.renewed(joints)
+            tick.drives.start(self.loop.time_s)
+            tick.prearm.renewed(joints)
             return []
         finally:
             self.loop.resume()

@@ -8,7 +8,7 @@ from daemon.config.load import Robot
 from daemon.protocol.messages import Grant, Permit, Snapshot, Status, Trajectory
 from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
-from daemon.tick.tick import DRIVE_STATE_NAMES, SIDE_NAMES, Cycle, finite_list
+from daemon.tick.tick import DRIVE_STATE_NAMES, SIDE_NAMES, Tick, finite_list
 from errors import ControlError
 
 
@@ -26,10 +26,10 @@ def status_of(
 ) -> Status:
     """Everything that a person asks for; `place` is that of config.yaml, whoever asks from where;
     `identities` and `serials` are the drives'."""
-    c, cycle = robot.configuration, loop.cycle
-    samples, estimate = cycle.samples, cycle.estimate
+    c, tick = robot.configuration, loop.tick
+    samples, estimate = tick.samples, tick.estimate
     zeros = [0.0] * len(c.joints)
-    machine = cycle.controller.machine
+    machine = tick.controller.machine
     return Status(
         name=c.name,
         configuration=place,
@@ -39,9 +39,9 @@ def status_of(
         armed=machine.armed,
         permit=permit,
         cause=machine.cause,
-        trajectory=_trajectory(cycle.controller),
-        checks=cycle.checks(),
-        cycles=cycle.tick + 1,
+        trajectory=_trajectory(tick.controller),
+        checks=tick.checks(),
+        ticks=tick.number + 1,
         missed=loop.missed,
         lateness_max_us=loop.lateness_max_s * 1e6,
         work_max_us=loop.work_max_s * 1e6,
@@ -54,7 +54,7 @@ def status_of(
         residual=estimate.residual.tolist() if estimate else zeros,
         threshold=estimate.threshold.tolist() if estimate else zeros,
         side=[SIDE_NAMES[s] for s in estimate.side.tolist()] if estimate else [],
-        gain=cycle.controller.motion.gains.goal.tolist(),
+        gain=tick.controller.motion.gains.goal.tolist(),
         age_ticks=samples.age_ticks.tolist() if samples else [],
         serials=serials,
     )
@@ -71,18 +71,18 @@ def _trajectory(controller: Controller) -> Trajectory:
     )
 
 
-def snapshot_of(robot: Robot, cycle: Cycle) -> Snapshot:
+def snapshot_of(robot: Robot, tick: Tick) -> Snapshot:
     """What a reader needs beside the States. Raises ControlError before the first sample."""
     c = robot.configuration
-    if cycle.decision is None:
+    if tick.decision is None:
         raise ControlError("the drives have not sent all their samples yet; try again")
     return Snapshot(
         joints=c.joint_names,
         half_gap=[joint.half_gap for joint in c.joints],
         thresholds=[joint.thresholds.contact for joint in c.joints],
         period_s=c.period_s,
-        tick=cycle.tick,
-        memory=cycle.estimator.memory(),
+        tick=tick.number,
+        memory=tick.estimator.memory(),
         configuration=robot.text,
         urdf=robot.urdf,
         identified=robot.identified_text,

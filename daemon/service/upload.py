@@ -8,7 +8,7 @@ from daemon.protocol.messages import Header
 from errors import ControlError
 
 
-class LoadingDock:
+class TrajectoryUpload:
     """Room for one trajectory, which belongs to the connection that began it. Whoever begins
     another takes its place: an upload that was left half-way blocks nobody."""
 

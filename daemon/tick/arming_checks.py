@@ -132,8 +132,8 @@ class PreArm:
         samples: Samples,
         estimate: Estimate,
         findings: Sequence[Finding],
-        unheard: Sequence[str],
-        forgetful: Sequence[str],
+        silent: Sequence[str],
+        restarted: Sequence[str],
     ) -> tuple[Objection, ...]:
         """Every reason against arming now; `unheard` names the drives whose heartbeat is missing,
         `forgetful` those that restarted and were not set up again."""
@@ -142,14 +142,14 @@ class PreArm:
             for f in findings
             if f.condition is not Condition.LATE  # which is counted
         ]
-        if unheard:
-            found.append(Objection("heartbeats", f"not heard from {', '.join(unheard)}"))
+        if silent:
+            found.append(Objection("heartbeats", f"not heard from {', '.join(silent)}"))
         for emergency in self._emergencies.values():
             check = "heartbeats" if emergency.code == MASTER_SILENT else "emergencies"
             words = told(emergency, self._joint_of)
             found.append(Objection(check, f"emergency of {words}, and not over"))
-        if forgetful:
-            reason = f"restarted, and without their set-up: {', '.join(forgetful)}"
+        if restarted:
+            reason = f"restarted, and without their set-up: {', '.join(restarted)}"
             found.append(Objection("set-up", f"{reason} (`contactctl reset`)"))
         if not self.identification.passed:
             found.append(Objection("identification", self.identification.text))
@@ -198,12 +198,12 @@ class PreArm:
                 passed=name not in reasons,
                 text="; ".join(reasons[name])
                 if name in reasons
-                else self._praise(name, samples, estimate),
+                else self._evidence(name, samples, estimate),
             )
             for name in NAMES
         ]
 
-    def _praise(self, name: str, samples: Samples, estimate: Estimate) -> str:
+    def _evidence(self, name: str, samples: Samples, estimate: Estimate) -> str:
         """What speaks for a check that passes."""
         n = len(self._joints)
         on = samples.states.count(DriveState.OPERATION_ENABLED)

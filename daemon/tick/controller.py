@@ -14,7 +14,7 @@ from arrays import Vector
 from daemon.faults.table import EVENT_OF, Condition, Finding, strongest
 from daemon.modes.contact_reactions import ATTENTIVE, AfterQuiet, Reactions
 from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, ModeMachine, refusal
-from daemon.motion.admittance import MAX_GAIN, Allowance, GuidedBounds
+from daemon.motion.admittance import MAX_GAIN, Allowance, AllowanceSettings
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
 from daemon.tick.arming_checks import Objection
@@ -28,7 +28,7 @@ STANDSTILL_SPEED = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Observed:
+class ControlInput:
     """What one tick knows when it decides. Vectors of shape (n,), SI at the link."""
 
     q: Vector  # measured link position
@@ -54,7 +54,7 @@ class Decision:
 
 
 @dataclass(frozen=True, slots=True)
-class Tuning:
+class ControllerSettings:
     """What the configuration says about deciding."""
 
     joints: tuple[str, ...]
@@ -62,7 +62,7 @@ class Tuning:
     reactions: Reactions
     quiet_s: float
     after_quiet: AfterQuiet
-    bounds: GuidedBounds
+    bounds: AllowanceSettings
     enable_timeout_s: float
     stop_timeout_s: float
 
@@ -70,7 +70,7 @@ class Tuning:
 class Controller:
     """Modes, references and setpoints of one arm."""
 
-    def __init__(self, tuning: Tuning, motion: Motion) -> None:
+    def __init__(self, tuning: ControllerSettings, motion: Motion) -> None:
         self.machine = ModeMachine()
         self.motion = motion
         self.quiet_s = 0.0
@@ -79,7 +79,7 @@ class Controller:
         self._allowance = Allowance(tuning.bounds, len(tuning.joints))
         self._touched_s = 0.0  # last tick with a non-zero thresholded residual
         self._reset_until_s = -1.0
-        self._observed: Observed | None = None
+        self._observed: ControlInput | None = None
 
     @property
     def faulted(self) -> bool:
@@ -177,7 +177,7 @@ class Controller:
 
     # --- one tick ---------------------------------------------------------------------------
 
-    def step(self, time_s: float, dt: float, observed: Observed) -> Decision:
+    def step(self, time_s: float, dt: float, observed: ControlInput) -> Decision:
         """Decide what the drives do until the next tick; dt [s] since the last decision."""
         self._observed = observed
         self.doubt(time_s, observed.findings)
@@ -197,7 +197,7 @@ class Controller:
         if self._resetting(time_s):
             findings = tuple(f for f in findings if f.condition is not Condition.DRIVE_FAULT)
         finding = strongest(findings)
-        event = finding and EVENT_OF[finding.reaction]
+        event = finding and EVENT_OF[finding.response]
         if event:
             self._apply(event, str(finding), time_s)
 
@@ -205,7 +205,7 @@ class Controller:
         """Whether drives are asked for a fault reset: only while nothing may move yet."""
         return self.machine.mode is Mode.OFF and time_s < self._reset_until_s
 
-    def _feel(self, time_s: float, observed: Observed) -> None:
+    def _feel(self, time_s: float, observed: ControlInput) -> None:
         if np.count_nonzero(observed.thresholded):
             self._touched_s = time_s
         self.quiet_s = time_s - self._touched_s
@@ -222,7 +222,7 @@ class Controller:
         ):
             self._apply(event, observed.touched, time_s)
 
-    def _progress(self, time_s: float, dt: float, observed: Observed) -> None:
+    def _progress(self, time_s: float, dt: float, observed: ControlInput) -> None:
         """Events of the arm's own: energised, at rest, quiet, at a bound, arrived, too late."""
         mode, elapsed = self.machine.mode, time_s - self.machine.entered_s
         if mode is Mode.ADMITTANCE or mode is Mode.RETRACTING:
@@ -254,7 +254,7 @@ class Controller:
                 text = f"the arm did not get back to its trajectory within {elapsed:.1f} s"
                 self._apply(Event.TIMEOUT, text, time_s)
 
-    def _progress_yielding(self, time_s: float, observed: Observed) -> None:
+    def _progress_yielding(self, time_s: float, observed: ControlInput) -> None:
         if bound := self._allowance.bound_reached(observed.q):
             self._apply(Event.BOUND, bound, time_s)
         elif self.machine.mode is Mode.RETRACTING and self.motion.under_way:
@@ -287,7 +287,7 @@ class Controller:
             # From its reference: where it can get no further away, it stands stiff.
             self.motion.retract(self.motion.reference, self._observed.thresholded)
 
-    def _set_up(self, event: Event, observed: Observed, time_s: float) -> None:
+    def _set_up(self, event: Event, observed: ControlInput, time_s: float) -> None:
         motion, allowance, mode = self.motion, self._allowance, self.machine.mode
         if mode in GUIDED:
             allowance.take(motion.reference)

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from daemon.tick.tick import Cycle, Wakeup
+from daemon.tick.tick import Tick, Wakeup
 
 # Share of the period in which the drives must have answered SYNC; no tick follows sooner.
 ANSWER_SHARE = 0.6
@@ -24,10 +24,10 @@ class Clock:
 
 
 class Loop:
-    """Runs `cycle` every `period_s` until it is told to stop."""
+    """Runs `tick` every `period_s` until it is told to stop."""
 
-    def __init__(self, cycle: Cycle, clock: Clock, period_s: float) -> None:
-        self.cycle = cycle
+    def __init__(self, tick: Tick, clock: Clock, period_s: float) -> None:
+        self.tick = tick
         self.missed = 0
         self.lateness_max_s = 0.0
         self.work_max_s = 0.0
@@ -51,7 +51,7 @@ class Loop:
     def run(self, doors: Callable[[], None], running: Callable[[], bool]) -> None:
         """Tick until `running()` is false; `doors()` follows each tick, in its slack."""
         while running():
-            self.tick()
+            self.step()
             began = self._clock.now()
             doors()
             self._doors_s = self._clock.now() - began
@@ -60,7 +60,7 @@ class Loop:
         """Begin a new grid after a pause that was meant: nothing was missed in it."""
         self._deadline_s = self._clock.now() + self._period_s
 
-    def tick(self) -> None:
+    def step(self) -> None:
         """Wait for the next deadline and do one tick."""
         clock, period = self._clock, self._period_s
         deadline = self._deadline_s
@@ -72,8 +72,8 @@ class Loop:
         self.missed += left_out
         self._deadline_s = deadline + (1 + left_out) * period
         self.wakeup = Wakeup(woken, lateness, self.work_s, self.missed, left_out, self._doors_s)
-        self.cycle.begin(woken - self._start_s)
-        self.cycle.finish(woken + ANSWER_SHARE * period, self.wakeup)
+        self.tick.begin(woken - self._start_s)
+        self.tick.finish(woken + ANSWER_SHARE * period, self.wakeup)
         self.work_s = clock.now() - woken
         self.lateness_max_s = max(self.lateness_max_s, lateness)
         self.work_max_s = max(self.work_max_s, self.work_s)

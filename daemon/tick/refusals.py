@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from arrays import Vector
-from daemon.faults.table import Finding, Reaction
+from daemon.faults.table import Finding, Response
 from daemon.motion.limits import Limits
 from daemon.motion.path import Place
 
@@ -42,7 +42,7 @@ def not_energisable(
     """Before `enable`: what asks for a quick stop, drives that were switched off and have not got
     there, and joints that stand further outside their limits than the arm would lead them back by
     itself."""
-    reasons = [str(f) for f in arm.findings if f.reaction >= Reaction.QUICK_STOP]
+    reasons = [str(f) for f in arm.findings if f.response >= Response.QUICK_STOP]
     if late := [name for name, on in zip(joints, arm.operating, strict=True) if on]:
         # Taken for enabled drives in the next tick, and then for drives that have dropped out.
         reasons.append(f"still on their way off: {', '.join(late)}")

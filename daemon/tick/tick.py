@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.faults.detector import Observer
-from daemon.faults.table import Finding, Reaction
+from daemon.faults.detector import FaultDetector
+from daemon.faults.table import Finding, Response
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.limits import all_finite
-from daemon.protocol.messages import Check, Contact, Event, PerJoint, State, Timing
+from daemon.protocol.messages import Check, Contact, Notice, PerJoint, State, Timing
 from daemon.tick.arming_checks import FLAG_NAMES, Objection, PreArm
-from daemon.tick.controller import Controller, Decision, Observed
+from daemon.tick.controller import ControlInput, Controller, Decision
 from drivers.answers import Samples
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.drives import Drives
@@ -44,7 +44,7 @@ ON_TIME = Wakeup()
 LONGEST_STEP = 2.0
 
 
-class Cycle:
+class Tick:
     """Everything of one arm that a tick touches."""
 
     def __init__(
@@ -52,13 +52,13 @@ class Cycle:
         drives: Drives,
         estimator: Estimator,
         controller: Controller,
-        observer: Observer,
+        observer: FaultDetector,
         prearm: PreArm,
         period_s: float,
     ) -> None:
         self.drives, self.estimator, self.controller = drives, estimator, controller
-        self.tick = -1
-        self.events: list[Event] = []
+        self.number = -1
+        self.events: list[Notice] = []
         self.prearm = prearm
         self._observer = observer
         self._period_s = period_s
@@ -100,7 +100,7 @@ class Cycle:
     def begin(self, time_s: float) -> None:
         """Send SYNC: the drives sample now."""
         self._time_s = time_s
-        self.tick += 1
+        self.number += 1
         self.events.clear()
         self.drives.sync(time_s)
 
@@ -121,7 +121,7 @@ class Cycle:
             finite=self._finite,
         )
         self.prearm.watch(samples, findings, self._time_s)
-        fatal = (f for f in findings if f.reaction is Reaction.FAULT_EXIT)
+        fatal = (f for f in findings if f.response is Response.FAULT_EXIT)
         self.fatal = self.fatal or (next(fatal, None) if findings else None)
         if estimate is None:
             self.controller.doubt(self._time_s, findings)
@@ -165,7 +165,7 @@ class Cycle:
 
     def _observe(
         self, samples: Samples, estimate: Estimate, findings: tuple[Finding, ...]
-    ) -> Observed:
+    ) -> ControlInput:
         touched = hit = ""
         # A touch counts as long as it lasts: one that began while the arm was stopping still
         # makes it yield. A blow counts once.
@@ -177,7 +177,7 @@ class Cycle:
         for contact in estimate.contacts if self._updated else ():
             if contact.level == "collision":
                 hit = f"{contact.joint} feels {contact.torque:+.2f} Nm, beyond its collision level"
-        return Observed(
+        return ControlInput(
             q=samples.link_position,
             motor_velocity=samples.motor_velocity,
             thresholded=estimate.thresholded,
@@ -197,8 +197,8 @@ class Cycle:
         samples, estimate = self._samples, self._estimate
         if samples is None or estimate is None:
             return ()
-        unheard, forgetful = self.drives.unheard(), self.drives.forgetful()
-        return self.prearm.objections(samples, estimate, self._findings, unheard, forgetful)
+        silent, restarted = self.drives.silent(), self.drives.restarted()
+        return self.prearm.objections(samples, estimate, self._findings, silent, restarted)
 
     def checks(self) -> list[Check]:
         """What arming needs, each passed or failed: the mode, and everything else by name."""
@@ -215,13 +215,13 @@ class Cycle:
         a contact where the arm feels in `mode`: elsewhere it may be a brake that carries it."""
         if findings or self._told:
             for finding in findings:
-                if finding.reaction > Reaction.CONTINUE and finding not in self._told:
-                    self.events.append(Event(kind="fault", text=str(finding)))
+                if finding.response > Response.CONTINUE and finding not in self._told:
+                    self.events.append(Notice(kind="fault", text=str(finding)))
             latched = self._told if self.controller.faulted else frozenset()
             self._told = latched.union(findings)
         changes = self.controller.machine.changes
         for change in changes:
-            self.events.append(Event(kind="mode", text=f"{change.text}: {change.cause}"))
+            self.events.append(Notice(kind="mode", text=f"{change.text}: {change.cause}"))
         changes.clear()
         if self._updated and self._estimate is not None and mode in SENSING:
             for c in self._estimate.contacts:
@@ -233,7 +233,7 @@ class Cycle:
                     side=SIDE_NAMES[c.side],
                 )
                 text = f"{c.joint} {c.torque:+.2f} Nm ({c.level})"
-                self.events.append(Event(kind="contact", text=text, contact=contact))
+                self.events.append(Notice(kind="contact", text=text, contact=contact))
 
     def state(self, wakeup: Wakeup = ON_TIME) -> State:
         """This tick, for the readers. Raises RuntimeError before the first complete samples."""
@@ -243,7 +243,7 @@ class Cycle:
         machine = self.controller.machine
         motor_position = samples.motor_position
         return State(
-            tick=self.tick,
+            tick=self.number,
             time_s=self._time_s,
             interval_s=self._interval_s,
             mode=machine.mode.value,

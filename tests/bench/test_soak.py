@@ -32,7 +32,7 @@ from bench.soak.trend import Bound, trend
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Event, Reply, Request, State, Timing
+from daemon.protocol.messages import Notice, Reply, Request, State, Timing
 from simulator.hand import Hand, Push
 
 C = load_robot(ROMEO).configuration
@@ -114,8 +114,8 @@ def first(value: float, others: list[float] | None = None) -> list[float]:
     return [value, *rest[1:]]
 
 
-def told(text: str) -> list[Event]:
-    return [Event(kind="mode", text=text)]
+def told(text: str) -> list[Notice]:
+    return [Notice(kind="mode", text=text)]
 
 
 UPPER = C.joints[0].limits.upper
@@ -290,7 +290,7 @@ def test_a_hand_presses_the_drives_about_as_far_as_they_are_said_to_give_way(
         pose[i] = upper - 0.1
         rig.arm.plant.place(pose)
         rig.enable()
-        rig.cycle.controller.motion.reference[i] = upper
+        rig.tick.controller.motion.reference[i] = upper
         rig.run(1.5)
         rig.arm.external_torque[i] = strongest(joints[i])
         beyond = []

@@ -50,7 +50,7 @@ def rig() -> Iterator[Rig]:
 @pytest.fixture
 def house(rig: Rig, tmp_path: Path) -> Iterator[House]:
     c = rig.robot.configuration
-    loop = Loop(rig.cycle, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+    loop = Loop(rig.tick, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
     with ControlSocket(tmp_path / "control") as control, closing(Notifier()) as notifier:
         yield House(rig, Service(rig.robot, loop, control, [], 1, notifier, boot=rig.boot))
 
@@ -63,7 +63,7 @@ def test_it_measures_what_is_true(rig):
     positions = []
 
     def compare():
-        samples, arm = rig.cycle.samples, rig.arm
+        samples, arm = rig.tick.samples, rig.arm
         errors = (
             samples.link_position - arm.plant.q,
             samples.motor_velocity - arm.plant.theta_dot,
@@ -71,7 +71,7 @@ def test_it_measures_what_is_true(rig):
         )
         np.maximum(worst, [np.abs(error).max() for error in errors], out=worst)
         positions.append(samples.link_position[0])
-        np.maximum(residual, np.abs(rig.cycle.estimate.residual), out=residual)
+        np.maximum(residual, np.abs(rig.tick.estimate.residual), out=residual)
 
     rig.run(3.0, compare)
     assert rig.mode is Mode.TRACKING
@@ -88,7 +88,7 @@ def test_it_feels_a_hand(rig):
     rig.run(1.0)
     rig.arm.external_torque[0] = 1.5
     rig.run(0.3)
-    assert rig.cycle.estimate.residual[0] == pytest.approx(1.5, abs=0.3)
+    assert rig.tick.estimate.residual[0] == pytest.approx(1.5, abs=0.3)
 
 
 def test_left_over_pdos_are_off(rig):
@@ -129,8 +129,8 @@ def test_a_reset_sets_locked_drives_up_again(house):
     reply = house.ask("reset")
     assert (reply.ok, reply.mode, reply.armed) == (True, "off", False)
     rig.run(0.6)
-    assert rig.mode is Mode.OFF, rig.cycle.controller.machine.cause
-    assert set(rig.cycle.samples.states) == {DriveState.SWITCH_ON_DISABLED}
+    assert rig.mode is Mode.OFF, rig.tick.controller.machine.cause
+    assert set(rig.tick.samples.states) == {DriveState.SWITCH_ON_DISABLED}
     rig.enable()
     assert np.abs(rig.arm.plant.q - stood).max() < 0.05
     serials = [identity.serial for identity in house.service.boot.identities]
@@ -146,7 +146,7 @@ def test_a_drive_that_restarts_in_the_middle_is_set_up_again_alone(house):
     rig.arm.drives[0].boot()
     rig.run(0.1)
     assert rig.mode is Mode.FAULTED
-    assert "restarted" in rig.cycle.controller.machine.cause
+    assert "restarted" in rig.tick.controller.machine.cause
     commands = []
     other = rig.arm.drives[1]
     on_nmt = other.on_nmt
@@ -192,10 +192,10 @@ def test_while_it_waits_for_drives_the_watchdog_is_fed_and_nobody_else_is_missed
     assert not house.ask("reset").ok
     assert len(fed) > 10
     assert set(fed) == {begun + 1.0}
-    rig.tick()
-    told = [str(event) for event in rig.cycle.samples.events]
+    rig.step()
+    told = [str(event) for event in rig.tick.samples.events]
     assert told == [], "the other drive's heartbeats of this second went to the SDO client"
     rig.run(0.3)
     rig.arm.drives[1].tick = lambda *_: None
     rig.run(0.3)
-    assert rig.cycle.drives.unheard() == ("column", "swing"), "and it is watched as before"
+    assert rig.tick.drives.silent() == ("column", "swing"), "and it is watched as before"

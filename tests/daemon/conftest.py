@@ -14,16 +14,16 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bench.rigs.ideal_arm import LIMITS, IdealArm, T, tracking_arm
-from bench.rigs.served_daemon import House, open_house
+from bench.rigs.served_daemon import ServedDaemon, open_house
 from daemon.clients.client import Client
 from daemon.commands import contactctl, replies
-from daemon.modes.contact_reactions import Reaction, Reactions
+from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Mode
 from daemon.protocol.messages import (
     Check,
     Contact,
-    Event,
     Grant,
+    Notice,
     Reply,
     Request,
     Snapshot,
@@ -89,7 +89,7 @@ def state_at(tick: int, **changes: object) -> State:
         reference=[0.5 * math.sin(t + i) for i in range(n)],
         setpoint=[0.0] * n,
         quiet_s=0.0 if touched else t,
-        events=[Event(kind="contact", text="contact at LShoulderYaw", contact=contact)]
+        events=[Notice(kind="contact", text="contact at LShoulderYaw", contact=contact)]
         if tick == 100
         else [],
         timing=Timing(
@@ -164,7 +164,7 @@ class FakeDaemon:
                 Check(name="residual", passed=False, text="LWristYaw feels +0.30 Nm"),
             ],
             permit=None,
-            cycles=372500,
+            ticks=372500,
             missed=3,
             lateness_max_us=412.0,
             work_max_us=3120.0,
@@ -219,13 +219,13 @@ def run(fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> Callable[..
 
 
 @pytest.fixture
-def house(tmp_path: Path) -> Iterator[House]:
+def house(tmp_path: Path) -> Iterator[ServedDaemon]:
     with open_house(tmp_path) as opened:
         yield opened
 
 
 @pytest.fixture
-def client(house: House) -> Iterator[Client]:
+def client(house: ServedDaemon) -> Iterator[Client]:
     with Client(house.path) as connected:
         yield connected
 
@@ -269,7 +269,9 @@ def tracking() -> Iterator[MakeArm]:
     made: list[IdealArm] = []
 
     def make(
-        contact: Reaction = Reaction.ADMITTANCE, collision: Reaction = Reaction.ADMITTANCE, **more
+        contact: ContactReaction = ContactReaction.ADMITTANCE,
+        collision: ContactReaction = ContactReaction.ADMITTANCE,
+        **more,
     ):
         made.append(tracking_arm(reactions=Reactions(contact, collision), **more))
         return made[-1]

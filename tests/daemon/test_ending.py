@@ -9,10 +9,10 @@ import msgspec
 import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
-from bench.rigs.served_daemon import House
+from bench.rigs.served_daemon import ServedDaemon
 from daemon.clients.client import Client
 from daemon.config.schema import Configuration
-from daemon.ending import wind_down
+from daemon.ending import bring_to_rest
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import COMMANDS, Command
 from daemon.service.service import AT_THE_END
@@ -32,15 +32,15 @@ class Wound:
     loop: Loop = field(init=False)
 
     def __post_init__(self) -> None:
-        begin = self.rig.cycle.begin
+        begin = self.rig.tick.begin
 
         def answered(time_s: float) -> None:
             begin(time_s)
             self.rig.lockstep.pump()
 
-        self.rig.cycle.begin = answered  # type: ignore[method-assign]
+        self.rig.tick.begin = answered  # type: ignore[method-assign]
         period_s = self.rig.robot.configuration.period_s
-        self.loop = Loop(self.rig.cycle, Clock(lambda: self.now_s, self.wait), period_s)
+        self.loop = Loop(self.rig.tick, Clock(lambda: self.now_s, self.wait), period_s)
 
     def wait(self, until_s: float) -> None:
         self.now_s = max(self.now_s, until_s)
@@ -50,7 +50,7 @@ class Wound:
         self.loop.run(lambda: None, lambda: self.now_s < end)
 
     def request(self, event: Event) -> None:
-        assert self.rig.cycle.controller.request(event, "the test", self.loop.time_s) == []
+        assert self.rig.tick.controller.request(event, "the test", self.loop.time_s) == []
 
     def bring_to(self, mode: Mode) -> None:
         self.run(0.2)
@@ -64,7 +64,7 @@ class Wound:
             self.request(Event.START)
             self.run(1.5)
         if mode is Mode.ADMITTANCE:
-            assert self.rig.cycle.controller.arm("the test") == []
+            assert self.rig.tick.controller.arm("the test") == []
             self.rig.arm.external_torque[0] = 3.0
             self.run(0.3)
             self.rig.arm.external_torque[0] = 0.0
@@ -74,9 +74,9 @@ class Wound:
             self.rig.arm.drives[0].fault(0x8611, "the test")
             self.run(0.1)
 
-    def wind_down(self) -> list[str]:
+    def bring_to_rest(self) -> list[str]:
         timeout_s = self.rig.robot.configuration.supervisor.stop_timeout_s
-        return wind_down(self.loop, lambda: None, timeout_s, WHY)
+        return bring_to_rest(self.loop, lambda: None, timeout_s, WHY)
 
     @property
     def drive(self) -> State:
@@ -108,7 +108,7 @@ ENDS: dict[End, State] = {
 def test_an_energised_arm_ends_as_configured(mode: Mode, end: End) -> None:
     with wound(mode, end) as arm:
         assert arm.drive is State.OPERATION_ENABLED
-        assert arm.wind_down() == []
+        assert arm.bring_to_rest() == []
         assert arm.drive is ENDS[end]
         assert arm.rig.mode is Mode.OFF
         # Without a brake of its own the joint begins to sag then, as it is meant to.
@@ -119,7 +119,7 @@ def test_an_energised_arm_ends_as_configured(mode: Mode, end: End) -> None:
 def test_a_drive_on_its_way_up_is_not_at_its_end(ticks: int) -> None:
     with wound(Mode.ENABLING, "brake") as arm:
         arm.run(0.01 * ticks - 0.005)
-        assert arm.wind_down() == []
+        assert arm.bring_to_rest() == []
         assert arm.drive in (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON)
         arm.run(0.1)
         assert arm.drive in (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON)
@@ -127,15 +127,15 @@ def test_a_drive_on_its_way_up_is_not_at_its_end(ticks: int) -> None:
 
 def test_what_is_off_stays_off() -> None:
     with wound(Mode.OFF, "hold") as arm:
-        ticks = arm.rig.cycle.tick
-        assert arm.wind_down() == []
+        ticks = arm.rig.tick.number
+        assert arm.bring_to_rest() == []
         assert arm.drive is State.SWITCH_ON_DISABLED
-        assert arm.rig.cycle.tick - ticks <= 2
+        assert arm.rig.tick.number - ticks <= 2
 
 
 def test_a_faulted_arm_stays_faulted() -> None:
     with wound(Mode.FAULTED, "hold") as arm:
-        assert arm.wind_down() == []
+        assert arm.bring_to_rest() == []
         assert arm.rig.mode is Mode.FAULTED
 
 
@@ -144,12 +144,14 @@ def test_a_drive_that_does_not_obey_is_named() -> None:
         listen = arm.rig.arm.receive
         deaf = {pdo.cob_id for pdo in arm.rig.arm.drives[0].receive_pdos}
         arm.rig.arm.receive = lambda m: None if m.arbitration_id in deaf else listen(m)  # type: ignore[method-assign]
-        assert arm.wind_down() == ["joint"]
+        assert arm.bring_to_rest() == ["joint"]
 
 
 # What `load`, `start` and `gain` take is beside the point.
 @pytest.mark.parametrize("command", COMMANDS)
-def test_at_the_end_nobody_energises_or_moves_the_arm(house: House, command: Command) -> None:
+def test_at_the_end_nobody_energises_or_moves_the_arm(
+    house: ServedDaemon, command: Command
+) -> None:
     house.service.ending = True
     with Client(house.path) as client:
         reply = house.ask(client, command)

@@ -9,16 +9,16 @@ import pytest
 from daemon.config.schema import SupervisorSettings
 from daemon.faults import following, plausibility
 from daemon.faults.detector import STARVED_FACTOR
-from daemon.faults.table import REACTIONS, Condition, Reaction
+from daemon.faults.table import TABLE, Condition, Response
 from drivers import watches
 from drivers.cia402 import PowerTarget
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 WORDS = {
-    Reaction.CONTINUE: "continue",
-    Reaction.HOLD: "hold",
-    Reaction.QUICK_STOP: "quick stop",
-    Reaction.FAULT_EXIT: "fault exit",
+    Response.CONTINUE: "continue",
+    Response.HOLD: "hold",
+    Response.QUICK_STOP: "quick stop",
+    Response.FAULT_EXIT: "fault exit",
 }
 
 
@@ -30,8 +30,8 @@ def page() -> str:
 def rows() -> list[str]:
     """The table as it should be on the page."""
     return [
-        f"| {condition} | {row.when} | **{WORDS[row.reaction]}** | {row.why} |"
-        for condition, row in REACTIONS.items()
+        f"| {condition} | {row.when} | **{WORDS[row.response]}** | {row.why} |"
+        for condition, row in TABLE.items()
     ]
 
 

@@ -12,11 +12,11 @@ import pytest
 
 from bench.rigs.durand_drive import SERIAL, DurandDrive
 from bench.rigs.lockstep import SINGLE_JOINT
-from daemon.assembly import build_cycle, build_estimator, build_setups
+from daemon.assembly import build_estimator, build_setups, build_tick
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
-from daemon.tick.tick import Cycle
+from daemon.tick.tick import Tick
 from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import problems
@@ -34,9 +34,9 @@ def stiff(c: Configuration) -> Configuration:
 
 @dataclass
 class Rig:
-    """The daemon's cycle on one drive."""
+    """The daemon's tick on one drive."""
 
-    cycle: Cycle
+    tick: Tick
     boot: DriveBoot
     drive: DurandDrive
     told: list[str]
@@ -44,26 +44,26 @@ class Rig:
 
     @property
     def mode(self) -> Mode:
-        return self.cycle.controller.machine.mode
+        return self.tick.controller.machine.mode
 
     def boot_up(self) -> None:
         with self.drive.serving():
             self.boot.boot_up(self.told.append)
-        self.cycle.drives.start(self.ticks * T)
+        self.tick.drives.start(self.ticks * T)
         self.drive.pump()
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / T)):
-            self.cycle.begin(self.ticks * T)
+            self.tick.begin(self.ticks * T)
             self.drive.pump()
-            self.cycle.finish(0.0)
+            self.tick.finish(0.0)
             self.drive.pump()
             self.drive.advance(T)
-            self.told += [event.text for event in self.cycle.events]
+            self.told += [event.text for event in self.tick.events]
             self.ticks += 1
 
     def request(self, event: Event) -> list[str]:
-        return list(self.cycle.controller.request(event, "a test", self.ticks * T))
+        return list(self.tick.controller.request(event, "a test", self.ticks * T))
 
     def enable(self) -> None:
         self.run(0.1)
@@ -95,8 +95,8 @@ def rig(tmp_path) -> Iterator[Rig]:
         sheet = load_data_sheet(tmp_path / "drive.eds")
         setups = [dataclasses.replace(each, data_sheet=sheet) for each in build_setups(robot)]
         boot = DriveBoot(near, setups, c.period_ms, c.bus.master_node)
-        cycle = build_cycle(robot, near, lambda: 0.0)
-        yield Rig(cycle, boot, drive, [])
+        tick = build_tick(robot, near, lambda: 0.0)
+        yield Rig(tick, boot, drive, [])
 
 
 def test_its_eds_has_what_is_counted_on(rig):
@@ -123,7 +123,7 @@ def test_it_holds_follows_a_trajectory_and_feels_nothing(rig):
     assert not rig.request(Event.START)
     rig.run(4.0)
     assert rig.mode is Mode.TRACKING, rig.told
-    reference = rig.cycle.decision.reference[0]
+    reference = rig.tick.decision.reference[0]
     assert abs(reference - start) > 0.05
     assert rig.drive.q == pytest.approx(reference, abs=0.03)
     assert not [line for line in rig.told if "Nm" in line], "nobody touches it"
@@ -143,7 +143,7 @@ def test_its_fault_is_latched_until_a_reset(rig):
     rig.enable()
     rig.drive.fail(0x3220)
     rig.run(0.1)
-    assert rig.cycle.controller.faulted
+    assert rig.tick.controller.faulted
     assert any("0x3220" in line and "voltage" in line for line in rig.told), rig.told
     assert rig.drive.state == "FAULT", "nothing resets it by itself"
     assert not rig.request(Event.RESET)
@@ -159,7 +159,7 @@ def test_it_stops_when_the_daemon_falls_silent_and_comes_back(rig):
         rig.drive.advance(T)
     assert rig.drive.state == "FAULT", "its own watch over the master's heartbeat"
     rig.run(0.1)
-    assert rig.cycle.controller.faulted
+    assert rig.tick.controller.faulted
     assert any("0x8130" in line for line in rig.told), rig.told
     assert not rig.request(Event.RESET)
     rig.run(0.2)
@@ -171,11 +171,11 @@ def test_after_its_power_was_off_it_must_be_set_up_again(rig):
     rig.enable()
     rig.drive.power_on()
     rig.run(0.3)
-    assert rig.cycle.controller.faulted
-    assert rig.cycle.drives.unfit() == [0]
+    assert rig.tick.controller.faulted
+    assert rig.tick.drives.unfit() == [0]
     with rig.drive.serving():
         rig.boot.renew([0], lambda: None)
-    rig.cycle.drives.start(rig.ticks * T)
+    rig.tick.drives.start(rig.ticks * T)
     rig.run(0.1)
     assert not rig.request(Event.RESET)
     rig.run(0.2)

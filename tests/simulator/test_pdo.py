@@ -95,11 +95,11 @@ def test_sync_brings_what_was_mapped(one: Any) -> None:
     assert motor == pytest.approx(one.arm.plant.theta[1] / turn * 150 * 4096, abs=1)
 
 
-@pytest.mark.parametrize("cycle", [1, 2, 5])
-def test_every_nth_sync(one: Any, cycle: int) -> None:
+@pytest.mark.parametrize("every", [1, 2, 5])
+def test_every_nth_sync(one: Any, every: int) -> None:
     one.set_up()
-    one.write(NODE, 0x1800, 2, "B", cycle)
-    assert sum(0x182 in one.tick() for _ in range(10)) == 10 // cycle
+    one.write(NODE, 0x1800, 2, "B", every)
+    assert sum(0x182 in one.tick() for _ in range(10)) == 10 // every
 
 
 def test_event_driven_pdo_reports_a_change_once(one: Any) -> None:

@@ -6,14 +6,14 @@ import pytest
 
 from simulator.state_machine import (
     TRANSITIONS,
-    Event,
     State,
+    Trigger,
     command,
     on_controlword,
     step,
 )
 
-S, E = State, Event
+S, E = State, Trigger
 COMMANDS = {
     0x00: E.DISABLE_VOLTAGE,
     0x0D: E.DISABLE_VOLTAGE,
@@ -46,7 +46,7 @@ BY_CONTROLWORD = [
 
 
 @pytest.mark.parametrize(("word", "event"), COMMANDS.items())
-def test_command_of_a_controlword(word: int, event: Event) -> None:
+def test_command_of_a_controlword(word: int, event: Trigger) -> None:
     assert command(word) is event
 
 
@@ -58,7 +58,7 @@ def test_every_controlword_is_one_command() -> None:
 @pytest.mark.parametrize(("number", "state", "word", "target"), BY_CONTROLWORD)
 def test_row(number: int, state: State, word: int, target: State) -> None:
     assert on_controlword(state, 0x00, word, quick_stop_option=6) is target
-    event = Event.FAULT_RESET if word & 0x80 else command(word)
+    event = Trigger.FAULT_RESET if word & 0x80 else command(word)
     assert TRANSITIONS[state, event].number == number
 
 

@@ -83,8 +83,8 @@ def test_every_change_of_mode_is_one_line_with_its_cause_and_ticks_are_none(
     service.start()
     before = len(service.log())
     service.enable()
-    first = service.status().cycles
-    wait_for(lambda: service.status().cycles > first + 40, "40 more ticks")
+    first = service.status().ticks
+    wait_for(lambda: service.status().ticks > first + 40, "40 more ticks")
     lines = service.log()[before:]
     assert [line.split("] ")[1].split(":")[0] for line in lines] == [
         "off -> enabling",
@@ -102,9 +102,9 @@ def test_the_watchdog_is_fed_by_ticks(service: Service, simulator: Simulator) ->
     again = wait_for(
         lambda: (now := service.show("WatchdogTimestampMonotonic")) != fed and now, "food"
     )
-    ticks = service.status().cycles
+    ticks = service.status().ticks
     wait_for(lambda: service.show("WatchdogTimestampMonotonic") not in (fed, again), "more food")
-    assert service.status().cycles > ticks
+    assert service.status().ticks > ticks
 
 
 def test_killed_the_drives_stop_by_themselves_and_the_next_energises_nothing(
@@ -143,8 +143,8 @@ def test_frozen_for_a_while_a_fault_is_latched_until_somebody_resets_it(
     service.kill("SIGCONT")
     service.wait_for_mode("faulted")
     assert service.pid == pid
-    ticks = service.status().cycles
-    wait_for(lambda: service.status().cycles > ticks + 40, "40 more ticks")
+    ticks = service.status().ticks
+    wait_for(lambda: service.status().ticks > ticks + 40, "40 more ticks")
     assert service.status().mode == "faulted"
     assert not service.request("enable").ok
     assert service.request("reset").ok

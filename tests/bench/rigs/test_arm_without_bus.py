@@ -33,7 +33,7 @@ def test_same_setpoints_give_the_same_samples_as_on_the_bus(robot: Robot) -> Non
     with lockstep_rig() as rig:
 
         def each() -> None:
-            samples, decision = rig.cycle.samples, rig.cycle.decision
+            samples, decision = rig.tick.samples, rig.tick.decision
             assert samples is not None
             assert decision is not None
             assert samples.motor_position is not None

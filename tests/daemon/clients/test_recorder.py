@@ -16,7 +16,7 @@ from mcap.writer import Writer
 from daemon.clients.client import Client
 from daemon.clients.recorder import CHUNK_BYTES, read_log, record, viewer_schema
 from daemon.clients.trajectory_recorder import record_trajectory
-from daemon.protocol.messages import Contact, Event, Snapshot, State
+from daemon.protocol.messages import Contact, Notice, Snapshot, State
 from errors import ControlError, LogError, UnreachableError
 
 MakeState = Callable[..., State]
@@ -190,7 +190,7 @@ def nodes(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield from nodes(schema["items"])
 
 
-@pytest.mark.parametrize("kind", [State, Snapshot, Event, Contact])
+@pytest.mark.parametrize("kind", [State, Snapshot, Notice, Contact])
 def test_schema_is_as_plain_as_viewers_need(kind: type) -> None:
     schema = viewer_schema(kind)
     assert "$ref" not in json.dumps(schema)

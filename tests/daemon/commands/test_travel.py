@@ -25,7 +25,7 @@ def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
         rig.enable()
         joint = rig.robot.configuration.joints[0]
         profile = rig.robot.configuration.drives[joint.wiring.profile]
-        arm, plant = rig.cycle.drives, rig.arm.plant
+        arm, plant = rig.tick.drives, rig.arm.plant
         heard = 0.0
 
         def note(message: can.Message, receive=rig.arm.receive) -> None:

@@ -3,22 +3,22 @@
 import numpy as np
 import pytest
 
-from daemon.faults.detector import Observer, Patience
-from daemon.faults.following import TICKS, Following, FollowingBounds
-from daemon.faults.plausibility import Bounds, Plausibility
-from daemon.faults.table import Condition, Finding, Reaction, strongest
+from daemon.faults.detector import DetectorSettings, FaultDetector
+from daemon.faults.following import TICKS, Following, FollowingSettings
+from daemon.faults.plausibility import Plausibility, PlausibilitySettings
+from daemon.faults.table import Condition, Finding, Response, strongest
 from daemon.modes.table import SENSING, Mode
 from drivers.answers import Samples
 from drivers.cia402 import DriveState
 from drivers.events import (
     AdapterGone,
     BadSetpoint,
+    BusEvent,
     BusOff,
     BusTrouble,
     Disobedient,
     Emergency,
     ErrorPassive,
-    Event,
     ForeignMaster,
     HeartbeatLost,
     LateAnswer,
@@ -33,7 +33,7 @@ ON = DriveState.OPERATION_ENABLED
 
 
 def samples(
-    *events: Event,
+    *events: BusEvent,
     fresh: tuple[bool, bool] = (True, True),
     age: tuple[int, int] = (0, 0),
     states: tuple[DriveState, DriveState] = (ON, ON),
@@ -54,15 +54,15 @@ def samples(
 
 
 def observe(
-    observer: Observer, taken: Samples, mode: Mode = Mode.TRACKING, **seen: object
+    observer: FaultDetector, taken: Samples, mode: Mode = Mode.TRACKING, **seen: object
 ) -> list[tuple[Condition, str]]:
     return [(f.condition, f.text) for f in observer.findings(taken, mode, **seen)]
 
 
 @pytest.fixture
-def observer() -> Observer:
+def observer() -> FaultDetector:
     two = np.ones(2)
-    bounds = Bounds(
+    bounds = PlausibilitySettings(
         lower=-2.0 * two,
         upper=2.0 * two,
         speed=two,
@@ -74,13 +74,13 @@ def observer() -> Observer:
         motor_drift=0.001,
         motor_scale_error=0.002,
     )
-    patience = Patience(stale_ticks=3, overrun_ticks=5, master_timeout_s=0.1)
-    following = FollowingBounds(deviation=0.2 * two, current=two, lag_s=0.01)
-    return Observer(JOINTS, patience, Plausibility(bounds), Following(following, T))
+    patience = DetectorSettings(stale_ticks=3, overrun_ticks=5, master_timeout_s=0.1)
+    following = FollowingSettings(deviation=0.2 * two, current=two, lag_s=0.01)
+    return FaultDetector(JOINTS, patience, Plausibility(bounds), Following(following, T))
 
 
 @pytest.mark.parametrize("mode", sorted(SENSING))
-def test_an_undisturbed_tick_finds_nothing(observer: Observer, mode: Mode) -> None:
+def test_an_undisturbed_tick_finds_nothing(observer: FaultDetector, mode: Mode) -> None:
     for _ in range(3):
         assert observe(observer, samples(), mode, residual=np.zeros(2), interval_s=T) == []
 
@@ -119,12 +119,14 @@ def test_an_undisturbed_tick_finds_nothing(observer: Observer, mode: Mode) -> No
         ),
     ],
 )
-def test_an_event_of_the_bus_names_the_joint(observer: Observer, event: Event, words: str) -> None:
+def test_an_event_of_the_bus_names_the_joint(
+    observer: FaultDetector, event: BusEvent, words: str
+) -> None:
     found = observer.findings(samples(event), Mode.TRACKING)
     assert [str(finding) for finding in found] == [words]
 
 
-def test_an_emergency_that_is_over_is_none(observer: Observer) -> None:
+def test_an_emergency_that_is_over_is_none(observer: FaultDetector) -> None:
     assert observe(observer, samples(Emergency(3, 0, 0))) == []
 
 
@@ -135,7 +137,9 @@ def test_an_emergency_that_is_over_is_none(observer: Observer) -> None:
         (LateAnswer(3), "node 3 (elbow): answers later than a whole period"),
     ],
 )
-def test_a_disturbance_counts_when_it_lasts(observer: Observer, event: Event, words: str) -> None:
+def test_a_disturbance_counts_when_it_lasts(
+    observer: FaultDetector, event: BusEvent, words: str
+) -> None:
     trouble = samples(event)
     for _ in range(2):
         assert observe(observer, trouble) == [(Condition.BUS_DISTURBED, words)]
@@ -146,7 +150,7 @@ def test_a_disturbance_counts_when_it_lasts(observer: Observer, event: Event, wo
         assert observe(observer, trouble)[0][0] is Condition.BUS_DISTURBED
 
 
-def test_missing_samples_are_named_and_stale_after_a_while(observer: Observer) -> None:
+def test_missing_samples_are_named_and_stale_after_a_while(observer: FaultDetector) -> None:
     missing = samples(fresh=(True, False), age=(0, 2))
     assert observe(observer, missing) == [(Condition.SAMPLE_MISSING, "elbow")]
     missing = samples(fresh=(False, False), age=(1, 2))
@@ -156,7 +160,7 @@ def test_missing_samples_are_named_and_stale_after_a_while(observer: Observer) -
 
 
 def in_turn(
-    observer: Observer, ticks: int, mode: Mode = Mode.TRACKING, **how: object
+    observer: FaultDetector, ticks: int, mode: Mode = Mode.TRACKING, **how: object
 ) -> list[list[tuple[Condition, str]]]:
     """Each drive misses every other tick: none is stale, and no tick has all of them."""
     found = []
@@ -169,7 +173,7 @@ def in_turn(
 
 @pytest.mark.parametrize("left_out", [0, 1])
 def test_drives_that_fail_in_turn_are_stale_however_late_the_machine(
-    observer: Observer, left_out: int
+    observer: FaultDetector, left_out: int
 ) -> None:
     found = in_turn(observer, 11, left_out=left_out)
     assert all(these[-1][0] is Condition.SAMPLE_MISSING for these in found[:8])
@@ -181,7 +185,7 @@ def test_drives_that_fail_in_turn_are_stale_however_late_the_machine(
     ]
 
 
-def test_every_complete_tick_makes_up_for_one_that_is_not(observer: Observer) -> None:
+def test_every_complete_tick_makes_up_for_one_that_is_not(observer: FaultDetector) -> None:
     for _ in range(50):  # the estimator bridges one
         assert in_turn(observer, 1) == [[(Condition.SAMPLE_MISSING, "elbow")]]
         assert observe(observer, samples()) == []
@@ -191,13 +195,13 @@ def test_every_complete_tick_makes_up_for_one_that_is_not(observer: Observer) ->
     assert in_turn(observer, 2)[-1][0][0] is Condition.STALE
 
 
-def test_after_a_reset_incomplete_ticks_count_anew(observer: Observer) -> None:
+def test_after_a_reset_incomplete_ticks_count_anew(observer: FaultDetector) -> None:
     in_turn(observer, 9, Mode.FAULTED)
     found = [these[0][0] for these in in_turn(observer, 9)]
     assert found == [Condition.SAMPLE_MISSING] * 8 + [Condition.STALE]
 
 
-def test_a_late_machine_excuses_stale_samples_for_a_while(observer: Observer) -> None:
+def test_a_late_machine_excuses_stale_samples_for_a_while(observer: FaultDetector) -> None:
     starved = (Condition.STARVED, "nothing from elbow for 3 ticks")
     stale = (Condition.STALE, "nothing from elbow for 3 ticks")
 
@@ -213,7 +217,7 @@ def test_a_late_machine_excuses_stale_samples_for_a_while(observer: Observer) ->
 
 
 @pytest.mark.parametrize("mode", Mode)
-def test_a_drive_in_fault_is_found_in_every_mode(observer: Observer, mode: Mode) -> None:
+def test_a_drive_in_fault_is_found_in_every_mode(observer: FaultDetector, mode: Mode) -> None:
     for state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE):
         taken = samples(states=(ON, state))
         assert observe(observer, taken, mode) == [(Condition.DRIVE_FAULT, "elbow")]
@@ -224,14 +228,14 @@ def test_a_drive_in_fault_is_found_in_every_mode(observer: Observer, mode: Mode)
     "state", set(DriveState) - {ON, DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE}
 )
 def test_a_drive_that_drops_out_is_found_while_it_should_run(
-    observer: Observer, mode: Mode, state: DriveState
+    observer: FaultDetector, mode: Mode, state: DriveState
 ) -> None:
     words = state.name.lower().replace("_", " ")
     expected = [(Condition.DRIVE_DROPPED, f"shoulder is in {words}")] if mode in SENSING else []
     assert observe(observer, samples(states=(state, ON)), mode) == expected
 
 
-def test_missed_deadlines_become_an_overrun_in_a_row(observer: Observer) -> None:
+def test_missed_deadlines_become_an_overrun_in_a_row(observer: FaultDetector) -> None:
     late = {"lateness_s": 0.012, "left_out": 1}
     for _ in range(4):
         assert observe(observer, samples(), **late) == [(Condition.LATE, "")]
@@ -242,13 +246,13 @@ def test_missed_deadlines_become_an_overrun_in_a_row(observer: Observer) -> None
         assert observe(observer, samples(), **late) == [(Condition.LATE, "")]
 
 
-def test_deadlines_missed_at_once_are_an_overrun_too(observer: Observer) -> None:
+def test_deadlines_missed_at_once_are_an_overrun_too(observer: FaultDetector) -> None:
     assert observe(observer, samples(), lateness_s=0.042, left_out=4) == [(Condition.LATE, "")]
     assert observe(observer, samples()) == []
     assert observe(observer, samples(), lateness_s=0.052, left_out=5) == [(Condition.OVERRUN, "")]
 
 
-def test_a_daemon_that_stood_still_for_longer_than_the_drives_wait(observer: Observer) -> None:
+def test_a_daemon_that_stood_still_for_longer_than_the_drives_wait(observer: FaultDetector) -> None:
     assert observe(observer, samples(), lateness_s=0.0999, left_out=10)[0][0] is Condition.OVERRUN
     found = observer.findings(samples(), Mode.TRACKING, lateness_s=0.1, left_out=10)
     assert [str(f) for f in found] == ["the daemon stood still (100 ms late, 20 deadlines missed)"]
@@ -256,21 +260,23 @@ def test_a_daemon_that_stood_still_for_longer_than_the_drives_wait(observer: Obs
     assert str(found[0]) == "the daemon stood still (2500 ms late, 270 deadlines missed)"
 
 
-def test_a_daemon_that_stood_still_is_the_cause_of_what_waited_for_it(observer: Observer) -> None:
+def test_a_daemon_that_stood_still_is_the_cause_of_what_waited_for_it(
+    observer: FaultDetector,
+) -> None:
     waited = samples(
         Emergency(1, 0x8130, 0x11), fresh=(False, True), age=(9, 0), states=(ON, DriveState.FAULT)
     )
     found = observer.findings(waited, Mode.TRACKING, lateness_s=0.4, left_out=40, finite=False)
-    assert {f.reaction for f in found} == {Reaction.QUICK_STOP}
+    assert {f.response for f in found} == {Response.QUICK_STOP}
     assert strongest(found) == Finding(Condition.SUSPENDED)
     assert len(found) == 5
 
 
-def test_estimates_that_are_not_finite(observer: Observer) -> None:
+def test_estimates_that_are_not_finite(observer: FaultDetector) -> None:
     assert observe(observer, samples(), finite=False) == [(Condition.NOT_FINITE, "in the estimate")]
 
 
-def test_what_cannot_be_true_is_found_with_its_figures(observer: Observer) -> None:
+def test_what_cannot_be_true_is_found_with_its_figures(observer: FaultDetector) -> None:
     assert observe(observer, samples(), residual=np.zeros(2), interval_s=T) == []
     found = observer.findings(
         samples(), Mode.TRACKING, residual=np.array([0.0, -5.5]), interval_s=T
@@ -279,12 +285,12 @@ def test_what_cannot_be_true_is_found_with_its_figures(observer: Observer) -> No
     assert str(found[0]) == "residual implausible: elbow (5.5 Nm, at most 5.0)"
 
 
-def test_samples_that_are_not_complete_are_not_compared(observer: Observer) -> None:
+def test_samples_that_are_not_complete_are_not_compared(observer: FaultDetector) -> None:
     assert observe(observer, samples(), residual=np.zeros(2), interval_s=T) == []
     assert observe(observer, samples(q=(0.0, 1.0))) == []
 
 
-def test_a_hand_that_leads_the_arm_may_be_stronger_than_a_motor(observer: Observer) -> None:
+def test_a_hand_that_leads_the_arm_may_be_stronger_than_a_motor(observer: FaultDetector) -> None:
     full = samples(current=(1.0, 0.0))
 
     def ticks(mode: Mode) -> list[tuple[Condition, str]]:
@@ -300,7 +306,7 @@ def test_a_hand_that_leads_the_arm_may_be_stronger_than_a_motor(observer: Observ
     assert ticks(Mode.TRACKING) == [(Condition.TORQUE_SATURATED, "shoulder")]
 
 
-def test_a_motor_that_does_not_follow_is_named_where_it_should(observer: Observer) -> None:
+def test_a_motor_that_does_not_follow_is_named_where_it_should(observer: FaultDetector) -> None:
     astray = (Condition.NOT_FOLLOWING, "elbow")
 
     def ticks(mode: Mode, count: int) -> list[tuple[Condition, str]]:
@@ -324,7 +330,9 @@ def test_a_motor_that_does_not_follow_is_named_where_it_should(observer: Observe
     assert ticks(Mode.HOLDING, 1) == [astray]
 
 
-def test_every_motor_that_does_not_follow_is_named_with_its_figures(observer: Observer) -> None:
+def test_every_motor_that_does_not_follow_is_named_with_its_figures(
+    observer: FaultDetector,
+) -> None:
     for _ in range(TICKS + 5):
         found = observer.findings(
             samples(),
@@ -339,7 +347,7 @@ def test_every_motor_that_does_not_follow_is_named_with_its_figures(observer: Ob
     ]
 
 
-def test_after_a_reset_what_is_now_is_believed(observer: Observer) -> None:
+def test_after_a_reset_what_is_now_is_believed(observer: FaultDetector) -> None:
     def at(q: float, mode: Mode) -> list[tuple[Condition, str]]:
         return observe(observer, samples(q=(q, 0.0)), mode, residual=np.zeros(2), interval_s=T)
 
@@ -350,7 +358,7 @@ def test_after_a_reset_what_is_now_is_believed(observer: Observer) -> None:
     assert at(1.0, Mode.OFF) == []
 
 
-def test_everything_at_once_is_listed(observer: Observer) -> None:
+def test_everything_at_once_is_listed(observer: FaultDetector) -> None:
     taken = samples(
         HeartbeatLost(2), fresh=(True, False), age=(0, 9), states=(DriveState.FAULT, ON)
     )
@@ -371,4 +379,4 @@ def test_everything_at_once_is_listed(observer: Observer) -> None:
         Condition.NOT_FINITE,
         Condition.RESIDUAL_LIMIT,
     ]
-    assert max(f.reaction for f in findings) is Reaction.QUICK_STOP
+    assert max(f.response for f in findings) is Response.QUICK_STOP

@@ -6,10 +6,10 @@ from itertools import cycle
 
 import pytest
 
-from bench.rigs.breakable_arm import Stage, restore, stage, start
+from bench.rigs.breakable_arm import BreakableArm, restore, stage, start
 from bench.rigs.faults import CASES, Case
 from daemon.ending import REPEATS, stop_on_error
-from daemon.faults.table import REACTIONS, Condition, Reaction
+from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.table import Event, Mode
 from drivers.cia402 import QUICK_STOP, DriveState
 from errors import ProgramError
@@ -22,31 +22,31 @@ STANDS = 0.02  # [rad/s], in a quick stop
 HOLDS = 0.03  # [rad] in a tenth of a second, of a motor: links may settle in their gaps
 
 
-def creeps(on: Stage) -> float:
+def creeps(on: BreakableArm) -> float:
     """How far a motor goes in a tenth of a second [rad at the link]."""
     before = on.rig.arm.plant.theta.copy()
     on.run(0.1)
     return float(abs(on.rig.arm.plant.theta - before).max())
 
 
-def of(reaction: Reaction) -> list[Case]:
-    return [case for case in CASES if REACTIONS[case.condition].reaction is reaction]
+def of(reaction: Response) -> list[Case]:
+    return [case for case in CASES if TABLE[case.condition].response is reaction]
 
 
 def test_every_row_is_made_to_happen() -> None:
     # An error in the program is no finding of a tick: it has tests of its own below.
     made = {case.condition for case in CASES} | {Condition.PROGRAM_ERROR}
-    assert made == set(Condition) == set(REACTIONS)
+    assert made == set(Condition) == set(TABLE)
 
 
 @pytest.fixture(scope="module")
-def shared() -> Iterator[Stage]:
+def shared() -> Iterator[BreakableArm]:
     with stage() as on:
         yield on
 
 
 @pytest.fixture
-def on(shared: Stage) -> Iterator[Stage]:
+def on(shared: BreakableArm) -> Iterator[BreakableArm]:
     """Off, undisturbed and at its first pose; left so for the next test."""
     assert shared.rig.mode is Mode.OFF, "the test before left it in disorder"
     yield shared
@@ -54,50 +54,50 @@ def on(shared: Stage) -> Iterator[Stage]:
 
 
 @pytest.fixture
-def own() -> Iterator[Stage]:
+def own() -> Iterator[BreakableArm]:
     """For faults after which contactd must be started again."""
     with stage() as on:
         yield on
 
 
-def told(on: Stage) -> list[str]:
-    return [event.text for event in on.rig.cycle.events if event.kind == "fault"]
+def told(on: BreakableArm) -> list[str]:
+    return [event.text for event in on.rig.tick.events if event.kind == "fault"]
 
 
-def happen(on: Stage, case: Case) -> Iterator[None]:
+def happen(on: BreakableArm, case: Case) -> Iterator[None]:
     """Make the fault, tick until it is found, and return it still going on."""
     fault = case.fault(on)
     for _ in range(case.ticks):
         next(fault, None)
         on.tick()
-        if case.condition in {finding.condition for finding in on.rig.cycle.findings}:
+        if case.condition in {finding.condition for finding in on.rig.tick.findings}:
             return fault
-        cause = on.rig.cycle.controller.machine.cause
+        cause = on.rig.tick.controller.machine.cause
         sooner = cause.startswith(tuple(condition.value for condition in case.before))
         assert on.rig.mode is not Mode.FAULTED or sooner, cause
     raise AssertionError(f"not found within {case.ticks} ticks")
 
 
-@pytest.mark.parametrize("case", of(Reaction.CONTINUE), ids=lambda case: case.name)
-def test_a_nuisance_is_noted_and_the_arm_goes_on(on: Stage, case: Case) -> None:
+@pytest.mark.parametrize("case", of(Response.CONTINUE), ids=lambda case: case.name)
+def test_a_nuisance_is_noted_and_the_arm_goes_on(on: BreakableArm, case: Case) -> None:
     start(on, armed=True)
     fault = happen(on, case)
     assert not told(on)
-    reasons = on.rig.cycle.controller.not_armable()
+    reasons = on.rig.tick.controller.not_armable()
     once = case.condition is Condition.LATE  # arming stands one of these
     assert once or any(case.condition.value in reason for reason in reasons)
     for _ in fault:
         on.tick()
     on.run(0.1)
     assert on.rig.mode is Mode.TRACKING
-    assert on.rig.cycle.controller.machine.armed
+    assert on.rig.tick.controller.machine.armed
 
 
-@pytest.mark.parametrize("case", of(Reaction.HOLD), ids=lambda case: case.name)
-def test_it_holds_disarmed_and_nothing_is_latched(on: Stage, case: Case) -> None:
+@pytest.mark.parametrize("case", of(Response.HOLD), ids=lambda case: case.name)
+def test_it_holds_disarmed_and_nothing_is_latched(on: BreakableArm, case: Case) -> None:
     start(on, armed=case.armed)
     fault = happen(on, case)
-    machine = on.rig.cycle.controller.machine
+    machine = on.rig.tick.controller.machine
     assert on.rig.mode is Mode.STOPPING
     assert machine.cause.startswith(case.condition.value)
     assert len(told(on)) == 1
@@ -117,17 +117,17 @@ def test_it_holds_disarmed_and_nothing_is_latched(on: Stage, case: Case) -> None
     assert {drive.state for drive in on.rig.arm.drives} == {State.OPERATION_ENABLED}
     assert not machine.armed
     # A person may arm it and lead it off, or back; after late ticks, a little later.
-    assert all("late" in reason for reason in on.rig.cycle.controller.arm("a person"))
+    assert all("late" in reason for reason in on.rig.tick.controller.arm("a person"))
     if case.condition is not Condition.JOINT_LIMIT:
         on.rig.request(Event.START)
         on.run(0.05)
         assert on.rig.mode is Mode.TRACKING
 
 
-def stopped(on: Stage, fault: Iterator[None]) -> None:
+def stopped(on: BreakableArm, fault: Iterator[None]) -> None:
     """The stop command is on the bus in time, and the arm comes to rest."""
     assert on.rig.mode is Mode.FAULTED
-    assert not on.rig.cycle.controller.machine.armed
+    assert not on.rig.tick.controller.machine.armed
     for _ in range(PROMPT_TICKS + 1):
         while on.bus.sending and next(fault, "over") != "over":
             on.tick()  # nothing can be sent
@@ -146,23 +146,23 @@ def stopped(on: Stage, fault: Iterator[None]) -> None:
 
 
 @pytest.mark.parametrize(
-    "case", [case for case in of(Reaction.QUICK_STOP) if case.recovers], ids=lambda case: case.name
+    "case", [case for case in of(Response.QUICK_STOP) if case.recovers], ids=lambda case: case.name
 )
-def test_it_stops_all_drives_until_a_person_resets_it(on: Stage, case: Case) -> None:
+def test_it_stops_all_drives_until_a_person_resets_it(on: BreakableArm, case: Case) -> None:
     start(on, armed=case.armed)
     fault = happen(on, case)
     assert any(text.startswith(case.condition.value) for text in told(on))
     stopped(on, fault)
     getattr(fault, "close", lambda: None)()  # its cause is gone
     on.run(0.1)
-    controller = on.rig.cycle.controller
+    controller = on.rig.tick.controller
     for event in (Event.START, Event.ENABLE, Event.DISABLE):
         assert "a fault is latched" in controller.request(event, "a person", on.rig.time_s)[0]
     assert controller.arm("a person")
     on.until(Mode.OFF, Event.RESET)
     on.until(Mode.HOLDING, Event.ENABLE)
     assert not controller.machine.armed
-    decision, samples = on.rig.cycle.decision, on.rig.cycle.samples
+    decision, samples = on.rig.tick.decision, on.rig.tick.samples
     assert decision is not None
     assert samples is not None
     assert abs(decision.reference - samples.link_position).max() < HOLDS, "it stays where it is"
@@ -170,25 +170,25 @@ def test_it_stops_all_drives_until_a_person_resets_it(on: Stage, case: Case) -> 
 
 
 @pytest.mark.parametrize(
-    "case", [case for case in of(Reaction.QUICK_STOP) if not case.recovers], ids=lambda c: c.name
+    "case", [case for case in of(Response.QUICK_STOP) if not case.recovers], ids=lambda c: c.name
 )
-def test_a_drive_that_lost_its_set_up_latches_again(own: Stage, case: Case) -> None:
+def test_a_drive_that_lost_its_set_up_latches_again(own: BreakableArm, case: Case) -> None:
     start(own, armed=case.armed)
     fault = happen(own, case)
     stopped(own, fault)
     own.rig.request(Event.RESET)
     own.run(0.1)
     assert own.rig.mode is Mode.FAULTED
-    assert "ShoulderPitch" not in own.rig.cycle.controller.machine.cause
+    assert "ShoulderPitch" not in own.rig.tick.controller.machine.cause
 
 
-@pytest.mark.parametrize("case", of(Reaction.FAULT_EXIT), ids=lambda case: case.name)
-def test_what_ends_the_program(own: Stage, case: Case) -> None:
+@pytest.mark.parametrize("case", of(Response.FAULT_EXIT), ids=lambda case: case.name)
+def test_what_ends_the_program(own: BreakableArm, case: Case) -> None:
     start(own, armed=True)
-    assert own.rig.cycle.fatal is None
+    assert own.rig.tick.fatal is None
     happen(own, case)
-    assert own.rig.cycle.fatal is not None
-    assert own.rig.cycle.fatal.condition is case.condition
+    assert own.rig.tick.fatal is not None
+    assert own.rig.tick.fatal.condition is case.condition
     assert own.rig.mode is Mode.FAULTED
     # Nothing reaches the drives any more: they stop by themselves.
     own.rig.arm.advance(own.rig.arm.now + 0.5)
@@ -205,13 +205,20 @@ class _Broken:
 
 @pytest.mark.parametrize(
     "where",
-    ["arm.sync", "arm.collect", "arm.command", "estimator.step", "controller.step", "_observer"],
+    [
+        "drives.sync",
+        "drives.collect",
+        "drives.command",
+        "estimator.step",
+        "controller.step",
+        "_observer",
+    ],
 )
 def test_an_exception_anywhere_in_the_tick_stops_all_drives(
-    on: Stage, where: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    on: BreakableArm, where: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start(on, armed=True)
-    tick = on.rig.cycle
+    tick = on.rig.tick
     part, _, method = where.partition(".")
     monkeypatch.setattr(getattr(tick, part), method or "findings", _Broken())
     on.bus.sent.clear()
@@ -223,7 +230,7 @@ def test_an_exception_anywhere_in_the_tick_stops_all_drives(
 
     with (
         pytest.raises(ProgramError, match="ZeroDivisionError: division by zero") as raised,
-        stop_on_error(tick.arm, on.period_s, sleep),
+        stop_on_error(tick.drives, on.period_s, sleep),
     ):
         on.run(0.1)
     assert raised.value.exit_code == 70
@@ -239,12 +246,12 @@ def test_an_exception_anywhere_in_the_tick_stops_all_drives(
     assert "Traceback" in caplog.text
 
 
-def test_without_an_exception_it_does_nothing(on: Stage) -> None:
-    with stop_on_error(on.rig.cycle.drives, on.period_s, sleep=pytest.fail):
+def test_without_an_exception_it_does_nothing(on: BreakableArm) -> None:
+    with stop_on_error(on.rig.tick.drives, on.period_s, sleep=pytest.fail):
         on.tick()
 
 
-def test_a_fault_soon_after_a_reset_is_a_fault(on: Stage) -> None:
+def test_a_fault_soon_after_a_reset_is_a_fault(on: BreakableArm) -> None:
     """The patience with drives that are asked for a fault reset ends when they are enabled."""
     on.rig.arm.drives[2].fault(0x2310, "over-current")
     on.run(0.05)
@@ -255,28 +262,30 @@ def test_a_fault_soon_after_a_reset_is_a_fault(on: Stage) -> None:
     on.run(0.03)
     on.bus.lost.clear()
     assert on.rig.mode is Mode.FAULTED
-    assert on.rig.cycle.controller.machine.cause == "drive fault: LElbowRoll"
-    samples = on.rig.cycle.samples
+    assert on.rig.tick.controller.machine.cause == "drive fault: LElbowRoll"
+    samples = on.rig.tick.samples
     assert samples is not None
     assert samples.states[2] in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 
 
-def test_a_drive_still_in_fault_is_not_enabled(on: Stage) -> None:
+def test_a_drive_still_in_fault_is_not_enabled(on: BreakableArm) -> None:
     on.rig.arm.drives[2].fault(0x2310, "over-current")
     on.run(0.05)
     on.rig.request(Event.RESET)
-    reasons = on.rig.cycle.controller.request(Event.ENABLE, "a hasty person", on.rig.time_s)
+    reasons = on.rig.tick.controller.request(Event.ENABLE, "a hasty person", on.rig.time_s)
     assert reasons == ["drive fault: LElbowRoll"]
 
 
-def test_the_clock_on_the_wall_does_not_matter(on: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_clock_on_the_wall_does_not_matter(
+    on: BreakableArm, monkeypatch: pytest.MonkeyPatch
+) -> None:
     start(on, armed=True)
     wall = cycle((1.8e9, 1.8e9 + 3600.0, 0.0, -1.0))
     monkeypatch.setattr("time.time", lambda: next(wall))
     for _ in range(5):
         on.tick()
-        on.rig.cycle.state()  # the only place that looks at it
-        assert on.rig.cycle.findings == ()
+        on.rig.tick.state()  # the only place that looks at it
+        assert on.rig.tick.findings == ()
     assert on.rig.mode is Mode.TRACKING
-    assert on.rig.cycle.controller.machine.armed
+    assert on.rig.tick.controller.machine.armed
     monkeypatch.undo()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from daemon.faults.following import PRESSING_SHARE, TICKS, Following, FollowingBounds
+from daemon.faults.following import PRESSING_SHARE, TICKS, Following, FollowingSettings
 
 T, LAG = 0.01, 0.01
 WINDOW = 6  # three ticks of latency, three lags
@@ -13,7 +13,7 @@ E = 1e-9
 
 @pytest.fixture
 def following() -> Following:
-    return Following(FollowingBounds(DEVIATION, CURRENT, LAG), T)
+    return Following(FollowingSettings(DEVIATION, CURRENT, LAG), T)
 
 
 def ticks(
@@ -23,7 +23,9 @@ def ticks(
     found = []
     for _ in range(count):
         following.tell(np.array([told, told]))
-        astray = following.astray(np.array([told, velocity]), np.array([0.0, share * CURRENT[1]]))
+        astray = following.not_following(
+            np.array([told, velocity]), np.array([0.0, share * CURRENT[1]])
+        )
         assert not astray[0]
         found.append(bool(astray[1]))
     return found
@@ -61,7 +63,7 @@ def test_at_the_bounds_it_follows(following: Following, sign: int) -> None:
     # Nor is it drawn into what another joint does.
     for _ in range(TICKS):
         following.tell(np.zeros(2))
-        astray = following.astray(np.array([0.5, sign * DEVIATION[1]]), np.zeros(2))
+        astray = following.not_following(np.array([0.5, sign * DEVIATION[1]]), np.zeros(2))
     assert astray.tolist() == [True, False]
 
 
@@ -95,26 +97,26 @@ def test_what_was_told_lately_may_still_be_obeyed(following: Following) -> None:
     [(0.0, 0.01, 3), (0.01, 0.01, 6), (0.011, 0.01, 7), (0.03, 0.002, 48)],
 )
 def test_the_window_follows_from_lag_and_period(lag_s: float, period_s: float, window: int) -> None:
-    following = Following(FollowingBounds(DEVIATION, CURRENT, lag_s), period_s)
+    following = Following(FollowingSettings(DEVIATION, CURRENT, lag_s), period_s)
     ticks(following, 1, 0.5, 0.5)
     found = ticks(following, 100, 0.0, 0.5)
     assert found.index(True) == window - 1 + TICKS - 1
 
 
 def test_every_joint_by_itself() -> None:
-    following = Following(FollowingBounds(DEVIATION, CURRENT, LAG), T)
+    following = Following(FollowingSettings(DEVIATION, CURRENT, LAG), T)
     for _ in range(TICKS):
         following.tell(np.zeros(2))
-        astray = following.astray(np.array([-0.21, 0.31]), np.zeros(2))
+        astray = following.not_following(np.array([-0.21, 0.31]), np.zeros(2))
     assert astray.tolist() == [True, True]
-    assert following.astray(np.array([0.0, 0.31]), np.zeros(2)).tolist() == [False, True]
+    assert following.not_following(np.array([0.0, 0.31]), np.zeros(2)).tolist() == [False, True]
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_figures_are_from_the_nearest_setpoint_that_it_may_still_obey(sign: int) -> None:
-    following = Following(FollowingBounds(DEVIATION, CURRENT, LAG), T)
+    following = Following(FollowingSettings(DEVIATION, CURRENT, LAG), T)
     for told in (0.0, 0.05, 0.02):
         following.tell(np.full(2, sign * told))
-    following.astray(np.array([sign * 0.3, -sign * 0.4]), np.zeros(2))
+    following.not_following(np.array([sign * 0.3, -sign * 0.4]), np.zeros(2))
     assert following.figures(0) == "by 0.250 rad/s, at most 0.200"
     assert following.figures(1) == "by 0.400 rad/s, at most 0.300"

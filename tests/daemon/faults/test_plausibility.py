@@ -10,9 +10,9 @@ from daemon.faults.plausibility import (
     OVERSPEED_TICKS,
     STUCK_TICKS,
     STUCK_TRAVEL,
-    Bounds,
     Doubt,
     Plausibility,
+    PlausibilitySettings,
 )
 from daemon.faults.table import Condition
 
@@ -25,8 +25,8 @@ E = 1e-6
 ELBOW = 1  # of two joints, the one that is disturbed
 
 
-def bounds() -> Bounds:
-    return Bounds(
+def bounds() -> PlausibilitySettings:
+    return PlausibilitySettings(
         lower=np.array([-1.0, -1.0]),
         upper=np.array([2.0, 2.0]),
         speed=np.full(2, SPEED),

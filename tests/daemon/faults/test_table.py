@@ -4,21 +4,21 @@ from itertools import permutations
 
 import pytest
 
-from daemon.faults.table import EVENT_OF, REACTIONS, Condition, Finding, Reaction, strongest
+from daemon.faults.table import EVENT_OF, TABLE, Condition, Finding, Response, strongest
 from daemon.modes.table import Event
 
 # What one tick gets over; where what is measured can still be trusted; what ends the program.
 # Everything else stops all drives until a person has looked.
 EXPECTED = {
-    Reaction.CONTINUE: {Condition.SAMPLE_MISSING, Condition.BUS_DISTURBED, Condition.LATE},
-    Reaction.HOLD: {
+    Response.CONTINUE: {Condition.SAMPLE_MISSING, Condition.BUS_DISTURBED, Condition.LATE},
+    Response.HOLD: {
         Condition.STARVED,
         Condition.ERROR_PASSIVE,
         Condition.TORQUE_SATURATED,
         Condition.JOINT_LIMIT,
         Condition.OVERRUN,
     },
-    Reaction.FAULT_EXIT: {
+    Response.FAULT_EXIT: {
         Condition.UNSTOPPABLE,
         Condition.ADAPTER_GONE,
         Condition.PROGRAM_ERROR,
@@ -26,33 +26,33 @@ EXPECTED = {
 }
 
 
-def expected(condition: Condition) -> Reaction:
+def expected(condition: Condition) -> Response:
     found = [reaction for reaction, conditions in EXPECTED.items() if condition in conditions]
-    return found[0] if found else Reaction.QUICK_STOP
+    return found[0] if found else Response.QUICK_STOP
 
 
 @pytest.mark.parametrize("condition", Condition)
 def test_reaction(condition: Condition) -> None:
-    assert REACTIONS[condition].reaction is Finding(condition, "here").reaction
-    assert REACTIONS[condition].reaction is expected(condition)
+    assert TABLE[condition].response is Finding(condition, "here").response
+    assert TABLE[condition].response is expected(condition)
 
 
 def test_every_row_says_when_and_why() -> None:
-    assert list(REACTIONS) == list(Condition)
-    assert all(row.when and row.why for row in REACTIONS.values())
+    assert list(TABLE) == list(Condition)
+    assert all(row.when and row.why for row in TABLE.values())
 
 
 def test_what_each_reaction_does_to_the_mode() -> None:
     assert EVENT_OF == {
-        Reaction.CONTINUE: None,
-        Reaction.HOLD: Event.DOUBT,
-        Reaction.QUICK_STOP: Event.FAULT,
-        Reaction.FAULT_EXIT: Event.FAULT,
+        Response.CONTINUE: None,
+        Response.HOLD: Event.DOUBT,
+        Response.QUICK_STOP: Event.FAULT,
+        Response.FAULT_EXIT: Event.FAULT,
     }
 
 
 def test_the_order_of_strength() -> None:
-    assert Reaction.CONTINUE < Reaction.HOLD < Reaction.QUICK_STOP < Reaction.FAULT_EXIT
+    assert Response.CONTINUE < Response.HOLD < Response.QUICK_STOP < Response.FAULT_EXIT
 
 
 def test_the_strongest_wins_wherever_it_stands() -> None:

@@ -7,7 +7,7 @@ import pytest
 from bench.rigs.person import Arm
 from bench.rigs.typed_session import Typed, wired_joint
 from daemon.identify.session import Told, alone, left_out, spoils_wiring_of
-from daemon.protocol.messages import Contact, Event
+from daemon.protocol.messages import Contact, Notice
 
 
 @pytest.fixture
@@ -15,9 +15,9 @@ def arm(tmp_path: Path) -> Arm:
     return wired_joint(tmp_path)
 
 
-def contact(joint: str) -> Event:
+def contact(joint: str) -> Notice:
     about = Contact(joint=joint, torque=-0.35, threshold=0.3, level="contact", side="left")
-    return Event(kind="contact", text=f"{joint} -0.35 Nm (contact)", contact=about)
+    return Notice(kind="contact", text=f"{joint} -0.35 Nm (contact)", contact=about)
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def pushed(arm: Arm, *words: str) -> str:
         house.rig.arm.external_torque[0] = 1.5
         while typed.ticks_in_motion < 150:
             typed.tick()
-            felt += [event for event in house.rig.cycle.events if event.kind == "contact"]
+            felt += [event for event in house.rig.tick.events if event.kind == "contact"]
         house.rig.arm.external_torque[0] = 0.0
         typed.ctrl_c()
         said = typed.ends()[1]

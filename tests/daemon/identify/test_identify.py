@@ -278,20 +278,20 @@ def test_a_file_that_does_not_fit_is_refused(folder, text, says):
 
 def test_an_objection_keeps_the_arm_unarmed():
     with lockstep_rig(SINGLE_JOINT) as rig:
-        rig.cycle.prearm.identification = Verdict(False, "the wiring of joint was never checked")
+        rig.tick.prearm.identification = Verdict(False, "the wiring of joint was never checked")
         rig.enable()
         rig.run(1.0)
-        assert "the wiring of joint was never checked" in rig.cycle.controller.arm("a test")
-        rig.cycle.prearm.identification = Verdict(True, "")
-        rig.tick()
-        assert rig.cycle.controller.arm("a test") == []
+        assert "the wiring of joint was never checked" in rig.tick.controller.arm("a test")
+        rig.tick.prearm.identification = Verdict(True, "")
+        rig.step()
+        assert rig.tick.controller.arm("a test") == []
 
 
 def test_motors_alone_stand_while_a_hand_moves_the_link():
     """With the loop over the link the motor would follow the hand through the gap."""
     with lockstep_rig(SINGLE_JOINT) as rig:
         rig.enable()
-        controller = rig.cycle.controller
+        controller = rig.tick.controller
 
         def run(*, motors_only: bool) -> float:
             builder = PathBuilder(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.person import Arm
-from bench.rigs.served_daemon import House
+from bench.rigs.served_daemon import ServedDaemon
 from bench.rigs.typed_session import Typed, identify, stopped, wired_joint
 from daemon.clients.client import Client
 from daemon.clients.recorder import record
@@ -26,7 +26,7 @@ def arm(tmp_path: Path) -> Arm:
 
 
 @contextmanager
-def holding(arm: Arm) -> Iterator[House]:
+def holding(arm: Arm) -> Iterator[ServedDaemon]:
     """The daemon started (again), and the arm enabled."""
     with arm.house() as house:
         house.rig.enable()
@@ -37,7 +37,7 @@ def kept(arm: Arm) -> list[Path]:
     return sorted((arm.folder / "identify").glob("*.part*.mcap"))
 
 
-def refused(house: House, *words: str) -> str:
+def refused(house: ServedDaemon, *words: str) -> str:
     """What is said instead of moving."""
     typed = Typed(house, *words)
     status, said = typed.ends()
@@ -46,7 +46,7 @@ def refused(house: House, *words: str) -> str:
     return said
 
 
-def moves(house: House, *words: str) -> str:
+def moves(house: ServedDaemon, *words: str) -> str:
     """What is said by a step that is stopped after a second of motion."""
     said = stopped(house, *words, after_s=1.0)[1]
     assert "stopped by you" in said

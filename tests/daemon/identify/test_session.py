@@ -16,7 +16,7 @@ from click.testing import CliRunner
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from bench.rigs.person import Arm
-from bench.rigs.served_daemon import House
+from bench.rigs.served_daemon import ServedDaemon
 from bench.rigs.typed_session import MOTION_S, Typed, identify, stopped, wired_joint
 from daemon.commands import contactd
 from daemon.config import identified as file
@@ -39,7 +39,7 @@ def arm(tmp_path: Path) -> Arm:
 
 
 @pytest.fixture
-def house(arm: Arm) -> Iterator[House]:
+def house(arm: Arm) -> Iterator[ServedDaemon]:
     with arm.house() as house:
         house.rig.enable()
         yield house
@@ -54,7 +54,7 @@ def recorded(part: Path) -> MotionLog:
     "words", [("wiring",), ("gap",), ("friction", "--seconds", "20"), ("thresholds",)]
 )
 def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
-    arm: Arm, house: House, words: tuple[str, ...]
+    arm: Arm, house: ServedDaemon, words: tuple[str, ...]
 ) -> None:
     before = (arm.folder / "identified.yaml").read_bytes()
     status, said = stopped(house, *words)
@@ -68,7 +68,7 @@ def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
 
 
 def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
-    arm: Arm, house: House
+    arm: Arm, house: ServedDaemon
 ) -> None:
     command = [sys.executable, "-m", "daemon.commands.contactd", "identify", "friction"]
     with subprocess.Popen(
@@ -103,7 +103,7 @@ def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
     assert recorded(part).duration_s > MOTION_S - 0.5
 
 
-def test_friction_goes_on_from_where_it_was_stopped(arm: Arm, house: House) -> None:
+def test_friction_goes_on_from_where_it_was_stopped(arm: Arm, house: ServedDaemon) -> None:
     """20 s are three periods of the excitation; of what remains after 5 s there are two. Before
     both there is the way to where it begins."""
     stopped(house, "friction", "--seconds", "20", after_s=5.0 + APPROACH_S)
@@ -159,7 +159,7 @@ def test_a_refused_start_leaves_no_recording(arm: Arm) -> None:
     assert list((arm.folder / "identify").iterdir()) == []
 
 
-def test_where_nothing_can_be_recorded_nothing_moves(arm: Arm, house: House) -> None:
+def test_where_nothing_can_be_recorded_nothing_moves(arm: Arm, house: ServedDaemon) -> None:
     (arm.folder / "identify").touch()
     typed = Typed(house, "friction", "--seconds", "20")
     status, said = typed.ends()
@@ -167,7 +167,7 @@ def test_where_nothing_can_be_recorded_nothing_moves(arm: Arm, house: House) -> 
     assert "cannot record in " in said
 
 
-def refused(arm: Arm, house: House, part: Path, step: str, live: str, log: str) -> None:
+def refused(arm: Arm, house: ServedDaemon, part: Path, step: str, live: str, log: str) -> None:
     """A step is, on the arm before anything moves, and on a recording of it."""
     typed = Typed(house, step)
     status, said = typed.ends()
@@ -179,7 +179,7 @@ def refused(arm: Arm, house: House, part: Path, step: str, live: str, log: str) 
     assert log in result.output
 
 
-def test_samples_of_another_wiring_are_refused(arm: Arm, house: House) -> None:
+def test_samples_of_another_wiring_are_refused(arm: Arm, house: ServedDaemon) -> None:
     stopped(house, "friction", "--seconds", "20")
     (part,) = (arm.folder / "identify").glob("*.mcap")
     text = (arm.folder / "config.yaml").read_text()
@@ -190,7 +190,7 @@ def test_samples_of_another_wiring_are_refused(arm: Arm, house: House) -> None:
         read_measured([part], load_robot(ROMEO).configuration)
 
 
-def test_thresholds_are_those_of_the_values_in_force(arm: Arm, house: House) -> None:
+def test_thresholds_are_those_of_the_values_in_force(arm: Arm, house: ServedDaemon) -> None:
     stopped(house, "thresholds")
     (part,) = (arm.folder / "identify").glob("*.mcap")
     gap = file.Gap(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
@@ -232,7 +232,7 @@ def test_how_a_motion_ends(
     assert len(saw) == seen
 
 
-def test_a_lost_drive_ends_the_step_and_is_named(arm: Arm, house: House) -> None:
+def test_a_lost_drive_ends_the_step_and_is_named(arm: Arm, house: ServedDaemon) -> None:
     before = (arm.folder / "identified.yaml").read_bytes()
     typed = Typed(house, "friction", "--seconds", "20")
     typed.moves()
@@ -244,7 +244,7 @@ def test_a_lost_drive_ends_the_step_and_is_named(arm: Arm, house: House) -> None
     assert (arm.folder / "identified.yaml").read_bytes() == before
 
 
-def test_a_touch_is_told_at_once_and_left_out(arm: Arm, house: House) -> None:
+def test_a_touch_is_told_at_once_and_left_out(arm: Arm, house: ServedDaemon) -> None:
     typed = Typed(house, "friction", "--seconds", "20")
     typed.moves(8.0)
     house.rig.arm.external_torque[0] = 1.5

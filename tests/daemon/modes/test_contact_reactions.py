@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from bench.rigs.ideal_arm import MANNER, IdealArm, holding_arm
-from daemon.modes.contact_reactions import AfterQuiet, Reaction, Reactions
+from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
-from daemon.motion.admittance import GuidedBounds
+from daemon.motion.admittance import AllowanceSettings
 from tests.daemon.conftest import MakeArm as Make
 
-R, M = Reaction, Mode
+R, M = ContactReaction, Mode
 AFTER = {
     R.REPORT: M.TRACKING,
     R.ADMITTANCE: M.ADMITTANCE,
@@ -17,15 +17,17 @@ AFTER = {
     R.HOLD: M.STOPPING,
     R.QUICK_STOP: M.FAULTED,
 }
-NEAR = GuidedBounds(max_duration_s=100.0, max_excursion=0.4)
-FAR = GuidedBounds(max_duration_s=100.0, max_excursion=3.0)
+NEAR = AllowanceSettings(max_duration_s=100.0, max_excursion=0.4)
+FAR = AllowanceSettings(max_duration_s=100.0, max_excursion=3.0)
 
 
 # --- each reaction to each level ------------------------------------------------------------
 
 
-@pytest.mark.parametrize("reaction", Reaction)
-def test_armed_a_contact_leads_to_what_was_chosen(tracking: Make, reaction: Reaction) -> None:
+@pytest.mark.parametrize("reaction", ContactReaction)
+def test_armed_a_contact_leads_to_what_was_chosen(
+    tracking: Make, reaction: ContactReaction
+) -> None:
     arm = tracking(contact=reaction)
     arm.touch()
     assert arm.mode is AFTER[reaction]
@@ -34,16 +36,18 @@ def test_armed_a_contact_leads_to_what_was_chosen(tracking: Make, reaction: Reac
     assert arm.armed is (reaction is not R.QUICK_STOP)
 
 
-@pytest.mark.parametrize("reaction", Reaction)
-def test_armed_a_collision_leads_to_what_was_chosen(tracking: Make, reaction: Reaction) -> None:
+@pytest.mark.parametrize("reaction", ContactReaction)
+def test_armed_a_collision_leads_to_what_was_chosen(
+    tracking: Make, reaction: ContactReaction
+) -> None:
     arm = tracking(contact=R.REPORT, collision=reaction)
     arm.hit()
     assert arm.mode is AFTER[reaction]
 
 
-@pytest.mark.parametrize("reaction", Reaction)
+@pytest.mark.parametrize("reaction", ContactReaction)
 def test_unarmed_a_contact_is_reported_whatever_was_chosen(
-    tracking: Make, reaction: Reaction
+    tracking: Make, reaction: ContactReaction
 ) -> None:
     arm = tracking(contact=reaction)
     arm.request(Event.DISARM)
@@ -51,8 +55,10 @@ def test_unarmed_a_contact_is_reported_whatever_was_chosen(
     assert arm.mode is M.TRACKING
 
 
-@pytest.mark.parametrize("reaction", Reaction)
-def test_unarmed_a_collision_stops_whatever_was_chosen(tracking: Make, reaction: Reaction) -> None:
+@pytest.mark.parametrize("reaction", ContactReaction)
+def test_unarmed_a_collision_stops_whatever_was_chosen(
+    tracking: Make, reaction: ContactReaction
+) -> None:
     arm = tracking(collision=reaction)
     arm.request(Event.DISARM)
     arm.hit()
@@ -83,7 +89,9 @@ def test_to_hold_means_to_stay_where_it_stopped(tracking: Make) -> None:
         (R.QUICK_STOP, M.FAULTED),
     ],
 )
-def test_a_collision_while_it_yields(tracking: Make, collision: Reaction, mode: Mode) -> None:
+def test_a_collision_while_it_yields(
+    tracking: Make, collision: ContactReaction, mode: Mode
+) -> None:
     arm = tracking(collision=collision)
     arm.run(0.3, **arm.push(0.5))
     arm.hit(3.0)
@@ -94,7 +102,7 @@ def test_a_collision_while_it_yields(tracking: Make, collision: Reaction, mode: 
     ("collision", "mode"), [(R.ADMITTANCE, M.ADMITTANCE), (R.RETRACT, M.RETRACTING)]
 )
 def test_a_contact_to_stop_at_that_becomes_a_collision(
-    tracking: Make, collision: Reaction, mode: Mode
+    tracking: Make, collision: ContactReaction, mode: Mode
 ) -> None:
     arm = tracking(contact=R.HOLD, collision=collision)
     arm.touch()
@@ -201,7 +209,7 @@ def test_a_biased_residual_does_not_walk_the_arm_away(after: AfterQuiet) -> None
 
 def test_quiet_ticks_do_not_renew_the_duration(tracking: Make) -> None:
     """A push that lets go for a tick, or for a while, is one push."""
-    arm = tracking(bounds=GuidedBounds(max_duration_s=5.0, max_excursion=3.0))
+    arm = tracking(bounds=AllowanceSettings(max_duration_s=5.0, max_excursion=3.0))
     begun = arm.time_s
     while arm.armed and arm.time_s - begun < 10.0:
         arm.run(0.05, **arm.push(0.001))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.motion.admittance import GAIN_RAMP_S, AdmittanceLaw, Allowance, Gains, GuidedBounds
+from daemon.motion.admittance import GAIN_RAMP_S, AdmittanceLaw, Allowance, AllowanceSettings, Gains
 
 DT = 0.01
 GAIN = np.array([0.08, 0.5, 0.0])
@@ -85,7 +85,7 @@ def test_a_gain_moves_evenly_and_arrives(changes: list[tuple[int, float, int]]) 
     np.testing.assert_array_equal(GAIN, [0.08, 0.5, 0.0])  # the configuration's stay
 
 
-BOUNDS = GuidedBounds(max_duration_s=10.0, max_excursion=0.5)
+BOUNDS = AllowanceSettings(max_duration_s=10.0, max_excursion=0.5)
 
 
 @pytest.mark.parametrize(

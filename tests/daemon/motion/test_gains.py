@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from bench.rigs.ideal_arm import T, tracking_arm
-from daemon.modes.contact_reactions import Reaction, Reactions
-from daemon.motion.admittance import GuidedBounds
+from daemon.modes.contact_reactions import ContactReaction, Reactions
+from daemon.motion.admittance import AllowanceSettings
 
-SOFT = Reactions(Reaction.ADMITTANCE, Reaction.ADMITTANCE)
-FAR = GuidedBounds(max_duration_s=100.0, max_excursion=3.0)
+SOFT = Reactions(ContactReaction.ADMITTANCE, ContactReaction.ADMITTANCE)
+FAR = AllowanceSettings(max_duration_s=100.0, max_excursion=3.0)
 
 
 def test_a_gain_changes_while_it_acts_without_a_bump() -> None:

@@ -34,7 +34,7 @@ def pushed(request: pytest.FixtureRequest) -> Iterator[tuple[Rig, float]]:
         rig.arm.plant.place(border - sign * AWAY_RAD)
         rig.enable()
         rig.run(0.2)
-        assert rig.cycle.controller.arm("the test") == []
+        assert rig.tick.controller.arm("the test") == []
         joints = rig.robot.configuration.joints
         strength = np.array([0.4 * j.torque_constant * j.wiring.max_current_A for j in joints])
         felt = np.array([1.75 * j.thresholds.contact for j in joints])
@@ -49,8 +49,8 @@ def test_a_strong_hand_gets_no_joint_past_its_limit(pushed: tuple[Rig, float]) -
     fastest = np.zeros(len(joints))
     furthest = np.full(len(joints), -np.inf)
     for _ in range(160):
-        rig.tick()
-        decision, samples = rig.cycle.decision, rig.cycle.samples
+        rig.step()
+        decision, samples = rig.tick.decision, rig.tick.samples
         assert decision is not None
         assert samples is not None
         fastest = np.maximum(fastest, sign * decision.velocity)
@@ -77,10 +77,10 @@ def test_no_link_can_fall_through_its_gap_past_a_limit(sign: float) -> None:
         border = np.array([j.limits.upper if sign > 0 else j.limits.lower for j in joints])
         plant.place(border - sign * 0.1)
         rig.enable()
-        rig.cycle.controller.motion.reference[:] = border
+        rig.tick.controller.motion.reference[:] = border
         furthest = np.full(len(joints), -np.inf)
         for _ in range(150):
-            rig.tick()
+            rig.step()
             # Where the link could be, if somebody pushed it while the motor stands.
             furthest = np.maximum(
                 furthest, sign * (plant.theta - border) + plant.parameters.half_gap
@@ -122,7 +122,7 @@ def test_an_arm_that_was_pressed_beyond_a_limit_comes_back_by_itself(end: str) -
         assert rig.arm.plant.q[WRIST] < UPPER + 0.002
         # The position loop's own speed at that distance: somebody may stand beside.
         assert max(fastest) < 1.2 * 0.045 * rig.robot.configuration.control.position_gain
-        assert rig.cycle.controller.arm("the test") == []
+        assert rig.tick.controller.arm("the test") == []
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_an_arm_that_was_pressed_beyond_a_limit_comes_back_by_itself(end: str) -
 )
 def test_further_out_somebody_has_to_move_it_and_is_told_how(end: str, how: str) -> None:
     with standing(0.07, end) as rig:
-        (reason,) = rig.cycle.controller.request(Event.ENABLE, "the test", rig.time_s)
+        (reason,) = rig.tick.controller.request(Event.ENABLE, "the test", rig.time_s)
         assert reason.endswith(f" rad, more than 0.05 outside its limits [-0.4, 0.3]: {how}")
-        (check,) = [check for check in rig.cycle.checks() if check.name == "limits"]
+        (check,) = [check for check in rig.tick.checks() if check.name == "limits"]
         assert not check.passed

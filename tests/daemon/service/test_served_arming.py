@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from bench.rigs.served_daemon import House
+from bench.rigs.served_daemon import ServedDaemon
 from daemon.clients.client import Client
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Request
@@ -14,26 +14,26 @@ from daemon.protocol.socket_path import Peer
 from errors import ControlError
 
 
-def armed(house: House) -> bool:
-    return house.rig.cycle.controller.machine.armed
+def armed(house: ServedDaemon) -> bool:
+    return house.rig.tick.controller.machine.armed
 
 
-def cause_of_disarming(house: House) -> str:
-    texts = [e.text for e in house.rig.cycle.events if e.text.startswith("disarmed")]
+def cause_of_disarming(house: ServedDaemon) -> str:
+    texts = [e.text for e in house.rig.tick.events if e.text.startswith("disarmed")]
     return texts[0] if texts else ""
 
 
-def until_disarmed(house: House, limit_s: float) -> tuple[float, str]:
+def until_disarmed(house: ServedDaemon, limit_s: float) -> tuple[float, str]:
     begun = house.rig.time_s
     while armed(house):
         house.tick()
         assert house.rig.time_s - begun < limit_s
     took = house.rig.time_s - begun
-    house.rig.tick()
+    house.rig.step()
     return took, cause_of_disarming(house)
 
 
-def test_arm_shows_every_check_and_who_armed(house: House) -> None:
+def test_arm_shows_every_check_and_who_armed(house: ServedDaemon) -> None:
     house.rig.enable()
     result = house.contactctl("arm")
     lines = result.stdout.splitlines()
@@ -48,7 +48,7 @@ def test_arm_shows_every_check_and_who_armed(house: House) -> None:
     assert f"(pid {os.getpid()}) for another" in house.contactctl("status").stdout
 
 
-def test_arm_is_refused_with_the_checks_that_failed(house: House) -> None:
+def test_arm_is_refused_with_the_checks_that_failed(house: ServedDaemon) -> None:
     result = house.contactctl("arm")
     assert (result.exit_code, result.stdout) == (1, "")
     failed = [line for line in result.stderr.splitlines() if line.startswith("failed")]
@@ -59,7 +59,7 @@ def test_arm_is_refused_with_the_checks_that_failed(house: House) -> None:
     assert not armed(house)
 
 
-def test_a_persons_lease_outlives_the_connection_and_runs_out(house: House) -> None:
+def test_a_persons_lease_outlives_the_connection_and_runs_out(house: ServedDaemon) -> None:
     house.rig.enable()
     assert house.contactctl("arm", "--lease", "1.5").exit_code == 0
     assert house.service.control.connections <= 1
@@ -69,7 +69,7 @@ def test_a_persons_lease_outlives_the_connection_and_runs_out(house: House) -> N
     assert house.rig.mode is Mode.HOLDING
 
 
-def test_arming_again_renews(house: House) -> None:
+def test_arming_again_renews(house: ServedDaemon) -> None:
     house.rig.enable()
     assert house.contactctl("arm", "--lease", "1").exit_code == 0
     house.run(0.7)
@@ -79,7 +79,7 @@ def test_arming_again_renews(house: House) -> None:
     assert took == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_program_holds_its_lease_by_renewing(house: House, client: Client) -> None:
+def test_a_program_holds_its_lease_by_renewing(house: ServedDaemon, client: Client) -> None:
     house.rig.enable()
     assert house.until(client.arm).ok
     for _ in range(3):
@@ -92,7 +92,7 @@ def test_a_program_holds_its_lease_by_renewing(house: House, client: Client) -> 
     assert "ran out" in cause
 
 
-def test_a_program_that_is_gone_leaves_the_arm_holding(house: House) -> None:
+def test_a_program_that_is_gone_leaves_the_arm_holding(house: ServedDaemon) -> None:
     house.rig.enable()
     client = Client(house.path)
     assert house.until(lambda: client.arm(3600.0)).ok
@@ -107,7 +107,7 @@ def test_a_program_that_is_gone_leaves_the_arm_holding(house: House) -> None:
     assert house.rig.mode is Mode.HOLDING
 
 
-def test_while_guided_the_owner_renews(house: House, client: Client) -> None:
+def test_while_guided_the_owner_renews(house: ServedDaemon, client: Client) -> None:
     house.rig.enable()
     assert house.until(client.arm).ok
     house.rig.arm.external_torque[0] = 3.0
@@ -117,7 +117,7 @@ def test_while_guided_the_owner_renews(house: House, client: Client) -> None:
     assert house.rig.mode is Mode.ADMITTANCE
 
 
-def test_renewing_never_arms(house: House, client: Client) -> None:
+def test_renewing_never_arms(house: ServedDaemon, client: Client) -> None:
     """Nor does a program that goes on asking undo what somebody else has done."""
     house.rig.enable()
     nothing = house.until(client.renew)
@@ -131,7 +131,7 @@ def test_renewing_never_arms(house: House, client: Client) -> None:
     assert not armed(house)
 
 
-def test_only_who_armed_renews(house: House, client: Client) -> None:
+def test_only_who_armed_renews(house: ServedDaemon, client: Client) -> None:
     house.rig.enable()
     assert house.contactctl("arm", "--lease", "60").exit_code == 0
     refused = house.until(client.renew)
@@ -143,12 +143,16 @@ def test_only_who_armed_renews(house: House, client: Client) -> None:
 
 
 @pytest.mark.parametrize("lease_s", [0.0, -1.0, 86_401.0, float("nan")])
-def test_renewing_takes_no_impossible_lease(house: House, client: Client, lease_s: float) -> None:
+def test_renewing_takes_no_impossible_lease(
+    house: ServedDaemon, client: Client, lease_s: float
+) -> None:
     with pytest.raises(ControlError, match="is not a lease"):
         client.renew(lease_s)
 
 
-def test_another_owner_is_refused_and_everybody_disarms(house: House, client: Client) -> None:
+def test_another_owner_is_refused_and_everybody_disarms(
+    house: ServedDaemon, client: Client
+) -> None:
     house.rig.enable()
     assert house.until(lambda: client.arm(60.0)).ok
     result = house.contactctl("arm")
@@ -164,7 +168,7 @@ def test_another_owner_is_refused_and_everybody_disarms(house: House, client: Cl
 
 
 @pytest.mark.parametrize("lease", [0.0, -1.0, 86_401.0, "soon", float("nan")])
-def test_impossible_leases(house: House, lease: object) -> None:
+def test_impossible_leases(house: ServedDaemon, lease: object) -> None:
     house.rig.enable()
     assert house.contactctl("arm", "--lease", str(lease)).exit_code == 2
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as raw:
@@ -174,7 +178,7 @@ def test_impossible_leases(house: House, lease: object) -> None:
     assert not armed(house)
 
 
-def test_disarm_works_in_every_mode(house: House) -> None:
+def test_disarm_works_in_every_mode(house: ServedDaemon) -> None:
     enabled = [house.contactctl("disarm").exit_code]
     house.rig.enable()
     enabled.append(house.contactctl("disarm").exit_code)
@@ -191,7 +195,7 @@ def test_disarm_works_in_every_mode(house: House) -> None:
 
 
 def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(
-    house: House, client: Client, caplog: pytest.LogCaptureFixture
+    house: ServedDaemon, client: Client, caplog: pytest.LogCaptureFixture
 ) -> None:
     house.ask(client, "enable")
     house.run(0.5)

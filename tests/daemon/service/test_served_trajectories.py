@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.rigs.served_daemon import House
+from bench.rigs.served_daemon import ServedDaemon
 from daemon.clients.client import Client
 from daemon.clients.trajectory_recorder import Recorded, record_trajectory
 from daemon.modes.table import Mode
@@ -17,8 +17,8 @@ from daemon.motion.trajectory_file import read_trajectory
 from errors import ControlError, LogError, TrajectoryError
 
 
-def stands(house: House) -> float:
-    samples = house.rig.cycle.samples
+def stands(house: ServedDaemon) -> float:
+    samples = house.rig.tick.samples
     assert samples is not None
     return float(samples.link_position[0])
 
@@ -29,14 +29,14 @@ def csv(tmp_path: Path, rows: list[tuple[object, ...]], header: str = "time_s,jo
     return path
 
 
-def swing(house: House, length_s: float = 2.0) -> list[tuple[object, ...]]:
+def swing(house: ServedDaemon, length_s: float = 2.0) -> list[tuple[object, ...]]:
     """0.3 rad forth and back from where the arm stands, 50 samples a second."""
     times = np.arange(0.0, length_s + 1e-9, 0.02)
     q = stands(house) + 0.15 * (1.0 - np.cos(2 * np.pi * times / length_s))
     return [(f"{t:.3f}", f"{x:.6f}") for t, x in zip(times, q, strict=True)]
 
 
-def test_a_file_is_run_to_its_end(house: House, tmp_path: Path) -> None:
+def test_a_file_is_run_to_its_end(house: ServedDaemon, tmp_path: Path) -> None:
     house.rig.enable()
     began = stands(house)
     path = csv(tmp_path, swing(house))
@@ -53,21 +53,21 @@ def test_a_file_is_run_to_its_end(house: House, tmp_path: Path) -> None:
     house.run(0.5)
     assert house.rig.mode is Mode.HOLDING
     assert stands(house) == pytest.approx(began, abs=0.01)
-    assert house.rig.cycle.controller.machine.cause == "move.csv came to its end"
+    assert house.rig.tick.controller.machine.cause == "move.csv came to its end"
 
 
-def test_the_name_of_a_file_forges_no_line(house: House, tmp_path: Path) -> None:
+def test_the_name_of_a_file_forges_no_line(house: ServedDaemon, tmp_path: Path) -> None:
     house.rig.enable()
     forged = "\x1b[2Jmove\n[fault tick=7] heartbeat lost.csv"
     path = csv(tmp_path, swing(house)).rename(tmp_path / forged)
     result = house.contactctl("start", str(path))
     assert result.exit_code == 0, result.stderr
-    machine = house.rig.cycle.controller.machine
+    machine = house.rig.tick.controller.machine
     assert machine.cause.startswith("start of ?[2Jmove?[fault tick=7] heartbeat lost.csv by uid ")
     assert "\x1b" not in house.contactctl("status").stdout
 
 
-def test_it_is_paused_and_goes_on(house: House, tmp_path: Path) -> None:
+def test_it_is_paused_and_goes_on(house: ServedDaemon, tmp_path: Path) -> None:
     house.rig.enable()
     assert house.contactctl("start", str(csv(tmp_path, swing(house)))).exit_code == 0
     house.run(1.0)
@@ -75,10 +75,10 @@ def test_it_is_paused_and_goes_on(house: House, tmp_path: Path) -> None:
     status = json.loads(house.contactctl("--json", "status").stdout)["trajectory"]
     assert (status["name"], status["state"], status["duration_s"]) == ("move.csv", "paused", 2.0)
     assert house.contactctl("start").exit_code == 0
-    assert "move.csv at" in house.rig.cycle.controller.machine.cause
+    assert "move.csv at" in house.rig.tick.controller.machine.cause
     assert house.contactctl("stop").exit_code == 0
     assert house.contactctl("start").exit_code == 0
-    assert "start of sinusoids" in house.rig.cycle.controller.machine.cause
+    assert "start of sinusoids" in house.rig.tick.controller.machine.cause
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_it_is_paused_and_goes_on(house: House, tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_file_is_refused_with_its_line(
-    house: House, tmp_path: Path, rows: list[tuple[object, ...]], words: str
+    house: ServedDaemon, tmp_path: Path, rows: list[tuple[object, ...]], words: str
 ) -> None:
     house.rig.enable()
     path = csv(tmp_path, rows)
@@ -106,7 +106,7 @@ def test_a_bad_file_is_refused_with_its_line(
     assert house.rig.mode is Mode.HOLDING
 
 
-def test_a_file_that_begins_elsewhere_needs_a_word(house: House, tmp_path: Path) -> None:
+def test_a_file_that_begins_elsewhere_needs_a_word(house: ServedDaemon, tmp_path: Path) -> None:
     house.rig.enable()
     here = stands(house)
     path = csv(tmp_path, [(0, here + 0.4), (1, here + 0.4), (2, here + 0.5)])
@@ -117,7 +117,7 @@ def test_a_file_that_begins_elsewhere_needs_a_word(house: House, tmp_path: Path)
     assert house.contactctl("start", "--from-here").exit_code == 2
 
 
-def test_a_program_loads_and_starts(house: House, client: Client) -> None:
+def test_a_program_loads_and_starts(house: ServedDaemon, client: Client) -> None:
     house.rig.enable()
     times = np.arange(0.0, 3.0, 0.01)
     q = stands(house) + 0.1 * np.sin(times)[:, None]
@@ -126,7 +126,7 @@ def test_a_program_loads_and_starts(house: House, client: Client) -> None:
     reply = house.until(client.start_loaded)
     assert reply.ok, reply.reasons
     house.run(2.0)
-    follower = house.rig.cycle.controller.motion.follower
+    follower = house.rig.tick.controller.motion.follower
     assert follower.place.path.name == "fourier"
     s = follower.place.s
     assert stands(house) == pytest.approx(float(q[0, 0]) + 0.1 * np.sin(s), abs=0.01)
@@ -141,7 +141,7 @@ def test_a_program_loads_and_starts(house: House, client: Client) -> None:
     ],
 )
 def test_a_program_is_told_the_row(
-    house: House, client: Client, positions: list[list[float]], row: int, words: str
+    house: ServedDaemon, client: Client, positions: list[list[float]], row: int, words: str
 ) -> None:
     velocities = [[0.0] * len(q) for q in positions]
     with pytest.raises(TrajectoryError, match=words) as caught:
@@ -153,7 +153,7 @@ def test_a_program_is_told_the_row(
         house.until(lambda: client.load_trajectory(["elbow"], [0.0, 1.0], [[0.0], [0.1]]))
 
 
-def test_what_was_loaded_belongs_to_its_connection(house: House, client: Client) -> None:
+def test_what_was_loaded_belongs_to_its_connection(house: ServedDaemon, client: Client) -> None:
     house.rig.enable()
     rows = [[stands(house)], [stands(house)]]
     house.until(lambda: client.load_trajectory(["joint"], [0.0, 1.0], rows))
@@ -169,7 +169,7 @@ def test_what_was_loaded_belongs_to_its_connection(house: House, client: Client)
         house.service.dock.take(2)
 
 
-def test_half_an_upload_is_no_trajectory(house: House) -> None:
+def test_half_an_upload_is_no_trajectory(house: ServedDaemon) -> None:
     house.rig.enable()
     raw = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     raw.connect(str(house.path))
@@ -192,7 +192,7 @@ def test_half_an_upload_is_no_trajectory(house: House) -> None:
     assert house.service.control.connections == 0
 
 
-def test_what_was_led_by_hand_is_done_again(house: House, tmp_path: Path) -> None:
+def test_what_was_led_by_hand_is_done_again(house: ServedDaemon, tmp_path: Path) -> None:
     """Recorded while a push leads the arm, then run."""
     path = tmp_path / "led.csv"
     house.rig.enable()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.rigs.served_daemon import House
+from bench.rigs.served_daemon import ServedDaemon
 from daemon.clients.client import Client
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Reply, Request
@@ -48,7 +48,7 @@ ATTACKS: dict[str, tuple[list[bytes], int]] = {
 
 @pytest.mark.parametrize("name", list(ATTACKS))
 def test_whatever_clients_do_a_tick_does_little_and_disarm_comes_through(
-    house: House, name: str
+    house: ServedDaemon, name: str
 ) -> None:
     """Counted, not timed: at most four requests in a tick; a person waits for few ticks."""
     packets, connections = ATTACKS[name]
@@ -66,7 +66,7 @@ def test_whatever_clients_do_a_tick_does_little_and_disarm_comes_through(
         for _ in range(4):
             opened = next(attack)
         served[0] = 0
-        house.rig.tick()
+        house.rig.step()
         house.service.control.poll(counting)
         assert served[0] <= 4
     assert house.service.control.connections <= 32
@@ -84,13 +84,13 @@ def test_whatever_clients_do_a_tick_does_little_and_disarm_comes_through(
 # --- gains --------------------------------------------------------------------------------------
 
 
-def test_a_gain_is_shown_changed_and_told(house: House) -> None:
+def test_a_gain_is_shown_changed_and_told(house: ServedDaemon) -> None:
     assert house.contactctl("gain").stdout.split() == ["joint", "0.3"]
     result = house.contactctl("gain", "joint", "0.05")
     assert (result.exit_code, result.stdout) == (0, "gain: joint 0.05 rad/s per Nm\n")
     assert house.contactctl("gain", "joint").stdout.split() == ["joint", "0.05"]
     house.run(0.6)
-    gains = house.rig.cycle.controller.motion.gains
+    gains = house.rig.tick.controller.motion.gains
     np.testing.assert_array_equal(gains.value, [0.05])
 
 
@@ -106,15 +106,17 @@ def test_a_gain_is_shown_changed_and_told(house: House) -> None:
     ],
 )
 def test_what_is_no_gain_is_refused(
-    house: House, arguments: list[str], code: int, words: str
+    house: ServedDaemon, arguments: list[str], code: int, words: str
 ) -> None:
     result = house.contactctl("gain", *arguments)
     assert result.exit_code == code
     assert words in result.stderr
-    assert house.rig.cycle.controller.motion.gains.goal[0] == 0.3
+    assert house.rig.tick.controller.motion.gains.goal[0] == 0.3
 
 
-def test_a_gain_needs_its_joint_and_belongs_to_its_command(house: House, client: Client) -> None:
+def test_a_gain_needs_its_joint_and_belongs_to_its_command(
+    house: ServedDaemon, client: Client
+) -> None:
     for request, reason in (
         (Request("gain", joint="joint"), "it takes a `joint` and a `gain`"),
         (Request("gain"), "it takes a `joint` and a `gain`"),

@@ -30,7 +30,7 @@ def calm() -> Iterator[Rig]:
 
 
 def checks(rig: Rig) -> dict[str, Check]:
-    return {check.name: check for check in rig.cycle.checks()}
+    return {check.name: check for check in rig.tick.checks()}
 
 
 def failed(rig: Rig) -> list[str]:
@@ -39,20 +39,20 @@ def failed(rig: Rig) -> list[str]:
 
 def objections(rig: Rig) -> set[str]:
     """Of the last samples, as they are now."""
-    samples, estimate = rig.cycle.samples, rig.cycle.estimate
+    samples, estimate = rig.tick.samples, rig.tick.estimate
     assert samples is not None
     assert estimate is not None
-    return {o.check for o in rig.cycle.prearm.objections(samples, estimate, (), (), ())}
+    return {o.check for o in rig.tick.prearm.objections(samples, estimate, (), (), ())}
 
 
 def watched(rig: Rig, *events: object) -> None:
     """As if these had come in the last tick; the supervisor has dealt with them since."""
-    samples = rig.cycle.samples
+    samples = rig.tick.samples
     assert samples is not None
     samples.events = events  # type: ignore[assignment]
-    rig.cycle.prearm.watch(samples, (), rig.time_s)
+    rig.tick.prearm.watch(samples, (), rig.time_s)
     samples.events = ()
-    rig.tick()
+    rig.step()
 
 
 def test_at_rest_every_check_passes_and_says_why(calm: Rig) -> None:
@@ -68,7 +68,7 @@ def test_at_rest_every_check_passes_and_says_why(calm: Rig) -> None:
 
 def test_before_the_first_samples() -> None:
     with lockstep_rig(SINGLE_JOINT) as fresh:
-        assert [str(check) for check in fresh.cycle.checks()] == [
+        assert [str(check) for check in fresh.tick.checks()] == [
             "failed  mode            no samples of the drives yet"
         ]
 
@@ -88,9 +88,9 @@ def fault(rig: Rig) -> None:
 
 
 def late(rig: Rig) -> None:
-    rig.cycle.begin(rig.time_s)
+    rig.tick.begin(rig.time_s)
     rig.lockstep.pump()
-    rig.cycle.finish(0.0, Wakeup(lateness_s=0.015, left_out=1))
+    rig.tick.finish(0.0, Wakeup(lateness_s=0.015, left_out=1))
     rig.ticks += 1
 
 
@@ -115,7 +115,7 @@ def test_what_goes_wrong_fails_by_name(
     rig.run(0.05)
     assert names <= set(failed(rig))
     assert any(words in check.text for check in checks(rig).values() if not check.passed)
-    assert rig.cycle.controller.arm("the test")
+    assert rig.tick.controller.arm("the test")
 
 
 def test_now_and_then_a_tick_may_be_late(rig: Rig) -> None:
@@ -152,19 +152,19 @@ def test_an_emergency_is_over_when_the_drive_restarts(calm: Rig) -> None:
     assert failed(calm) == []
     watched(calm, Rebooted(1), Emergency(1, 0x3220, 5))
     assert failed(calm) == ["emergencies"]
-    calm.cycle.prearm.renewed([1])  # another joint's
+    calm.tick.prearm.renewed([1])  # another joint's
     assert failed(calm) == ["emergencies"]
-    calm.cycle.prearm.renewed([0])
+    calm.tick.prearm.renewed([0])
     assert failed(calm) == []
 
 
 def test_an_emergency_after_one_that_was_taken_back_counts(calm: Rig) -> None:
-    samples = calm.cycle.samples
+    samples = calm.tick.samples
     assert samples is not None
     samples.states, samples.events = [DriveState.FAULT], (Emergency(1, 0x2310, 1),)
-    calm.cycle.prearm.watch(samples, (), calm.time_s)
+    calm.tick.prearm.watch(samples, (), calm.time_s)
     samples.states, samples.events = [DriveState.OPERATION_ENABLED], (Emergency(1, 0, 0),)
-    calm.cycle.prearm.watch(samples, (), calm.time_s)
+    calm.tick.prearm.watch(samples, (), calm.time_s)
     watched(calm, Emergency(1, 0x4210, 8))  # of a drive that goes on
     assert failed(calm) == ["emergencies"]
     watched(calm, Emergency(1, 0, 0))
@@ -179,9 +179,9 @@ def test_a_drive_that_misses_our_heartbeat_fails_heartbeats(calm: Rig) -> None:
 
 def test_a_drive_that_left_its_fault_has_no_emergency(calm: Rig) -> None:
     """Although it never said that it was over."""
-    samples = calm.cycle.samples
+    samples = calm.tick.samples
     assert samples is not None
-    watch, time_s = calm.cycle.prearm.watch, calm.time_s
+    watch, time_s = calm.tick.prearm.watch, calm.time_s
     samples.states, samples.events = [DriveState.FAULT], (Emergency(1, 0x2310, 1),)
     watch(samples, (), time_s)
     samples.events = ()
@@ -199,37 +199,37 @@ def test_a_restarted_drive_must_be_set_up_again_and_then_may_be_armed(rig: Rig) 
     text = checks(rig)["set-up"].text
     assert text.startswith("restarted, and without their set-up: joint")
     assert "contactctl reset" in text
-    assert text in rig.cycle.controller.not_armable()
-    rig.cycle.drives.start(rig.time_s)  # as after setting it up again
-    rig.tick()
+    assert text in rig.tick.controller.not_armable()
+    rig.tick.drives.start(rig.time_s)  # as after setting it up again
+    rig.step()
     assert "set-up" not in failed(rig)
 
 
 def test_a_missing_heartbeat(calm: Rig) -> None:
-    arm, samples, estimate = calm.cycle.drives, calm.cycle.samples, calm.cycle.estimate
+    arm, samples, estimate = calm.tick.drives, calm.tick.samples, calm.tick.estimate
     assert samples is not None
     assert estimate is not None
-    assert arm.unheard() == ()
+    assert arm.silent() == ()
     for flag, unheard in (("lost", True), ("operational", False)):
         setattr(arm._drives[0].watch, flag, unheard)
-        found = calm.cycle.prearm.objections(samples, estimate, (), arm.unheard(), ())
+        found = calm.tick.prearm.objections(samples, estimate, (), arm.silent(), ())
         assert [(o.check, o.reason) for o in found] == [("heartbeats", "not heard from joint")]
         setattr(arm._drives[0].watch, flag, not unheard)
 
 
 def test_the_identification_is_somebody_elses_verdict(calm: Rig) -> None:
-    calm.cycle.prearm.identification = Verdict(False, "identified.yaml is of other drives")
-    calm.tick()
+    calm.tick.prearm.identification = Verdict(False, "identified.yaml is of other drives")
+    calm.step()
     assert failed(calm) == ["identification"]
-    assert calm.cycle.controller.arm("the test") == ["identified.yaml is of other drives"]
-    calm.cycle.prearm.identification = Verdict(True, "identified.yaml of 2026-11-20")
-    calm.tick()
+    assert calm.tick.controller.arm("the test") == ["identified.yaml is of other drives"]
+    calm.tick.prearm.identification = Verdict(True, "identified.yaml of 2026-11-20")
+    calm.step()
     assert checks(calm)["identification"].text == "identified.yaml of 2026-11-20"
     assert failed(calm) == []
 
 
 def test_a_joint_outside_its_limits(calm: Rig) -> None:
-    prearm, samples, estimate = calm.cycle.prearm, calm.cycle.samples, calm.cycle.estimate
+    prearm, samples, estimate = calm.tick.prearm, calm.tick.samples, calm.tick.estimate
     assert samples is not None
     assert estimate is not None
     for q, inside in ((1.4, True), (1.449, True), (1.451, False), (-1.451, False)):

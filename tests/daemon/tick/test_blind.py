@@ -38,12 +38,12 @@ def test_it_closes_a_loop_over_its_links_only_as_they_were_checked(
 ) -> None:
     with lockstep_rig(SINGLE_JOINT, configure=configure) as rig:
         robot = rig.robot if known else replace(rig.robot, identified=None)
-        heed_identification(rig.cycle, robot, serials)
+        heed_identification(rig.tick, robot, serials)
         trusted = why == "is of these drives"
-        assert why in rig.cycle.prearm.identification.text
+        assert why in rig.tick.prearm.identification.text
         rig.run(0.1)
         rig.enable()
-        refused = rig.cycle.controller.request(Event.START, "a test", rig.time_s)
+        refused = rig.tick.controller.request(Event.START, "a test", rig.time_s)
         assert refused == [] if trusted else "the wiring was not checked" in refused[0]
         rig.arm.external_torque[0] = 0.15
         moved = []
@@ -53,5 +53,5 @@ def test_it_closes_a_loop_over_its_links_only_as_they_were_checked(
 
 
 def setpoint(rig: Rig) -> float:
-    assert rig.cycle.decision is not None
-    return float(rig.cycle.decision.velocity[0])
+    assert rig.tick.decision is not None
+    return float(rig.tick.decision.velocity[0])

@@ -8,7 +8,7 @@ import pytest
 from bench.rigs.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
 from daemon.faults.table import Condition, Finding
 from daemon.modes.table import Event, Mode
-from daemon.motion.admittance import GuidedBounds
+from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from drivers.cia402 import PowerTarget
 
@@ -123,7 +123,7 @@ def test_a_bound_ends_in_holding_and_disarmed(
 
 
 def test_a_path_that_no_longer_fits_ends_in_holding_with_the_reason() -> None:
-    bench = tracking_arm(bounds=GuidedBounds(max_duration_s=20.0, max_excursion=3.0))
+    bench = tracking_arm(bounds=AllowanceSettings(max_duration_s=20.0, max_excursion=3.0))
     bench.run(3.0, **bench.push(1.0))
     assert bench.q[0] > 0.9
     bench.run(2.1)

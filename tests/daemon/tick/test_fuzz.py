@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bench.rigs.lockstep import DESK_ARM
-from daemon.assembly import build_cycle
+from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, Levels
 from daemon.modes.table import Event, Mode
@@ -128,21 +128,21 @@ def robot() -> Robot:
 def run(robot: Robot, harm, commands) -> tuple[FuzzedBus, list[Mode]]:
     """All ticks; the modes that there were."""
     bus = FuzzedBus(robot.configuration, harm)
-    cycle = build_cycle(robot, bus, lambda: 0.0)
-    cycle.drives.start(0.0)
+    tick = build_tick(robot, bus, lambda: 0.0)
+    tick.drives.start(0.0)
     modes = []
-    for tick in range(TICKS):
-        time_s = tick * bus.period_s
-        for command in commands.get(tick, ()):
+    for number in range(TICKS):
+        time_s = number * bus.period_s
+        for command in commands.get(number, ()):
             if command == "arm":
-                cycle.controller.arm("fuzz")
+                tick.controller.arm("fuzz")
             else:
-                cycle.controller.request(command, "fuzz", time_s)
-        cycle.begin(time_s)
-        cycle.finish(0.0)
-        if cycle.decision is not None:
-            cycle.state()
-        modes.append(cycle.controller.machine.mode)
+                tick.controller.request(command, "fuzz", time_s)
+        tick.begin(time_s)
+        tick.finish(0.0)
+        if tick.decision is not None:
+            tick.state()
+        modes.append(tick.controller.machine.mode)
     return bus, modes
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from bench.rigs.lockstep import lockstep_rig
 from daemon.config.schema import Configuration
-from daemon.modes.contact_reactions import AfterQuiet, Reaction
+from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.modes.table import Event, Mode
 
 ELBOW = 2
@@ -16,7 +16,7 @@ ELBOW = 2
 def cautious(c: Configuration) -> Configuration:
     """Reports a touch, backs away from a blow, and goes back to its trajectory."""
     reactions = msgspec.structs.replace(
-        c.reactions, contact=Reaction.REPORT, collision=Reaction.RETRACT
+        c.reactions, contact=ContactReaction.REPORT, collision=ContactReaction.RETRACT
     )
     admittance = msgspec.structs.replace(c.admittance, quiet_s=0.5, after_quiet=AfterQuiet.RETURN)
     return msgspec.structs.replace(c, reactions=reactions, admittance=admittance)
@@ -27,7 +27,7 @@ def test_it_backs_away_from_a_blow_and_goes_back_to_its_trajectory() -> None:
         rig.enable()
         rig.request(Event.START)
         rig.run(1.0)
-        assert rig.cycle.controller.arm("the test") == []
+        assert rig.tick.controller.arm("the test") == []
         rig.arm.external_torque[ELBOW] = 1.0  # a touch
         states = rig.states(0.3)
         assert {state.mode for state in states} == {Mode.TRACKING}

@@ -31,7 +31,7 @@ class FakeClock:
 
 
 @dataclass
-class FakeCycle:
+class FakeTick:
     """Notes when it was called; a tick takes `work` seconds."""
 
     clock: FakeClock
@@ -47,10 +47,10 @@ class FakeCycle:
         self.clock.now_s += self.work
 
 
-def loop_of(**late: float) -> tuple[Loop, FakeCycle, FakeClock]:
+def loop_of(**late: float) -> tuple[Loop, FakeTick, FakeClock]:
     clock = FakeClock(late={int(name.removeprefix("tick")): s for name, s in late.items()})
-    cycle = FakeCycle(clock)
-    return Loop(cycle, Clock(clock.now, clock.sleep_until), T), cycle, clock
+    tick = FakeTick(clock)
+    return Loop(tick, Clock(clock.now, clock.sleep_until), T), tick, clock
 
 
 def steps(times: list[float]) -> list[float]:
@@ -58,12 +58,12 @@ def steps(times: list[float]) -> list[float]:
 
 
 def test_deadlines_are_absolute_and_do_not_drift() -> None:
-    loop, cycle, clock = loop_of(tick1=0.003, tick4=0.0039)
+    loop, tick, clock = loop_of(tick1=0.003, tick4=0.0039)
     for _ in range(200):
-        loop.tick()
+        loop.step()
     assert clock.asked == pytest.approx([START + T * (k + 1) for k in range(200)], abs=1e-9)
     assert loop.missed == 0
-    assert cycle.began[1] == pytest.approx(2 * T + 0.003)
+    assert tick.began[1] == pytest.approx(2 * T + 0.003)
     assert loop.lateness_max_s == pytest.approx(0.0039)
     assert loop.work_max_s == pytest.approx(0.002)
 
@@ -72,67 +72,67 @@ def test_deadlines_are_absolute_and_do_not_drift() -> None:
     ("late", "left_out"), [(0.0039, 0), (0.0041, 1), (0.0139, 1), (0.0141, 2), (0.3505, 35)]
 )
 def test_a_late_tick_is_counted_and_left_out(late: float, left_out: int) -> None:
-    loop, cycle, clock = loop_of(tick3=late)
+    loop, tick, clock = loop_of(tick3=late)
     for _ in range(8):
-        loop.tick()
+        loop.step()
     assert loop.missed == left_out
-    wakeups = [wakeup for _, wakeup in cycle.finished]
+    wakeups = [wakeup for _, wakeup in tick.finished]
     assert [w.left_out for w in wakeups] == [0] * 3 + [left_out] + [0] * 4
     assert wakeups[3].lateness_s == pytest.approx(late)
     assert [w.missed for w in wakeups] == [0] * 3 + [left_out] * 5
     # It goes on at the grid of the old deadlines, and nothing is made up for in a burst.
     assert clock.asked[4] == pytest.approx(START + T * (5 + left_out))
-    assert steps(cycle.began[5:]) == pytest.approx([T] * 2)
+    assert steps(tick.began[5:]) == pytest.approx([T] * 2)
 
 
 @given(st.lists(st.floats(0.0, 0.05), min_size=1, max_size=20))
 def test_however_late_a_tick_the_drives_have_time_to_answer_it(late: list[float]) -> None:
-    loop, cycle, clock = loop_of(**{f"tick{k}": s for k, s in enumerate(late)})
+    loop, tick, clock = loop_of(**{f"tick{k}": s for k, s in enumerate(late)})
     for _ in range(len(late) + 2):
-        loop.tick()
-    assert all(step >= ANSWER_SHARE * T - 1e-9 for step in steps(cycle.began))
+        loop.step()
+    assert all(step >= ANSWER_SHARE * T - 1e-9 for step in steps(tick.began))
     # Every deadline of the grid was either kept or counted.
     assert clock.asked[-1] == pytest.approx(
-        START + T * (len(clock.asked) + missed_before_the_last(cycle))
+        START + T * (len(clock.asked) + missed_before_the_last(tick))
     )
 
 
-def missed_before_the_last(cycle: FakeCycle) -> int:
+def missed_before_the_last(tick: FakeTick) -> int:
     """Deadlines left out before the last one was asked for."""
-    return cycle.finished[-2][1].missed
+    return tick.finished[-2][1].missed
 
 
 def test_samples_are_awaited_for_a_share_of_the_period_from_the_wakeup() -> None:
-    loop, cycle, _ = loop_of(tick1=0.004)
-    loop.tick()
-    loop.tick()
-    assert [deadline for deadline, _ in cycle.finished] == pytest.approx(
+    loop, tick, _ = loop_of(tick1=0.004)
+    loop.step()
+    loop.step()
+    assert [deadline for deadline, _ in tick.finished] == pytest.approx(
         [START + T + ANSWER_SHARE * T, START + 2 * T + 0.004 + ANSWER_SHARE * T]
     )
 
 
 def test_a_tick_knows_how_long_the_one_before_worked() -> None:
-    loop, cycle, _ = loop_of()
-    loop.tick()
-    cycle.work = 0.005
-    loop.tick()
-    loop.tick()
-    assert [w.work_s for _, w in cycle.finished] == pytest.approx([0.0, 0.002, 0.005])
+    loop, tick, _ = loop_of()
+    loop.step()
+    tick.work = 0.005
+    loop.step()
+    loop.step()
+    assert [w.work_s for _, w in tick.finished] == pytest.approx([0.0, 0.002, 0.005])
 
 
 def test_it_runs_until_it_is_told_to_stop_and_serves_the_doors_after_each_tick() -> None:
-    loop, cycle, _ = loop_of()
+    loop, tick, _ = loop_of()
     calls: list[int] = []
-    loop.run(lambda: calls.append(len(cycle.finished)), lambda: len(calls) < 3)
+    loop.run(lambda: calls.append(len(tick.finished)), lambda: len(calls) < 3)
     assert calls == [1, 2, 3]
     assert loop.time_s == pytest.approx(3 * T + 0.002)
 
 
 def test_a_tick_longer_than_the_period_is_late_for_the_next() -> None:
-    loop, cycle, _ = loop_of()
-    cycle.work = 0.025
+    loop, tick, _ = loop_of()
+    tick.work = 0.025
     for _ in range(4):
-        loop.tick()
-    assert [w.left_out > 0 for _, w in cycle.finished] == [False, True, True, True]
+        loop.step()
+    assert [w.left_out > 0 for _, w in tick.finished] == [False, True, True, True]
     assert loop.missed >= 3
-    assert min(steps(cycle.began)) >= 0.025 - 1e-9
+    assert min(steps(tick.began)) >= 0.025 - 1e-9

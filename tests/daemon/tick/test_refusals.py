@@ -7,10 +7,10 @@ import pytest
 
 from bench.rigs.ideal_arm import IdealArm, T, holding_arm, ideal_arm
 from daemon.faults.table import Condition, Finding
-from daemon.modes.contact_reactions import AfterQuiet, Reaction, Reactions
+from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import ADVICE, TRANSITIONS, Event, Mode, refusal
 from daemon.tick.arming_checks import Objection
-from daemon.tick.controller import Observed
+from daemon.tick.controller import ControlInput
 
 COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")
 
@@ -22,7 +22,7 @@ def holding() -> IdealArm:
 
 def arm_in(mode: Mode) -> IdealArm:
     """Brought there by what a person does and the arm feels."""
-    backing = Reactions(Reaction.ADMITTANCE, Reaction.RETRACT)
+    backing = Reactions(ContactReaction.ADMITTANCE, ContactReaction.RETRACT)
     arm = ideal_arm(reactions=backing, after_quiet=AfterQuiet.RETURN)
     arm.step()
     if mode is Mode.OFF:
@@ -121,7 +121,7 @@ def test_arming_is_refused_with_every_reason(holding: IdealArm) -> None:
     holding.controller.step(
         holding.time_s,
         T,
-        Observed(holding.q, np.ones(2), np.zeros(2), "", "", True, (), lambda: against),
+        ControlInput(holding.q, np.ones(2), np.zeros(2), "", "", True, (), lambda: against),
     )
     reasons = holding.controller.arm("me")
     assert reasons == ["the arm is still stopping", "b is touched", "late"]
@@ -152,7 +152,7 @@ def test_enable_is_refused_while_something_asks_for_a_quick_stop(
     off = ideal_arm()
     off.step()
     findings, on = (Finding(condition, "x"),), (False, False)
-    observed = Observed(off.q, np.zeros(2), np.zeros(2), "", "", on, findings, tuple)
+    observed = ControlInput(off.q, np.zeros(2), np.zeros(2), "", "", on, findings, tuple)
     off.controller.machine.mode = Mode.FAULTED  # which the finding would lead to
     off.controller.step(off.time_s, T, observed)
     off.controller.machine.mode = Mode.OFF

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from bench.rigs.ideal_arm import MANNER, IdealArm, holding_arm
-from daemon.modes.contact_reactions import Reaction, Reactions
+from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
-from daemon.motion.admittance import GuidedBounds
+from daemon.motion.admittance import AllowanceSettings
 from tests.daemon.conftest import MakeArm as Make
 
-R, M = Reaction, Mode
-FAR = GuidedBounds(max_duration_s=100.0, max_excursion=3.0)
+R, M = ContactReaction, Mode
+FAR = AllowanceSettings(max_duration_s=100.0, max_excursion=3.0)
 
 
 def hit_at(q: float, arm: IdealArm) -> IdealArm:
@@ -75,12 +75,12 @@ def test_from_a_contact_that_lasts_it_backs_away_again(tracking: Make) -> None:
 @pytest.mark.parametrize(
     ("bounds", "says"),
     [
-        (GuidedBounds(max_duration_s=100.0, max_excursion=0.4), "further than 0.4 rad"),
-        (GuidedBounds(max_duration_s=2.0, max_excursion=3.0), "for more than 2 s"),
+        (AllowanceSettings(max_duration_s=100.0, max_excursion=0.4), "further than 0.4 rad"),
+        (AllowanceSettings(max_duration_s=2.0, max_excursion=3.0), "for more than 2 s"),
     ],
 )
 def test_a_biased_residual_does_not_make_it_back_away_for_ever(
-    bounds: GuidedBounds, says: str
+    bounds: AllowanceSettings, says: str
 ) -> None:
     arm = holding_arm(reactions=Reactions(R.RETRACT, R.RETRACT), bounds=bounds)
     assert arm.controller.arm("me") == []

@@ -26,7 +26,7 @@ def test_stop_ends_the_trajectory_and_the_permission(rig: Rig) -> None:
     rig.enable()
     rig.request(Event.START)
     rig.run(0.7)
-    assert rig.cycle.controller.arm("the test") == []
+    assert rig.tick.controller.arm("the test") == []
     rig.run(0.01)
     rig.request(Event.STOP)
     states = rig.states(0.6)
@@ -65,13 +65,13 @@ def test_a_fault_of_one_drive_stops_all_and_stays_until_reset(rig: Rig) -> None:
     assert set(others) == {"quick stop active"}
     assert states[-1].drives[ELBOW] == "fault"
     assert not any(v for s in states for v in s.setpoint)
-    controller = rig.cycle.controller
+    controller = rig.tick.controller
     assert "a fault is latched" in controller.request(Event.ENABLE, "a person", rig.time_s)[0]
     rig.request(Event.RESET)
     rig.run(0.6)
     assert rig.mode is Mode.OFF
-    assert rig.cycle.samples is not None
-    assert DriveState.FAULT not in rig.cycle.samples.states
+    assert rig.tick.samples is not None
+    assert DriveState.FAULT not in rig.tick.samples.states
     rig.request(Event.ENABLE)
     rig.run(0.5)
     assert rig.mode is Mode.HOLDING
@@ -84,7 +84,7 @@ def test_a_contact_while_not_armed_is_only_reported(rig: Rig) -> None:
     assert {state.mode for state in states} == {"holding"}
     contacts = [e.contact for s in states for e in s.events if e.contact]
     assert [c.joint for c in contacts][:1] == ["LElbowRoll"]
-    reasons = rig.cycle.controller.arm("the test")
+    reasons = rig.tick.controller.arm("the test")
     assert any("is somebody touching it" in reason for reason in reasons)
 
 
@@ -96,7 +96,7 @@ def test_debounced_a_contact_is_none_yet() -> None:
 
     with lockstep_rig(SINGLE_JOINT, configure=patient) as rig:
         rig.enable()
-        assert rig.cycle.controller.arm("the test") == []
+        assert rig.tick.controller.arm("the test") == []
         rig.arm.external_torque[0] = 4.0
         states = rig.states(0.3)
     felt = [any(state.thresholded) for state in states]
@@ -109,21 +109,21 @@ def test_drives_that_fall_silent_are_stale_after_three_ticks(rig: Rig) -> None:
     rig.lockstep.pump()
     modes, fresh = [], []
     for _ in range(5):
-        rig.cycle.begin(rig.time_s)  # nobody answers this SYNC
-        rig.cycle.finish(0.0)
+        rig.tick.begin(rig.time_s)  # nobody answers this SYNC
+        rig.tick.finish(0.0)
         rig.ticks += 1
         modes.append(rig.mode)
-        fresh.append(any(rig.cycle.state().fresh))
+        fresh.append(any(rig.tick.state().fresh))
     assert not any(fresh)
     assert modes == [Mode.HOLDING] * 2 + [Mode.FAULTED] * 3
-    assert "samples stale" in rig.cycle.controller.machine.cause
+    assert "samples stale" in rig.tick.controller.machine.cause
 
 
 def test_before_the_first_samples_there_is_no_state(rig: Rig) -> None:
     with pytest.raises(RuntimeError, match="no complete samples"):
-        rig.cycle.state()
-    assert rig.cycle.controller.arm("the test") == ["no samples of the drives yet"]
-    assert rig.cycle.controller.request(Event.ENABLE, "the test", 0.0) == [
+        rig.tick.state()
+    assert rig.tick.controller.arm("the test") == ["no samples of the drives yet"]
+    assert rig.tick.controller.request(Event.ENABLE, "the test", 0.0) == [
         "no samples of the drives yet"
     ]
 
@@ -137,7 +137,7 @@ def test_starting_moves_and_energises_nothing(rig: Rig) -> None:
 
 def test_a_touch_that_begins_while_the_arm_stops_is_yielded_to(rig: Rig) -> None:
     rig.enable()
-    assert rig.cycle.controller.arm("the test") == []
+    assert rig.tick.controller.arm("the test") == []
     rig.request(Event.START)
     rig.run(4.3)
     rig.request(Event.PAUSE)
@@ -152,11 +152,11 @@ def references(rig: Rig, times_s: list[float]) -> list[float]:
     """Of the moving joint, in ticks at these times from now [s]."""
     found = []
     for time_s in times_s:
-        rig.cycle.begin(rig.time_s + time_s)
+        rig.tick.begin(rig.time_s + time_s)
         rig.lockstep.pump()
-        rig.cycle.finish(0.0)
-        assert rig.cycle.decision is not None
-        found.append(float(rig.cycle.decision.reference[0]))
+        rig.tick.finish(0.0)
+        assert rig.tick.decision is not None
+        found.append(float(rig.tick.decision.reference[0]))
     return found
 
 
@@ -164,7 +164,7 @@ def test_the_trajectory_keeps_to_the_clock_when_ticks_are_late_but_never_jumps(r
     rig.enable()
     rig.request(Event.START)
     rig.run(4.3)  # past the ramp, where the speed hardly changes
-    before = rig.cycle.state().reference[0]
+    before = rig.tick.state().reference[0]
     late = references(rig, [T * k for k in (0.0, 1.4, 2.0, 3.0, 8.0)])
     speed = late[0] - before
     assert abs(speed) > 1e-4

@@ -43,8 +43,8 @@ def snapshot_of(rig: Rig) -> Snapshot:
         half_gap=[joint.half_gap for joint in c.joints],
         thresholds=[joint.thresholds.contact for joint in c.joints],
         period_s=c.period_s,
-        tick=rig.cycle.tick,
-        memory=rig.cycle.estimator.memory(),
+        tick=rig.tick.number,
+        memory=rig.tick.estimator.memory(),
         configuration=rig.robot.text,
         urdf=rig.robot.urdf,
         program="contactd in lockstep",
@@ -60,7 +60,7 @@ def touched_and_resumed() -> Run:
         states = rig.states(0.5)
         rig.request(Event.START)
         states += rig.states(1.0)
-        assert rig.cycle.controller.arm("the test") == []
+        assert rig.tick.controller.arm("the test") == []
         states += rig.states(0.2)
         rig.arm.external_torque[ELBOW] = 1.5
         states += rig.states(1.0)
