@@ -113,14 +113,14 @@ def motion(n: int, period_s: float) -> tuple[Matrix, Matrix, Matrix]:
 def _turns(subject: Subject) -> tuple[Callable[[], None], Callable[[], None]]:
     """One turn of our steps, and one of the bare calls on the same poses."""
     estimator, model, data = subject.estimator, subject.model, subject.model.createData()
-    q, qd, current = motion(model.nv, estimator.period_s)
+    q, q_dot, current = motion(model.nv, estimator.period_s)
     ours = bare = 0
 
     def step() -> None:
         nonlocal ours
         for k in range(ours, ours + TURN):
             i = k % TICKS
-            estimator.step(current[i], q[i], qd[i], q[i])
+            estimator.step(current[i], q[i], q_dot[i], q[i])
         ours += TURN
 
     def call() -> None:
@@ -128,7 +128,7 @@ def _turns(subject: Subject) -> tuple[Callable[[], None], Callable[[], None]]:
         for k in range(bare, bare + TURN):
             i = k % TICKS
             pin.crba(model, data, q[i])
-            pin.computeCoriolisMatrix(model, data, q[i], qd[i])
+            pin.computeCoriolisMatrix(model, data, q[i], q_dot[i])
             pin.computeGeneralizedGravity(model, data, q[i])
         bare += TURN
 

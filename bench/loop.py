@@ -14,6 +14,7 @@ priorities need root or a high `ulimit -r`.
 
 import click
 
+from daemon.modes.table import Mode
 from daemon.service.realtime import single_threaded
 
 
@@ -43,7 +44,7 @@ def main(hz: int | None, seconds: int, load: bool, in_a_row: bool, as_json: bool
         stalled = run.cyclictest_us is not None and run.cyclictest_us.beyond(1e6 / run.hz) > 0
         # Where the machine stalls the arm stops, and a tick of a stopped arm is another.
         if not stalled:
-            tracking = float(run.mode == "tracking")
+            tracking = float(run.mode == Mode.TRACKING)
             targets.append(Target(at + "tracking at the end", tracking, 1.0, "", "higher"))
         if run.cyclictest_us is not None:
             ratio = run.lateness_us.at(50) / max(run.cyclictest_us.at(50), 1.0)

@@ -118,7 +118,7 @@ def tally(recording: Recording, integrated: Estimates, exact: Estimates, contact
         false_gap=count(said_gap & (load > 0.5 * contact)),
         alarms=scores.alarms(residual, integrated.threshold),
         unknown=count(integrated.side == Side.UNKNOWN),
-        overconfident=count(np.abs(error) > 3.0 * integrated.sigma_phi),
+        overconfident=count(np.abs(error) > 3.0 * integrated.phi_sigma),
         errors=error[::EVERY],
     )
 

@@ -28,13 +28,13 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
     q: Vector
     """link position at the common instant [rad]"""
-    qd: Vector
+    q_dot: Vector
     """link velocity [rad/s]"""
     theta: Vector
     """motor position at the link side [rad]"""
     phi: Vector
     """q - theta [rad]"""
-    sigma_phi: Vector
+    phi_sigma: Vector
     """standard uncertainty of phi [rad]"""
     side: NDArray[np.int8]
     """`motor_position.Side`"""

@@ -16,7 +16,7 @@ from errors import ModelError
 from estimator import memory
 from estimator.contact import Contact, ContactDetector, dead_band, touched_link
 from estimator.estimate import Estimate, Flag
-from estimator.friction import RUBBING, Friction
+from estimator.friction import FRICTIONS, Friction
 from estimator.interval import ROW, Interval
 from estimator.link_velocity import ALIGNED, Alignment
 from estimator.model import Model
@@ -28,9 +28,9 @@ from estimator.thresholds import ThresholdRaise, Thresholds
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
-_TURNED = {"integrated": {"velocity": 1.0}, "measured": {"position": 1.0}}
+_TURNED = {"integrated": {"theta_dot": 1.0}, "measured": {"theta": 1.0}}
 _ROTOR = {"rotor": 1.0}
-_TRANSMITTED = {"motor": 1.0, "rotor": -1.0, "motor_rub": -1.0}
+_TRANSMITTED = {"tau_M": 1.0, "rotor": -1.0, "motor_friction": -1.0}
 _OWN_FORMS = 3
 _INPUTS = ("current", "link_position", "motor_velocity")
 
@@ -201,9 +201,9 @@ class Estimator:
 
     def _is_finite(self, made: Estimate) -> bool:
         """One sum tells, again; inf and -inf make NaN. phi is q and theta."""
-        shown = made.qd + made.tau_M
+        shown = made.q_dot + made.tau_M
         shown += made.phi
-        shown += made.sigma_phi
+        shown += made.phi_sigma
         shown += made.threshold
         return math.isfinite(shown.sum() + self.residual.values.sum())
 
@@ -211,27 +211,27 @@ class Estimator:
         return replace(self._last, contacts=(), flags=Flag.INVALID)
 
     def _advance(self, dt: float, flags: Flag, time_s: float) -> Estimate:
-        t, (q, qd, current, theta_dot, theta) = self.transmission, self._aligned
+        t, (q, q_dot, current, theta_dot, theta) = self.transmission, self._aligned
         self.alignment.aligned(out=self._aligned)
         self.interval.begin()
         now = self.interval.now
-        tau_M = now[ROW["motor"]]
+        tau_M = now[ROW["tau_M"]]
         np.multiply(t.torque_constant, current, out=tau_M)
         np.multiply(t.rotor_inertia, theta_dot, out=now[ROW["rotor"]])
-        now[ROW["momentum"]], now[ROW["beta"]] = self.model.dynamics(q, qd)
-        now[ROW["velocity"]], now[ROW["position"]] = theta_dot, theta
-        self._friction.at(qd, theta_dot, out=now[RUBBING])
+        now[ROW["momentum"]], now[ROW["beta"]] = self.model.dynamics(q, q_dot)
+        now[ROW["theta_dot"]], now[ROW["theta"]] = theta_dot, theta
+        self._friction.at(q_dot, theta_dot, out=now[FRICTIONS])
         rest = resting(theta_dot)
         if self._started:
             if self._measured:
-                turned = theta - self.interval.before[ROW["position"]]
+                turned = theta - self.interval.before[ROW["theta"]]
             else:
-                turned = displacement(theta_dot, qd, q - self._shown[0], self._has_gap, dt)
+                turned = displacement(theta_dot, q_dot, q - self._shown[0], self._has_gap, dt)
             self.stiction.step(turned)
         sign = smooth_sign(theta_dot, t.sign_width)
         np.multiply(self._held, self.stiction.z - sign, out=now[ROW["stiction"]])
         if self._started:
-            self._balance(q, qd, theta_dot, tau_M, rest, dt)
+            self._balance(q, q_dot, theta_dot, tau_M, rest, dt)
         else:
             self.motor_position.start(q)
             self._started = True
@@ -240,16 +240,16 @@ class Estimator:
         hidden = self._threshold_raise.at(rest, self.stiction.unknown, side)
         threshold = self.detector.thresholds(hidden, theta_dot, dt)
         contacts = self.detector.step(self.residual.values[0], side, time_s)
-        self._show(q, qd, tau_M, threshold)
+        self._show(q, q_dot, tau_M, threshold)
         return self._estimate(contacts, flags)
 
     def _balance(
-        self, q: Vector, qd: Vector, theta_dot: Vector, tau_M: Vector, rest: Vector, dt: float
+        self, q: Vector, q_dot: Vector, theta_dot: Vector, tau_M: Vector, rest: Vector, dt: float
     ) -> None:
         """Motor position and residual over the interval that ends now."""
         impulses = self.interval.step(dt)
         moved = self._moved
-        moved[0], moved[1], moved[2], moved[3], moved[4] = q, qd, theta_dot, rest, tau_M
+        moved[0], moved[1], moved[2], moved[3], moved[4] = q, q_dot, theta_dot, rest, tau_M
         moved[5] = impulses[0]
         np.divide(impulses[1:_OWN_FORMS], dt, out=moved[6:])
         engaged = self.motor_position.step(moved, dt)
@@ -257,7 +257,7 @@ class Estimator:
         if self._correcting:
             t = self.transmission
             delta = penetration(q - self.motor_position.theta, t.half_gap)
-            correction = t.contact_stiffness * delta + t.contact_damping * (qd - theta_dot)
+            correction = t.contact_stiffness * delta + t.contact_damping * (q_dot - theta_dot)
             errors[len(self._corrected) :] -= dt * self._corrected * correction
         self.residual.step(errors, engaged, dt)
 
@@ -269,22 +269,22 @@ class Estimator:
         self._show(q, zero, zero, threshold)
         return self._estimate((), flags)
 
-    def _show(self, q: Vector, qd: Vector, tau_M: Vector, threshold: Vector) -> None:
+    def _show(self, q: Vector, q_dot: Vector, tau_M: Vector, threshold: Vector) -> None:
         shown = self._shown
-        shown[0], shown[1], shown[2], shown[3] = q, qd, tau_M, threshold
+        shown[0], shown[1], shown[2], shown[3] = q, q_dot, tau_M, threshold
 
     def _estimate(self, contacts: tuple[Contact, ...], flags: Flag) -> Estimate:
         position = self.motor_position
-        q, qd, tau_M, threshold = self._shown.copy()
+        q, q_dot, tau_M, threshold = self._shown.copy()
         residuals = self.residual.values.copy()
         theta = position.theta
         thresholded = dead_band(residuals[0], threshold)
         return Estimate(
             q=q,
-            qd=qd,
+            q_dot=q_dot,
             theta=theta,
             phi=q - theta,
-            sigma_phi=position.sigma,
+            phi_sigma=position.sigma,
             side=position.side,
             tau_M=tau_M,
             residual=residuals[0],

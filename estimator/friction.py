@@ -6,12 +6,12 @@ from arrays import Matrix, Vector
 from estimator.interval import ROW
 from estimator.transmission import Transmission, coulomb_viscous
 
-RUBBING = slice(ROW["motor_rub"], ROW["gap_rub"] + 1)
+FRICTIONS = slice(ROW["motor_friction"], ROW["gap_friction"] + 1)
 """Rows of an interval's terms: motor, link together with the motor, link alone, gap."""
 
 
 class Friction:
-    """Coulomb and viscous friction of a transmission, one row per term of RUBBING."""
+    """Coulomb and viscous friction of a transmission, one row per term of FRICTIONS."""
 
     def __init__(self, transmission: Transmission) -> None:
         t = transmission
@@ -20,11 +20,11 @@ class Friction:
         self._width = t.sign_width
         self._velocities: Matrix = np.zeros((4, t.n))
 
-    def at(self, qd: Vector, theta_dot: Vector, out: Matrix) -> None:
+    def at(self, q_dot: Vector, theta_dot: Vector, out: Matrix) -> None:
         """Into out (4, n) [Nm], positive along the velocity: motor at theta_dot, link at
         theta_dot, link at q_dot, gap at phi_dot; each (n,) [rad/s]."""
         v = self._velocities
         v[:2] = theta_dot
-        v[2] = qd
-        np.subtract(qd, theta_dot, out=v[3])
+        v[2] = q_dot
+        np.subtract(q_dot, theta_dot, out=v[3])
         out[:] = coulomb_viscous(self._coulomb, self._viscous, v, self._width)

@@ -17,18 +17,18 @@ from estimator import memory
 TERMS = (
     "momentum",  # M q_dot [kg m2/s]
     "rotor",  # B theta_dot [kg m2/s]
-    "position",  # theta, where it is measured [rad]
-    "velocity",  # theta_dot [rad/s]
+    "theta",  # , where it is measured [rad]
+    "theta_dot",  # [rad/s]
     "beta",  # C^T q_dot - g [Nm]
-    "motor",  # tau_M [Nm]
-    "motor_rub",  # friction of the motor's side at theta_dot [Nm]
-    "link_rub_together",  # friction of the link's side at theta_dot: rotor and link move as one
-    "link_rub",  # friction of the link's side at q_dot
-    "gap_rub",  # friction between rotor and link at phi_dot
-    "stiction",  # what is held near rest beyond motor_rub and link_rub_together
+    "tau_M",  # [Nm]
+    "motor_friction",  # friction of the motor's side at theta_dot [Nm]
+    "engaged_link_friction",  # friction of the link's side at theta_dot: rotor and link move as one
+    "link_friction",  # friction of the link's side at q_dot
+    "gap_friction",  # friction between rotor and link at phi_dot
+    "stiction",  # what is held near rest beyond motor_friction and engaged_link_friction
 )
 ROW = {name: row for row, name in enumerate(TERMS)}
-_INCREMENTS = frozenset({"momentum", "rotor", "position"})
+_INCREMENTS = frozenset({"momentum", "rotor", "theta"})
 
 Form = Mapping[str, float]
 """A sum of terms: weight by name."""

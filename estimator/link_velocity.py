@@ -43,7 +43,7 @@ def parabola(last_interval: float, interval_before: float, delay: float) -> Matr
     )
 
 
-ALIGNED = ("position", "velocity", "current", "motor_velocity", "motor_position")
+ALIGNED = ("link_position", "link_velocity", "current", "motor_velocity", "motor_position")
 """Rows of what `Alignment.aligned` gives."""
 
 

@@ -44,18 +44,18 @@ class Model:
         self._q = np.zeros(self.n)
         self._qd = np.zeros(self.n)
 
-    def dynamics(self, q: Vector, qd: Vector) -> tuple[Vector, Vector]:
+    def dynamics(self, q: Vector, q_dot: Vector) -> tuple[Vector, Vector]:
         """Momentum M q_dot and beta = C^T q_dot - g, both (n,) [kg m2/s, Nm].
 
         beta equals M_dot q_dot - c(q, q_dot) of (12), as M_dot = C + C^T.
         The arrays are new.
         """
         model, data = self._model, self._data
-        q, qd = self._inward(q, self._q), self._inward(qd, self._qd)
+        q, q_dot = self._inward(q, self._q), self._inward(q_dot, self._qd)
         M = pin.crba(model, data, q)
-        C = pin.computeCoriolisMatrix(model, data, q, qd)
+        C = pin.computeCoriolisMatrix(model, data, q, q_dot)
         g = pin.computeGeneralizedGravity(model, data, q)
-        return self._outward(M @ qd), self._outward(qd @ C - g)
+        return self._outward(M @ q_dot), self._outward(q_dot @ C - g)
 
     def gravity(self, q: Vector) -> Vector:
         """g(q), a copy, shape (n,) [Nm]: the torque that holds the arm still."""

@@ -58,24 +58,24 @@ class _Sides(NamedTuple):
 # What makes up e beside momentum and beta: drive, friction and rotor inertia, by kind.
 _BELIEFS: dict[Kind, tuple[_Sides, _Sides, _Sides]] = {
     "classical": (
-        _Sides({"motor": -1.0}, {}),
-        _Sides({"motor_rub": 1.0, "link_rub_together": 1.0, "stiction": 1.0}, {}),
+        _Sides({"tau_M": -1.0}, {}),
+        _Sides({"motor_friction": 1.0, "engaged_link_friction": 1.0, "stiction": 1.0}, {}),
         _Sides({"rotor": 1.0}, {}),
     ),
     "backlash": (
-        _Sides({}, {"motor": -1.0}),
+        _Sides({}, {"tau_M": -1.0}),
         _Sides(  # (6): K_theta while engaged; K_phi and K_q inside the gap
-            {"link_rub": 1.0, "gap_rub": 1.0},
+            {"link_friction": 1.0, "gap_friction": 1.0},
             {
-                **{"motor_rub": 1.0, "link_rub_together": 1.0, "stiction": 1.0},
-                **{"link_rub": -1.0, "gap_rub": -1.0},
+                **{"motor_friction": 1.0, "engaged_link_friction": 1.0, "stiction": 1.0},
+                **{"link_friction": -1.0, "gap_friction": -1.0},
             },
         ),
         _Sides({}, {"rotor": 1.0}),
     ),
     "two_mass": (
-        _Sides({"motor": -1.0}, {}),
-        _Sides({"motor_rub": 1.0, "link_rub": 1.0, "stiction": 1.0}, {}),
+        _Sides({"tau_M": -1.0}, {}),
+        _Sides({"motor_friction": 1.0, "link_friction": 1.0, "stiction": 1.0}, {}),
         _Sides({"rotor": 1.0}, {}),
     ),
 }

@@ -25,12 +25,12 @@ CREEP = 0.003
 
 
 def displacement(
-    theta_dot: Vector, qd: Vector, moved: Vector, has_gap: NDArray[np.bool_], dt: float
+    theta_dot: Vector, q_dot: Vector, moved: Vector, has_gap: NDArray[np.bool_], dt: float
 ) -> Vector:
     """Of rotors whose position is not measured (n,) [rad], over dt seconds; `moved`: that of their
     links. Where both creep, rotor and link are taken for one, as they are where there is no gap: a
     link's encoder does not drift."""
-    alone = (np.abs(theta_dot) > CREEP) | (np.abs(qd) > LINK_REST)
+    alone = (np.abs(theta_dot) > CREEP) | (np.abs(q_dot) > LINK_REST)
     turned: Vector = np.where(alone & has_gap, theta_dot * dt, moved)
     return turned
 

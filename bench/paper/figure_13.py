@@ -11,8 +11,9 @@ from bench.paper.figure import STYLE, Made, canvas, finish, runs
 from bench.report import Target
 from bench.study.recording import Recording
 from daemon.commands.demo_story import Story
+from daemon.modes.table import Mode
 
-MODE_COLOURS = {"tracking": "#e4eef7", "admittance": "#fde3c8"}
+MODE_COLOURS = {Mode.TRACKING: "#e4eef7", Mode.ADMITTANCE: "#fde3c8"}
 TIMING = ("ticks", "missed", "lateness_us", "tick_us")  # of the machine, not of the experiment
 
 
@@ -26,7 +27,7 @@ def make(seed: int) -> Made:
 def numbers(recording: Recording, story: Story) -> dict[str, Any]:
     """What happened when, and how far the arm was led and drifted."""
     report = story.report(ended_well=True)
-    led = recording.mode == "admittance"
+    led = recording.mode == Mode.ADMITTANCE
     touched = np.any(recording.true_torque, axis=1)
     table = {key: value for key, value in report.items() if key not in TIMING}
     table["resume_jump"] = round(story.resume_jump, 4)
@@ -65,7 +66,7 @@ def picture(recording: Recording) -> Figure:
     above, below = figure.subplots(2, 1, sharex=True)
     for axes in (above, below):
         for mode, begin, end in runs(recording.mode, recording.time_s):
-            axes.axvspan(begin, end, color=MODE_COLOURS[str(mode)], lw=0)
+            axes.axvspan(begin, end, color=MODE_COLOURS[Mode(mode)], lw=0)
     for mode, begin, end in runs(recording.mode, recording.time_s):
         _write_above(above, begin, end, str(mode))
     thresholded = recording.thresholded("backlash")

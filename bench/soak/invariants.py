@@ -87,7 +87,7 @@ class Watch:
             speed = np.array(state.motor_velocity) if motor_velocity is None else motor_velocity
             self._all("no motion while latched", np.abs(speed) < STANDS, now, speed, "rad/s")
         self._comes_back(state, mode, trouble)
-        contacts = [now for event in state.events if event.kind == "contact"]
+        contacts = [now for event in state.notices if event.kind == "contact"]
         self.contacts_s += contacts
         if contacts:
             # Elsewhere a brake carries what the residual takes for a touch.
@@ -129,7 +129,7 @@ class Watch:
 
     def _room(self, state: State, measured: NDArray[np.float64]) -> NDArray[np.float64]:
         """From where each link can be, in its gap, to its lower and upper limit (2, n) [rad]."""
-        play = self._transmission.play(np.array(state.gap), np.array(state.gap_sigma))
+        play = self._transmission.play(np.array(state.phi), np.array(state.phi_sigma))
         to_limits = np.array((measured - self._limits.lower, self._limits.upper - measured))
         return np.asarray(to_limits - play)
 
@@ -190,14 +190,14 @@ class Watch:
     def _causes(self, before: State, state: State) -> None:
         """Every change of mode or permission is told, with its cause, and is one of the table."""
         check, now = self.ledger.check, state.time_s
-        told = [event.text.partition(": ") for event in state.events if event.kind == "mode"]
+        told = [event.text.partition(": ") for event in state.notices if event.kind == "mode"]
         mode, steps = before.mode, [what for what, _, _ in told if " -> " in what]
         steps = [what for what in steps if not what.startswith("gain of ")]
         for what in steps:
             first, _, second = what.partition(" -> ")
             known = (Mode(first), Mode(second)) in STEPS
             check("changes of mode are of the table", first == mode and known, now, what)
-            mode = second
+            mode = Mode(second)
         words = f"{before.mode} to {state.mode}, told: {told}"
         check("a change of mode is told", mode == state.mode, now, words)
         check("a change has a cause", all(cause for _, _, cause in told), now, words)

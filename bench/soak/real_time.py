@@ -228,7 +228,7 @@ def _figures(window: Sequence[State], pid: int, stopwatch: Stopwatch) -> dict[st
     lateness = [state.timing.lateness_us for state in window]
     return {
         **held(pid),
-        "theta's uncertainty": 1e3 * float(np.mean([s.gap_sigma for s in window])),
+        "theta's uncertainty": 1e3 * float(np.mean([s.phi_sigma for s in window])),
         "CPU time of a tick": stopwatch.per_tick_us(window[-1].tick),
         "lateness, median": float(np.median(lateness)),
         "lateness, 99 %": float(np.percentile(lateness, 99)),

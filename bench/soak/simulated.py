@@ -246,8 +246,8 @@ class _Sampler:
 
     def take(self, time_s: float, state: State, theta: NDArray[np.float64]) -> bool:
         """One tick, with the motors' true positions (n,) [rad]; whether it completes a sample."""
-        self._sigma.append(sum(state.gap_sigma) / len(state.gap_sigma))
-        self._error.append(float(np.abs(np.array(state.motor) - theta).max()))
+        self._sigma.append(sum(state.phi_sigma) / len(state.phi_sigma))
+        self._error.append(float(np.abs(np.array(state.motor_estimate) - theta).max()))
         if time_s < self._next_s:
             return False
         spent = time.thread_time() - self._cpu_s

@@ -29,7 +29,7 @@ class Estimates:
     threshold: Matrix
     """in force, with its raise near rest [Nm]"""
     phi: Matrix
-    sigma_phi: Matrix
+    phi_sigma: Matrix
     side: NDArray[np.int8]
     touched_link: NDArray[np.int64]
     """(ticks,): index of the joint whose link is said to be touched, -1 where none is"""
@@ -50,7 +50,7 @@ def estimates(estimator: Estimator, recording: Recording) -> Estimates:
     shape = recording.samples.shape[0], recording.samples.shape[2]
     names = [variant.name for variant in estimator.residual.variants]
     residuals = {name: np.empty(shape) for name in names}
-    threshold, phi, sigma_phi = np.empty((3, *shape))
+    threshold, phi, phi_sigma = np.empty((3, *shape))
     side = np.empty(shape, dtype=np.int8)
     touched_link = np.full(len(recording.samples), -1)
     row_of = {name: i for i, name in enumerate(estimator.model.names)}
@@ -60,7 +60,7 @@ def estimates(estimator: Estimator, recording: Recording) -> Estimates:
         for name, r in e.beside.items():
             residuals[name][k] = r
         touched_link[k] = row_of.get(e.touched_link, -1)
-        threshold[k], phi[k], sigma_phi[k], side[k] = e.threshold, e.phi, e.sigma_phi, e.side
+        threshold[k], phi[k], phi_sigma[k], side[k] = e.threshold, e.phi, e.phi_sigma, e.side
     if KALMAN_BELIEF in residuals:
         belief, K = residuals[KALMAN_BELIEF], estimator.settings.gain
         residuals[KALMAN] = kalman(belief, K, estimator.period_s)
@@ -68,7 +68,7 @@ def estimates(estimator: Estimator, recording: Recording) -> Estimates:
         residuals=residuals,
         threshold=threshold,
         phi=phi,
-        sigma_phi=sigma_phi,
+        phi_sigma=phi_sigma,
         side=side,
         touched_link=touched_link,
         delay_s=estimator.delay_s,

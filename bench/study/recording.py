@@ -39,7 +39,7 @@ class Recording:
     # The daemon: samples, estimate, decision.
     motor_velocity: Matrix
     q: Matrix
-    qd: Matrix
+    q_dot: Matrix
     phi: Matrix
     side: NDArray[np.int8]
     tau_M: Matrix
@@ -104,7 +104,7 @@ class Recorder:
             "true_torque": rig.arm.tau_ext.copy(),
             "motor_velocity": samples.motor_velocity.copy(),
             "q": estimate.q,
-            "qd": estimate.qd,
+            "qd": estimate.q_dot,
             "phi": estimate.phi,
             "side": estimate.side,
             "tau_M": estimate.tau_M,

@@ -13,6 +13,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from daemon.modes.table import Mode
 from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Check, Grant, Snapshot, State, Status, Trajectory
 
@@ -21,15 +22,15 @@ EVENTS_KEPT = 12
 WIDE = 96  # columns from which the bars are wide and the drives' states shown
 
 MODE_STYLES = {
-    "off": "white on grey30",
-    "enabling": "black on yellow",
-    "holding": "white on blue",
-    "tracking": "white on dark_green",
-    "admittance": "black on bright_cyan",
-    "retracting": "black on bright_magenta",
-    "returning": "white on dark_cyan",
-    "stopping": "black on yellow",
-    "faulted": "white on red",
+    Mode.OFF: "white on grey30",
+    Mode.ENABLING: "black on yellow",
+    Mode.HOLDING: "white on blue",
+    Mode.TRACKING: "white on dark_green",
+    Mode.ADMITTANCE: "black on bright_cyan",
+    Mode.RETRACTING: "black on bright_magenta",
+    Mode.RETURNING: "white on dark_cyan",
+    Mode.STOPPING: "black on yellow",
+    Mode.FAULTED: "white on red",
 }
 SIDE_STYLES = {"gap": "cyan", "left": "", "right": "", "unknown": "yellow"}
 
@@ -56,7 +57,7 @@ class History:
     def add(self, state: State) -> None:
         """Remember the timing and the events of one tick."""
         self._timing.append((state.timing.lateness_us, state.timing.work_us))
-        self._events.extend((state.time_s, event.kind, event.text) for event in state.events)
+        self._events.extend((state.time_s, event.kind, event.text) for event in state.notices)
 
     def summary(self) -> Summary:
         """The past so far; all zero before the first State."""
@@ -121,7 +122,7 @@ class Dashboard:
             row: list[RenderableType] = [
                 Text(f" {joint}", touched if state.fresh[i] else "dim"),
                 f"{state.link_position[i]:+.3f}",
-                gap_bar(state.gap[i], self.snapshot.half_gap[i], 4 if wide else 3),
+                gap_bar(state.phi[i], self.snapshot.half_gap[i], 4 if wide else 3),
                 Text(state.side[i], SIDE_STYLES.get(state.side[i], "")),
                 residual_bar(residual, threshold, 7 if wide else 5, ascii_only),
                 Text(f"{residual:+.2f}", _strain_style(residual, threshold)),
@@ -255,7 +256,7 @@ def _status_joints(status: Status) -> RenderableType:
     # Before the first samples there are joints, but nothing known about them.
     rows = zip(
         status.joints,
-        status.position,
+        status.link_position,
         status.residual,
         status.threshold,
         status.side,
@@ -284,10 +285,10 @@ def _headline(state: State) -> Text:
     line.append("  ")
     line.append(*(("ARMED", "bold bright_cyan") if state.armed else ("not armed", "dim")))
     line.append(f"   {_duration(state.time_s)}   tick {state.tick}")
-    if state.mode in ("admittance", "retracting"):
+    if state.mode in (Mode.ADMITTANCE, Mode.RETRACTING):
         then = "then it goes on" if state.moving else "then it holds"
         line.append(f"   quiet {state.quiet_s:.1f} s, {then}", "bright_cyan")
-    elif state.mode == "returning":
+    elif state.mode == Mode.RETURNING:
         line.append("   goes back to its trajectory", "bright_cyan")
     elif state.moving:
         line.append("   trajectory runs")

@@ -111,12 +111,12 @@ class _Run:
 
 def _difference(state: State, estimate: Estimate) -> Difference | None:
     replayed = {
-        "velocity": estimate.qd.tolist(),
-        "motor": estimate.theta.tolist(),
-        "gap": estimate.phi.tolist(),
-        "gap_sigma": estimate.sigma_phi.tolist(),
+        "link_velocity": estimate.q_dot.tolist(),
+        "motor_estimate": estimate.theta.tolist(),
+        "phi": estimate.phi.tolist(),
+        "phi_sigma": estimate.phi_sigma.tolist(),
         "side": [SIDE_NAMES[side] for side in estimate.side.tolist()],
-        "torque": estimate.tau_M.tolist(),
+        "motor_torque": estimate.tau_M.tolist(),
         "residual": estimate.residual.tolist(),
         "threshold": estimate.threshold.tolist(),
         "thresholded": estimate.thresholded.tolist(),

@@ -63,7 +63,7 @@ def record_trajectory(
                     middle_s = _mean([s.time_s for s in window])
                     first_s = first_s if samples else middle_s
                     last_s = middle_s
-                    columns = zip(*(s.motor for s in window), strict=True)
+                    columns = zip(*(s.motor_estimate for s in window), strict=True)
                     row = [last_s - first_s, *(_mean(list(column)) for column in columns)]
                     writer.writerow([f"{value:.6f}" for value in row])
                     samples += 1

@@ -123,7 +123,7 @@ def _watch(
         if picture and state.tick % FRAMES_EVERY == 0:
             picture.update(Dashboard(run.snapshot, state, run.history.summary()), refresh=True)
         if quiet:
-            for event in state.events:
+            for event in state.notices:
                 click.echo(f"{state.time_s:8.2f} s  {event.kind:8}{event.text}", err=True)
         yield state
 

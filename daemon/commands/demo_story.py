@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from daemon.config.schema import Configuration
+from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State
 
 # After the hand is gone the residual still fades, and the arm swings back through its gaps [s].
@@ -90,7 +91,7 @@ class Story:
                 "torque_nm": round(event.contact.torque, 3),
             }
             for state in self._states
-            for event in state.events
+            for event in state.notices
             if event.contact and event.contact.level == "contact"
         ]
 
@@ -106,7 +107,7 @@ class Story:
         counts = {"backlash": 0, **dict.fromkeys(self._states[0].beside, 0)}
         above = {name: np.zeros(len(self._snapshot.joints), dtype=bool) for name in counts}
         for state in self._states:
-            if state.mode not in ("holding", "tracking"):
+            if state.mode not in (Mode.HOLDING, Mode.TRACKING):
                 continue
             threshold = np.array(state.threshold)
             for name, values in {"backlash": state.residual, **state.beside}.items():
@@ -121,7 +122,7 @@ class Story:
         """Index of the first state that tracks again after admittance."""
         pairs = zip(self._states, self._states[1:], strict=False)
         for i, (before, after) in enumerate(pairs, start=1):
-            if before.mode == "admittance" and after.mode == "tracking":
+            if before.mode == "admittance" and after.mode == Mode.TRACKING:
                 return i
         return None
 
@@ -159,7 +160,7 @@ class Story:
 
     def _led(self) -> float:
         """How far the joint that was pushed came, from its path's middle to its new one [rad]."""
-        guided = [state for state in self._states if state.mode == "admittance"]
+        guided = [state for state in self._states if state.mode == Mode.ADMITTANCE]
         if not guided:
             return 0.0
         way = np.array(guided[-1].link_position) - np.array(guided[0].link_position)
@@ -173,14 +174,14 @@ class Story:
             (
                 state.timing.monotonic_s - touch.begin_s
                 for state in self._states
-                if touch and state.mode == "admittance"
+                if touch and state.mode == Mode.ADMITTANCE
             ),
             None,
         )
         quiet, wanted = self.quiet_s, self._c.admittance.quiet_s
         false = self.false_contacts
-        story = ["tracking", "admittance", "tracking"]
-        begins = names.index("tracking") if "tracking" in names else len(names)
+        story = [Mode.TRACKING, Mode.ADMITTANCE, Mode.TRACKING]
+        begins = names.index(Mode.TRACKING) if "tracking" in names else len(names)
         lateness = self._c.period_s + QUIET_SLACK_S
         return [
             Check(

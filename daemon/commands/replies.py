@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from daemon.commands.options import Options
+from daemon.modes.table import Mode
 from errors import ControlError
 
 if TYPE_CHECKING:
@@ -19,13 +20,13 @@ POLL_S = 0.02
 
 # Where a command leads to, when it takes a while: waited for unless told otherwise.
 GOALS: dict[str, frozenset[str]] = {
-    "enable": frozenset({"holding"}),
-    "pause": frozenset({"holding"}),
-    "stop": frozenset({"holding", "off", "faulted"}),
-    "disable": frozenset({"off"}),
+    "enable": frozenset({Mode.HOLDING}),
+    "pause": frozenset({Mode.HOLDING}),
+    "stop": frozenset({Mode.HOLDING, Mode.OFF, Mode.FAULTED}),
+    "disable": frozenset({Mode.OFF}),
 }
-RESTING = frozenset({"off", "holding", "faulted"})  # nothing leaves these by itself
-YIELDING = frozenset({"admittance", "retracting"})  # until nobody touches the arm any more
+RESTING = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})  # nothing leaves these by itself
+YIELDING = frozenset({Mode.ADMITTANCE, Mode.RETRACTING})  # until nobody touches the arm any more
 
 
 def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
@@ -77,7 +78,7 @@ def wait_for(
         what = "the trajectory is paused" if paused else "no trajectory goes on"
         text = f"{now.mode}: {what}; the arm holds once nobody touches it"
     elif now.mode not in goal:
-        expected = "holding" if "holding" in goal else "off"
+        expected = "holding" if "holding" in goal else Mode.OFF
         text = f"not {expected} {f'after {WAIT_S:.0f} s' if late else 'but'} {text}"
     return Reply(ok=guided or now.mode in goal, message=text, mode=now.mode, armed=now.armed)
 

@@ -73,7 +73,7 @@ class LiveArm:
         i, period = self._names.index(joint), self._c.period_s
         half_gap = self._c.joints[i].half_gap
         while True:
-            here = np.array(self._session.hold().position)
+            here = np.array(self._session.hold().link_position)
             path = wiring_motion(here, i, half_gap, period)
             again = f"What passed is kept: to go on, name {joint} and those that are left"
             text = f"{joint} moves a little"
@@ -108,7 +108,7 @@ class LiveArm:
         """Hold the motors while a person moves one link."""
         step, i = f"gap-{joint}", self._names.index(joint)
         before = self._before(step)
-        here = np.array(self._session.hold().position)
+        here = np.array(self._session.hold().link_position)
         self._tell(
             f"The motor of {joint} stands still. Move its link softly by hand from side to side: "
             "lean on one border, rest a moment, lean on the other, both alike."
@@ -143,7 +143,7 @@ class LiveArm:
                 already += max(float(t[-1] - t[0]) - motion.approach_s(here), 0.0)
             self._tell(f"{already:.0f} s of {seconds:.0f} s are measured already")
         if seconds - already > 1.0:
-            path = motion.path(np.array(self._session.hold().position), seconds - already)
+            path = motion.path(np.array(self._session.hold().link_position), seconds - already)
             self._move(step, "all joints move, hands off", path, of_contact=left_out)
         return self._read(step)
 
@@ -207,7 +207,7 @@ class Hand:
             self._rows = rows_until(self._before, i, state.time_s - 2.0 * PAUSE_S)
         row = (state.time_s, state.current[i], state.link_position[i], state.motor_velocity[i])
         self._rows.append(row if measured is None else (*row, measured[i]))
-        motor = state.motor if measured is None else measured
+        motor = state.motor_estimate if measured is None else measured
         self.phi.append(state.link_position[i] - motor[i])
         now = state.time_s
         if now - self._judged_s > JUDGE_S and len(self._rows) > LEAST_ROWS:

@@ -61,7 +61,7 @@ def followed(
     answer says what else ended it; `felt` is told of contacts as they come."""
     begun = False
     for state in states:
-        for event in state.events:
+        for event in state.notices:
             if event.kind == "contact":
                 felt(event)
         tracking = state.mode == Mode.TRACKING

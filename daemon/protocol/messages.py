@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 
+from daemon.modes.table import Mode
+
 Command = Literal[
     "enable",
     "load",
@@ -30,6 +32,9 @@ AWAITED: frozenset[Command] = frozenset({"enable", "start", "arm"})
 
 PerJoint = list[float]
 """One number per joint, in the order of `Snapshot.joints`, SI at the link side."""
+
+SideName = Literal["left", "gap", "right", "unknown"]
+"""Gap state of a joint: `motor_position.Side` in words."""
 
 # What may stand in a line of the log: nothing that begins another line, speaks to a terminal (C0,
 # C1), or turns around what stands beside it (embeddings and isolates of bidirectional text).
@@ -92,7 +97,7 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     ok: bool
     message: str = ""
     reasons: list[str] = []
-    mode: str = ""
+    mode: Mode | None = None
     armed: bool = False
     checks: list[Check] = []  # of `arm`
     row: int | None = None  # of a trajectory: the first that was refused, from 0
@@ -107,7 +112,7 @@ class Contact(msgspec.Struct, frozen=True, kw_only=True):
     torque: float  # the residual, signed [Nm]
     threshold: float  # the level it passed [Nm]
     level: Literal["contact", "collision"]
-    side: str  # gap state of the joint
+    side: SideName
 
 
 class Notice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -136,7 +141,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     tick: int
     time_s: float  # time of the tick since the loop started
     interval_s: float  # since the last tick whose samples were complete
-    mode: str
+    mode: Mode
     armed: bool
     cause: str  # why this mode, in words
     moving: bool  # a trajectory is running or will go on after this contact
@@ -148,12 +153,12 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     motor_velocity: PerJoint  # theta_dot [rad/s]
     motor_position: PerJoint | None  # theta [rad], where the drive has it
     # estimated
-    velocity: PerJoint  # q_dot [rad/s]
-    motor: PerJoint  # theta used [rad]
-    gap: PerJoint  # phi = q - theta [rad]
-    gap_sigma: PerJoint  # standard uncertainty of phi [rad]
-    side: list[str]  # left, gap, right, unknown
-    torque: PerJoint  # tau_M = K_c * current [Nm]
+    link_velocity: PerJoint  # q_dot [rad/s]
+    motor_estimate: PerJoint  # theta used [rad]
+    phi: PerJoint  # phi = q - theta [rad]
+    phi_sigma: PerJoint  # standard uncertainty of phi [rad]
+    side: list[SideName]
+    motor_torque: PerJoint  # tau_M = K_c * current [Nm]
     residual: PerJoint  # [Nm]
     threshold: PerJoint  # in force in this tick [Nm]
     thresholded: PerJoint  # sign(r) max(|r| - threshold, 0) [Nm]
@@ -165,7 +170,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     reference: PerJoint  # desired q [rad]
     setpoint: PerJoint  # target velocity [rad/s]
     quiet_s: float  # since the last tick with a non-zero thresholded residual
-    events: list[Notice]
+    notices: list[Notice]
     timing: Timing
 
 
@@ -208,7 +213,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     configuration: str  # absolute path
     pid: int
     uptime_s: float
-    mode: str
+    mode: Mode
     armed: bool
     permit: Permit | None  # while armed
     cause: str
@@ -223,10 +228,10 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     joints: list[str]
     identities: list[str] = []  # of the drives: make, revision, serial number
     drives: list[str]
-    position: PerJoint
+    link_position: PerJoint
     residual: PerJoint
     threshold: PerJoint
-    side: list[str]
+    side: list[SideName]
     gain: PerJoint  # K_a, as it is or is about to be [rad/s per Nm]
     age_ticks: list[int]
     serials: list[int | None] = []  # 0x1018:4 of the drives

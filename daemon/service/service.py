@@ -101,7 +101,7 @@ class Service:
         tick = self.loop.tick
         if self.control.readers and tick.decision is not None:
             self.control.publish(tick.state(self.loop.wakeup))
-        for event in tick.events:
+        for event in tick.notices:
             if event.kind == "fault" or self._limit.admit(event.text, self.loop.time_s):
                 self._tell(event.kind, event.text)
             if event.kind == "fault":
@@ -171,7 +171,7 @@ class Service:
             ok=not reasons,
             message=f"{request.command}: {outcome}",
             reasons=list(reasons),
-            mode=machine.mode.value,
+            mode=machine.mode,
             armed=machine.armed,
             checks=list(checks),
             row=row,

@@ -13,7 +13,7 @@ from daemon.faults.detector import FaultDetector
 from daemon.faults.table import Finding, Response
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.limits import all_finite
-from daemon.protocol.messages import Check, Contact, Notice, PerJoint, State, Timing
+from daemon.protocol.messages import Check, Contact, Notice, PerJoint, SideName, State, Timing
 from daemon.tick.arming_checks import FLAG_NAMES, Objection, PreArm
 from daemon.tick.controller import ControlInput, Controller, Decision
 from drivers.answers import Samples
@@ -23,7 +23,12 @@ from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 from estimator.motor_position import Side
 
-SIDE_NAMES = {side.value: side.name.lower() for side in Side}
+SIDE_NAMES: dict[int, SideName] = {
+    Side.LEFT: "left",
+    Side.GAP: "gap",
+    Side.RIGHT: "right",
+    Side.UNKNOWN: "unknown",
+}
 DRIVE_STATE_NAMES = {state: state.name.lower().replace("_", " ") for state in DriveState}
 
 
@@ -58,7 +63,7 @@ class Tick:
     ) -> None:
         self.drives, self.estimator, self.controller = drives, estimator, controller
         self.number = -1
-        self.events: list[Notice] = []
+        self.notices: list[Notice] = []
         self.prearm = prearm
         self._observer = observer
         self._period_s = period_s
@@ -101,7 +106,7 @@ class Tick:
         """Send SYNC: the drives sample now."""
         self._time_s = time_s
         self.number += 1
-        self.events.clear()
+        self.notices.clear()
         self.drives.sync(time_s)
 
     def finish(self, deadline: float, wakeup: Wakeup = ON_TIME) -> None:
@@ -187,7 +192,7 @@ class Tick:
             findings=findings,
             objections=self._objections,
             age_s=None if self._updated else np.multiply(samples.age_ticks, self._period_s),
-            play=self.estimator.transmission.play(estimate.phi, estimate.sigma_phi),
+            play=self.estimator.transmission.play(estimate.phi, estimate.phi_sigma),
         )
 
     # --- what others see of it --------------------------------------------------------------
@@ -211,17 +216,17 @@ class Tick:
         return checks
 
     def _tell(self, findings: tuple[Finding, ...], mode: Mode) -> None:
-        """Put this tick's news into `events`; a finding is told once until the latch is reset, and
+        """Put this tick's news into `notices`; a finding is told once until the latch is reset, and
         a contact where the arm feels in `mode`: elsewhere it may be a brake that carries it."""
         if findings or self._told:
             for finding in findings:
                 if finding.response > Response.CONTINUE and finding not in self._told:
-                    self.events.append(Notice(kind="fault", text=str(finding)))
+                    self.notices.append(Notice(kind="fault", text=str(finding)))
             latched = self._told if self.controller.faulted else frozenset()
             self._told = latched.union(findings)
         changes = self.controller.machine.changes
         for change in changes:
-            self.events.append(Notice(kind="mode", text=f"{change.text}: {change.cause}"))
+            self.notices.append(Notice(kind="mode", text=f"{change.text}: {change.cause}"))
         changes.clear()
         if self._updated and self._estimate is not None and mode in SENSING:
             for c in self._estimate.contacts:
@@ -233,7 +238,7 @@ class Tick:
                     side=SIDE_NAMES[c.side],
                 )
                 text = f"{c.joint} {c.torque:+.2f} Nm ({c.level})"
-                self.events.append(Notice(kind="contact", text=text, contact=contact))
+                self.notices.append(Notice(kind="contact", text=text, contact=contact))
 
     def state(self, wakeup: Wakeup = ON_TIME) -> State:
         """This tick, for the readers. Raises RuntimeError before the first complete samples."""
@@ -246,7 +251,7 @@ class Tick:
             tick=self.number,
             time_s=self._time_s,
             interval_s=self._interval_s,
-            mode=machine.mode.value,
+            mode=machine.mode,
             armed=machine.armed,
             cause=machine.cause,
             moving=machine.moving,
@@ -256,12 +261,12 @@ class Tick:
             link_position=finite_list(samples.link_position),
             motor_velocity=finite_list(samples.motor_velocity),
             motor_position=None if motor_position is None else finite_list(motor_position),
-            velocity=estimate.qd.tolist(),
-            motor=estimate.theta.tolist(),
-            gap=estimate.phi.tolist(),
-            gap_sigma=estimate.sigma_phi.tolist(),
+            link_velocity=estimate.q_dot.tolist(),
+            motor_estimate=estimate.theta.tolist(),
+            phi=estimate.phi.tolist(),
+            phi_sigma=estimate.phi_sigma.tolist(),
             side=[SIDE_NAMES[side] for side in estimate.side.tolist()],
-            torque=estimate.tau_M.tolist(),
+            motor_torque=estimate.tau_M.tolist(),
             residual=estimate.residual.tolist(),
             threshold=estimate.threshold.tolist(),
             thresholded=estimate.thresholded.tolist(),
@@ -272,7 +277,7 @@ class Tick:
             reference=finite_list(decision.reference),
             setpoint=decision.velocity.tolist(),
             quiet_s=self.controller.quiet_s,
-            events=list(self.events),
+            notices=list(self.notices),
             timing=Timing(
                 wall_s=time.time(),
                 monotonic_s=wakeup.monotonic_s,

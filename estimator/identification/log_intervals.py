@@ -44,7 +44,7 @@ class Intervals:
     """g(q) [Nm]"""
     q: Matrix
     """[rad]"""
-    qd: Matrix
+    q_dot: Matrix
     theta_dot: Matrix
     theta_ddot: Matrix
     """Delta theta_dot / dt [rad/s2]"""
@@ -116,7 +116,7 @@ def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inter
         current=mean[:, 2],
         gravity=mean[:, 7],
         q=mean[:, 0],
-        qd=mean[:, 1],
+        q_dot=mean[:, 1],
         theta_dot=mean[:, 3],
         theta_ddot=change[:, 3] / span,
         advance=change[:, 4] if measured else span * mean[:, 3],

@@ -82,11 +82,11 @@ def regression(rows: Intervals, t: Transmission, where: Located, held: Matrix) -
     def sign(v: Matrix) -> Matrix:
         return smooth_sign(v, t.sign_width)
 
-    phi_dot = rows.qd - rows.theta_dot
+    phi_dot = rows.q_dot - rows.theta_dot
     columns = [
         *(-sign(rows.theta_dot) * together, -rows.theta_dot * together),
         -rows.theta_ddot * together,
-        *(-sign(rows.qd) * apart, -rows.qd * apart),
+        *(-sign(rows.q_dot) * apart, -rows.q_dot * apart),
         *(-sign(phi_dot) * apart, -phi_dot * apart),
         *(penetration(phi, t.half_gap) * together, phi_dot * together),
     ]

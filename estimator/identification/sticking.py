@@ -37,8 +37,8 @@ def _displacement(rows: Intervals) -> Matrix:
     creep, rotor and link are one."""
     if rows.measured:
         return rows.advance
-    clearly = np.maximum(np.abs(rows.theta_dot), np.abs(rows.qd)) > CREEP
-    return np.where(clearly, rows.advance, rows.dt[:, None] * rows.qd)
+    clearly = np.maximum(np.abs(rows.theta_dot), np.abs(rows.q_dot)) > CREEP
+    return np.where(clearly, rows.advance, rows.dt[:, None] * rows.q_dot)
 
 
 def sticking_share(

@@ -105,7 +105,7 @@ def test_what_was_said_of_a_touched_link(said: int, residual: float, named: str)
         residuals={"backlash": felt},
         threshold=np.full((ticks, n), 0.5),
         phi=felt,
-        sigma_phi=felt,
+        phi_sigma=felt,
         side=np.zeros((ticks, n), dtype=np.int8),
         touched_link=links,
         delay_s=0.005,

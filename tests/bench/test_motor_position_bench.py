@@ -34,7 +34,7 @@ def said(side: list[Side], phi: list[float], residual: float = 0.1) -> Estimates
         residuals={"backlash": np.linspace(0.0, -residual, n)[:, np.newaxis]},
         threshold=np.ones((n, 1)),
         phi=np.array(phi)[:, np.newaxis],
-        sigma_phi=np.full((n, 1), 0.001),
+        phi_sigma=np.full((n, 1), 0.001),
         side=np.array(side, dtype=np.int8)[:, np.newaxis],
         touched_link=np.full(n, -1),
         delay_s=0.0,

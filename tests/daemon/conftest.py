@@ -47,7 +47,7 @@ def state_at(tick: int, **changes: object) -> State:
     """Seven joints swaying, in contact at joint 2 from tick 100 to 199."""
     n = len(JOINTS)
     t = 0.01 * tick
-    gap = [1.1 * a * math.sin(t + i) for i, a in enumerate(HALF_GAP)]
+    phi = [1.1 * a * math.sin(t + i) for i, a in enumerate(HALF_GAP)]
     residual = [0.3 * h * math.sin(3 * t + i) for i, h in enumerate(THRESHOLDS)]
     touched = 100 <= tick < 200
     if touched:
@@ -70,15 +70,15 @@ def state_at(tick: int, **changes: object) -> State:
         link_position=[0.5 * math.sin(t + i) for i in range(n)],
         motor_velocity=[0.5 * math.cos(t + i) for i in range(n)],
         motor_position=None,
-        velocity=[0.5 * math.cos(t + i) for i in range(n)],
-        motor=[0.5 * math.sin(t + i) for i in range(n)],
-        gap=gap,
-        gap_sigma=[0.001] * n,
+        link_velocity=[0.5 * math.cos(t + i) for i in range(n)],
+        motor_estimate=[0.5 * math.sin(t + i) for i in range(n)],
+        phi=phi,
+        phi_sigma=[0.001] * n,
         side=[
-            "gap" if abs(g) < 0.9 * a else "left" if g < 0 else "right"
-            for g, a in zip(gap, HALF_GAP, strict=True)
+            "gap" if abs(p) < 0.9 * a else "left" if p < 0 else "right"
+            for p, a in zip(phi, HALF_GAP, strict=True)
         ],
-        torque=[0.3 * math.sin(t + i) for i in range(n)],
+        motor_torque=[0.3 * math.sin(t + i) for i in range(n)],
         residual=residual,
         threshold=THRESHOLDS,
         thresholded=excess,
@@ -89,7 +89,7 @@ def state_at(tick: int, **changes: object) -> State:
         reference=[0.5 * math.sin(t + i) for i in range(n)],
         setpoint=[0.0] * n,
         quiet_s=0.0 if touched else t,
-        events=[Notice(kind="contact", text="contact at LShoulderYaw", contact=contact)]
+        notices=[Notice(kind="contact", text="contact at LShoulderYaw", contact=contact)]
         if tick == 100
         else [],
         timing=Timing(
@@ -175,7 +175,7 @@ class FakeDaemon:
             readers=0,
             joints=JOINTS,
             drives=state.drives,
-            position=state.link_position,
+            link_position=state.link_position,
             residual=state.residual,
             threshold=state.threshold,
             side=state.side,

@@ -36,10 +36,10 @@ class Joint:
         self.position.start(np.zeros(2))
 
     def step(
-        self, *, q: float = 0.0, qd: float = 0.0, w: float = 0.0, torque: float = 0.0
+        self, *, q: float = 0.0, q_dot: float = 0.0, w: float = 0.0, torque: float = 0.0
     ) -> np.ndarray:
         motion = {
-            "q": q, "q_dot": qd, "theta_dot": w, "resting": resting(np.array([w]))[0],
+            "q": q, "q_dot": q_dot, "theta_dot": w, "resting": resting(np.array([w]))[0],
             "tau_M": torque, "advance": w * T, "rotor": 0.0, "transmitted": torque,
         }  # fmt: skip
         return self.position.step(np.array([[motion[name]] * 2 for name in MOTION]), T)

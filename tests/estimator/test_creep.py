@@ -30,8 +30,8 @@ def test_a_joint_that_creeps_is_never_wrong_and_sure(
     joint.settle(2.0)
     furthest = joint.sigma + np.abs(q).max()
     phi, before, unknown = -ALPHA, 0.0, 0
-    for here, measured, qd in zip(q, *seen(q), strict=True):
-        joint.step(q=measured, qd=qd, torque=0.4)
+    for here, measured, q_dot in zip(q, *seen(q), strict=True):
+        joint.step(q=measured, q_dot=q_dot, torque=0.4)
         if who == "link":
             phi = min(max(phi + here - before, -ALPHA), ALPHA)
         before = here
@@ -52,7 +52,7 @@ def test_counts_of_an_encoder_are_no_creep() -> None:
     joint.settle(2.0)
     sigma = joint.sigma
     for count in rng.integers(-1, 2, 10_000):
-        joint.step(q=count * COUNT, qd=0.009 * count)
+        joint.step(q=count * COUNT, q_dot=0.009 * count)
     assert joint.sigma <= sigma + 2.0 * COUNT
     assert joint.side == Side.LEFT
 
@@ -62,13 +62,13 @@ def test_a_load_tells_the_side_and_from_there_creep_counts_anew() -> None:
     joint.settle(2.0)
     at_border = joint.sigma
     for k in range(500):  # 10 mrad away
-        joint.step(q=2e-5 * k, qd=0.002)
+        joint.step(q=2e-5 * k, q_dot=0.002)
     assert joint.sigma == pytest.approx(at_border + 0.01, abs=1e-4)
     for _ in range(40):
         joint.step(q=0.01, torque=2.0)
     assert joint.sigma == pytest.approx(at_border, rel=0.01)
     for k in range(250):  # half of the way back
-        joint.step(q=0.01 - 2e-5 * k, qd=-0.002)
+        joint.step(q=0.01 - 2e-5 * k, q_dot=-0.002)
     assert joint.sigma == pytest.approx(at_border + 0.005, abs=1e-4)
 
 
@@ -77,7 +77,7 @@ def test_after_a_motion_creep_counts_from_where_it_ended() -> None:
     joint.settle(2.0)
     before = joint.sigma
     for k in range(100):
-        joint.step(q=0.1 * T * k, qd=0.1, w=0.1)
+        joint.step(q=0.1 * T * k, q_dot=0.1, w=0.1)
     for _ in range(100):
         joint.step(q=0.1 * T * 99)
     assert joint.sigma == pytest.approx(before, abs=1e-9)

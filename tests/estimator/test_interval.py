@@ -30,7 +30,7 @@ def test_forms_are_sums_and_intervals_may_differ() -> None:
     interval = Interval([{"motor": 2.0, "rotor": -1.0}, {}], 1)
     at(interval, motor=1.0, rotor=0.5)
     for dt, motor, rotor in ((0.01, 3.0, 0.7), (0.03, -1.0, 0.2)):
-        before = interval.now[ROW["motor"], 0], interval.now[ROW["rotor"], 0]
+        before = interval.now[ROW["tau_M"], 0], interval.now[ROW["rotor"], 0]
         at(interval, motor=motor, rotor=rotor)
         expected = 2.0 * dt * (motor + before[0]) / 2 - (rotor - before[1])
         impulses = interval.step(dt)

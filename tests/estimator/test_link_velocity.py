@@ -23,9 +23,9 @@ def test_exact_on_parabolas(intervals: tuple[float, float], delay: float) -> Non
 
     times = np.cumsum([0.0, -intervals[0], -intervals[1]])
     samples = np.array([position(t) for t in times])
-    q, qd = parabola(*intervals, delay) @ samples
+    q, q_dot = parabola(*intervals, delay) @ samples
     np.testing.assert_allclose(q, position(-delay), rtol=1e-12)
-    np.testing.assert_allclose(qd, [2 + 6 * delay, 1 - 80 * delay], rtol=1e-9)
+    np.testing.assert_allclose(q_dot, [2 + 6 * delay, 1 - 80 * delay], rtol=1e-9)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -40,7 +40,7 @@ def test_everything_belongs_to_one_instant(method: str) -> None:
     instant = times[-1] - a.delay
     aligned = np.zeros((len(ALIGNED), 2))
     a.aligned(out=aligned)
-    expected = dict.fromkeys(ALIGNED, instant) | {"velocity": 1.0}
+    expected = dict.fromkeys(ALIGNED, instant) | {"theta_dot": 1.0}
     for name, row in zip(ALIGNED, aligned, strict=True):
         np.testing.assert_allclose(row, expected[name], err_msg=name)
     assert a.delay == pytest.approx(DELAY_PERIODS[method] * T + 0.001)

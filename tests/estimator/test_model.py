@@ -34,16 +34,16 @@ def test_beta_is_the_rate_of_momentum_less_inertial_torque(romeo: Model, t: floa
     # Hence M_dot q_dot - c = C^T q_dot - g; c by Newton-Euler on the energy below.
     after, _ = romeo.dynamics(*motion(t + STEP)[:2])
     before, _ = romeo.dynamics(*motion(t - STEP)[:2])
-    q, qd, qdd = motion(t)
-    _, beta = romeo.dynamics(q, qd)
+    q, q_dot, qdd = motion(t)
+    _, beta = romeo.dynamics(q, q_dot)
     M_dot_qd = (after - before) / (2 * STEP) - mass(romeo, q) @ qdd
     later, earlier = (mass(romeo, motion(t + step)[0]) for step in (STEP, -STEP))
     M_dot = (later - earlier) / (2 * STEP)
-    np.testing.assert_allclose(M_dot_qd, M_dot @ qd, atol=1e-7)
+    np.testing.assert_allclose(M_dot_qd, M_dot @ q_dot, atol=1e-7)
 
     # C^T q_dot is the gradient of the kinetic energy at fixed q_dot: no second model needed.
     def kinetic(q: np.ndarray) -> float:
-        return 0.5 * float(qd @ mass(romeo, q) @ qd)
+        return 0.5 * float(q_dot @ mass(romeo, q) @ q_dot)
 
     gradient = [
         (kinetic(q + STEP * unit) - kinetic(q - STEP * unit)) / (2 * STEP) for unit in np.eye(7)
@@ -52,20 +52,20 @@ def test_beta_is_the_rate_of_momentum_less_inertial_torque(romeo: Model, t: floa
 
 
 def test_momentum_is_mass_times_velocity(romeo: Model) -> None:
-    q, qd, _ = motion(0.4)
-    momentum, _ = romeo.dynamics(q, qd)
+    q, q_dot, _ = motion(0.4)
+    momentum, _ = romeo.dynamics(q, q_dot)
     M = mass(romeo, q)
-    np.testing.assert_allclose(momentum, M @ qd, atol=1e-12)
+    np.testing.assert_allclose(momentum, M @ q_dot, atol=1e-12)
     np.testing.assert_allclose(M, M.T, atol=1e-12)
     assert np.linalg.eigvalsh(M).min() > 0
 
 
 def test_results_are_copies(romeo: Model) -> None:
-    q, qd, _ = motion(0.4)
-    momentum, beta = romeo.dynamics(q, qd)
+    q, q_dot, _ = motion(0.4)
+    momentum, beta = romeo.dynamics(q, q_dot)
     gravity = romeo.gravity(q)
     kept = [x.copy() for x in (momentum, beta, gravity)]
-    romeo.dynamics(-q, 2 * qd)
+    romeo.dynamics(-q, 2 * q_dot)
     romeo.gravity(-q)
     for now, then in zip((momentum, beta, gravity), kept, strict=True):
         np.testing.assert_array_equal(now, then)
@@ -74,9 +74,9 @@ def test_results_are_copies(romeo: Model) -> None:
 def test_joints_in_any_order(romeo: Model, romeo_urdf) -> None:
     order = [3, 0, 6, 1, 5, 2, 4]
     other = Model(romeo_urdf, [romeo.names[i] for i in order])
-    q, qd, _ = motion(1.1)
-    momentum, beta = romeo.dynamics(q, qd)
-    for ours, theirs in zip(other.dynamics(q[order], qd[order]), (momentum, beta), strict=True):
+    q, q_dot, _ = motion(1.1)
+    momentum, beta = romeo.dynamics(q, q_dot)
+    for ours, theirs in zip(other.dynamics(q[order], q_dot[order]), (momentum, beta), strict=True):
         np.testing.assert_allclose(ours, theirs[order], atol=1e-14)
     np.testing.assert_array_equal(other.gravity(q[order]), romeo.gravity(q)[order])
     for name in ("lower", "upper"):

@@ -101,7 +101,7 @@ def test_a_hand_that_moves_the_link_across_is_seen_not_explained_away() -> None:
     joint.settle(2.0)
     theta = float(joint.position.theta[0])
     for k in range(20):
-        joint.step(q=0.002 * (k + 1), qd=0.2)
+        joint.step(q=0.002 * (k + 1), q_dot=0.2)
         assert joint.position.theta[0] == pytest.approx(theta, abs=1e-12)
     assert 0.04 - theta == pytest.approx(ALPHA)
     for _ in range(3):

@@ -75,7 +75,7 @@ def test_an_interval_beyond_the_pole_is_its_mean() -> None:
 
 
 ALWAYS = "+momentum -beta"
-TOGETHER = "+motor_rub +link_rub_together +stiction"
+TOGETHER = "+motor_friction +engaged_link_friction +stiction"
 APART = "+link_rub +gap_rub"
 
 
@@ -88,7 +88,7 @@ APART = "+link_rub +gap_rub"
         (Variant(), f"-motor +rotor {TOGETHER}", APART),
         (Variant(rotor_inertia=False), f"-motor {TOGETHER}", APART),
         (Variant(friction=False), "-motor +rotor", ""),
-        (Variant(kind="two_mass"), "-motor +rotor +motor_rub +link_rub +stiction", None),
+        (Variant(kind="two_mass"), "-motor +rotor +motor_friction +link_rub +stiction", None),
         (Variant(kind="two_mass", friction=False), "-motor +rotor", None),
     ],
 )

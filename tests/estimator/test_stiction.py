@@ -66,10 +66,10 @@ def test_truth_lies_between_the_ends(begins: float, displacements: list[float]) 
         (0.002, -0.011, True, 0.00002),
     ],
 )
-def test_what_turns_a_rotor(theta_dot: float, qd: float, has_gap: bool, turned: float) -> None:
+def test_what_turns_a_rotor(theta_dot: float, q_dot: float, has_gap: bool, turned: float) -> None:
     moved = 0.00001
     found = displacement(
-        np.array([theta_dot]), np.array([qd]), np.array([moved]), np.array([has_gap]), 0.01
+        np.array([theta_dot]), np.array([q_dot]), np.array([moved]), np.array([has_gap]), 0.01
     )
     assert found[0] == pytest.approx(turned)
 

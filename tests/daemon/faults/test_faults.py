@@ -61,7 +61,7 @@ def own() -> Iterator[BreakableArm]:
 
 
 def told(on: BreakableArm) -> list[str]:
-    return [event.text for event in on.rig.tick.events if event.kind == "fault"]
+    return [event.text for event in on.rig.tick.notices if event.kind == "fault"]
 
 
 def happen(on: BreakableArm, case: Case) -> Iterator[None]:

@@ -33,7 +33,7 @@ def test_stop_ends_the_trajectory_and_the_permission(rig: Rig) -> None:
     assert (states[0].mode, states[-1].mode) == ("stopping", "holding")
     assert not any(state.armed or state.moving for state in states)
     assert np.ptp([state.link_position[0] for state in states[-10:]]) < 1e-3
-    disarmed = [e.text for e in states[0].events]
+    disarmed = [e.text for e in states[0].notices]
     assert disarmed == ["disarmed: stop by the bench", "tracking -> stopping: stop by the bench"]
 
 
@@ -59,7 +59,7 @@ def test_a_fault_of_one_drive_stops_all_and_stays_until_reset(rig: Rig) -> None:
     states = rig.states(0.3)
     assert [s.mode for s in states[:2]] == ["faulted"] * 2
     assert "emergency message: node 3 (LElbowRoll): 0x2310 (over-current), error" in states[0].cause
-    told = [e.text for s in states for e in s.events if e.kind == "fault"]
+    told = [e.text for s in states for e in s.notices if e.kind == "fault"]
     assert sum("0x2310" in text for text in told) == 1
     others = [name for i, name in enumerate(states[-1].drives) if i != ELBOW]
     assert set(others) == {"quick stop active"}
@@ -82,7 +82,7 @@ def test_a_contact_while_not_armed_is_only_reported(rig: Rig) -> None:
     rig.arm.external_torque[ELBOW] = 1.0
     states = rig.states(0.3)
     assert {state.mode for state in states} == {"holding"}
-    contacts = [e.contact for s in states for e in s.events if e.contact]
+    contacts = [e.contact for s in states for e in s.notices if e.contact]
     assert [c.joint for c in contacts][:1] == ["LElbowRoll"]
     reasons = rig.tick.controller.arm("the test")
     assert any("is somebody touching it" in reason for reason in reasons)
@@ -187,5 +187,5 @@ def test_a_contact_is_told_where_the_arm_feels() -> None:
             rig.arm.external_torque[0] = 0.0
             rig.run(0.5)
             assert any(state.thresholded[0] for state in states)
-            told[mode] = sum(event.kind == "contact" for s in states for event in s.events)
+            told[mode] = sum(event.kind == "contact" for s in states for event in s.notices)
     assert told[Mode.OFF] == 0 < told[Mode.HOLDING]

@@ -82,15 +82,15 @@ def test_the_modes_of_a_touch(run: Run) -> None:
 def test_a_touch_is_named_and_felt_with_its_sign(run: Run) -> None:
     first = run.ticks(Mode.ADMITTANCE)[0]
     assert first.cause.startswith("LElbowRoll feels +")
-    contacts = [event.contact for event in first.events if event.contact]
+    contacts = [event.contact for event in first.notices if event.contact]
     assert [(c.joint, c.level) for c in contacts] == [("LElbowRoll", "contact")]
     assert contacts[0].torque > contacts[0].threshold
-    told = [e.text for e in first.events if e.kind == "mode"]
+    told = [e.text for e in first.notices if e.kind == "mode"]
     assert told == [f"tracking -> admittance: {first.cause}"]
 
 
 def test_the_first_touch_is_the_push_and_no_false_alarm(run: Run) -> None:
-    felt = [i for i, state in enumerate(run.states) if any(e.contact for e in state.events)]
+    felt = [i for i, state in enumerate(run.states) if any(e.contact for e in state.notices)]
     pushed = 170  # 0.5 + 1.0 + 0.2 s of states
     assert 0 < felt[0] - pushed < 15
 
