@@ -7,7 +7,7 @@ import numpy as np
 
 from daemon.config.identified import objections
 from daemon.config.load import Robot
-from daemon.config.motion import limits_of, row
+from daemon.config.motion import limits_of, row, sinusoids_of
 from daemon.config.schema import Configuration
 from daemon.faults.detector import DetectorSettings, FaultDetector
 from daemon.faults.following import Following, FollowingSettings
@@ -15,7 +15,7 @@ from daemon.faults.plausibility import Plausibility, PlausibilitySettings
 from daemon.modes.contact_reactions import Reactions
 from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
 from daemon.motion.motion import Motion, MotionSettings
-from daemon.motion.path import Follower, Place, Sinusoids
+from daemon.motion.path import Follower, Place
 from daemon.tick.arming_checks import PreArm, Verdict
 from daemon.tick.controller import Controller, ControllerSettings
 from daemon.tick.tick import Tick
@@ -185,7 +185,7 @@ def build_motion(robot: Robot) -> Motion:
         virtual_mass_s=row(c, lambda j: usual if j.virtual_mass_s is None else j.virtual_mass_s),
         velocity=np.full(len(c.joints), c.admittance.velocity),
     )
-    path = robot.recorded or Sinusoids.from_settings(c.joint_names, c.trajectory.sinusoids)
+    path = robot.recorded or sinusoids_of(c)
     return Motion(
         manner=manner,
         limits=limits_of(c),

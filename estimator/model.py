@@ -42,7 +42,7 @@ class Model:
         self._model = model
         self._data = model.createData()
         self._q = np.zeros(self.n)
-        self._qd = np.zeros(self.n)
+        self._q_dot = np.zeros(self.n)
 
     def dynamics(self, q: Vector, q_dot: Vector) -> tuple[Vector, Vector]:
         """Momentum M q_dot and beta = C^T q_dot - g, both (n,) [kg m2/s, Nm].
@@ -51,7 +51,7 @@ class Model:
         The arrays are new.
         """
         model, data = self._model, self._data
-        q, q_dot = self._inward(q, self._q), self._inward(q_dot, self._qd)
+        q, q_dot = self._inward(q, self._q), self._inward(q_dot, self._q_dot)
         M = pin.crba(model, data, q)
         C = pin.computeCoriolisMatrix(model, data, q, q_dot)
         g = pin.computeGeneralizedGravity(model, data, q)

@@ -143,7 +143,7 @@ HEARD_TICKS = MAX_CONNECTIONS + 1
 LAPSES_TICKS = 1
 
 
-def hear(part: Part, request: Request, reply: Reply, mode: str, time_s: float) -> None:
+def hear(part: Part, request: Request, reply: Reply, mode: Mode | None, time_s: float) -> None:
     """Take note of an answer, and check what holds for all of them."""
     part.counts[f"{request.command} {'done' if reply.ok else 'refused'}"] += 1
     words = f"{request.command} in {mode}: {reply.message} {reply.reasons}"

@@ -104,7 +104,7 @@ class Recorder:
             "true_torque": rig.arm.tau_ext.copy(),
             "motor_velocity": samples.motor_velocity.copy(),
             "q": estimate.q,
-            "qd": estimate.q_dot,
+            "q_dot": estimate.q_dot,
             "phi": estimate.phi,
             "side": estimate.side,
             "tau_M": estimate.tau_M,

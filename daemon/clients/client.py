@@ -14,9 +14,17 @@ import msgspec
 
 from daemon.motion.trajectory_file import PLAUSIBLE, refuse_shapes, rows_of, slopes
 from daemon.protocol.lease import LONGEST_S
-from daemon.protocol.messages import Command, Header, Reply, Request, Snapshot, State, printable
+from daemon.protocol.messages import (
+    MAX_REQUEST_BYTES,
+    Command,
+    Header,
+    Reply,
+    Request,
+    Snapshot,
+    State,
+    printable,
+)
 from daemon.protocol.socket_path import default_socket_path, how_to_be_let_in
-from daemon.service.socket import MAX_REQUEST_BYTES
 from errors import ControlError, TrajectoryError, UnreachableError
 
 # Above what a socket can hold at the daemon's end (twice its send buffer).

@@ -8,6 +8,7 @@ import numpy as np
 from arrays import Vector
 from daemon.config.schema import Configuration, Joint
 from daemon.motion.limits import Limits
+from daemon.motion.path import Sinusoids
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.motion.trajectory_file import read_trajectory
 from errors import TrajectoryError
@@ -28,6 +29,15 @@ def limits_of(c: Configuration) -> Limits:
         # A setpoint is latched by the next SYNC and approached over the period after that.
         reaction_s=1.5 * c.period_s + c.control.drive_lag_ms / 1000.0,
         tolerance=c.supervisor.position_margin,
+    )
+
+
+def sinusoids_of(c: Configuration) -> Sinusoids:
+    """The configured trajectory; joints without a sinusoid hold."""
+    waves = [c.trajectory.sinusoids.get(joint.name) for joint in c.joints]
+    return Sinusoids(
+        amplitude=np.array([wave.amplitude if wave else 0.0 for wave in waves]),
+        omega=np.array([2.0 * np.pi * wave.frequency_Hz if wave else 0.0 for wave in waves]),
     )
 
 

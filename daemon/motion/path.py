@@ -6,7 +6,6 @@ person moved the arm, the same path is anchored anew where the arm stands.
 """
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -14,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Vector
-from daemon.config.schema import Sinusoid
 
 
 class JointPath(Protocol):
@@ -57,16 +55,6 @@ class Sinusoids:
     duration: float = math.inf
     begin: Vector | None = None
     motors_only: bool = False
-
-    @classmethod
-    def from_settings(cls, joints: Sequence[str], waves: Mapping[str, Sinusoid]) -> "Sinusoids":
-        """Sinusoids by joint name; joints without one hold."""
-        amplitude, omega = np.zeros(len(joints)), np.zeros(len(joints))
-        for i, name in enumerate(joints):
-            if wave := waves.get(name):
-                amplitude[i] = wave.amplitude
-                omega[i] = 2.0 * np.pi * wave.frequency_Hz
-        return cls(amplitude, omega)
 
     def offset(self, s: float) -> Vector:
         """Displacement [rad] at path time s [s]."""

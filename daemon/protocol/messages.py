@@ -27,6 +27,7 @@ Command = Literal[
     "subscribe",
 ]
 COMMANDS: tuple[str, ...] = get_args(Command)
+MAX_REQUEST_BYTES = 8192  # of one message to the daemon
 # What lets the arm move is not done for somebody who does not wait for the answer any more.
 AWAITED: frozenset[Command] = frozenset({"enable", "start", "arm"})
 

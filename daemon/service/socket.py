@@ -23,11 +23,10 @@ from typing import Self
 
 import msgspec
 
-from daemon.protocol.messages import AWAITED, COMMANDS, Reply, Request, State
+from daemon.protocol.messages import AWAITED, COMMANDS, MAX_REQUEST_BYTES, Reply, Request, State
 from daemon.protocol.socket_path import Peer, groups_of, listen, peer_of
 from errors import ContactdError
 
-MAX_REQUEST_BYTES = 8192
 MAX_CONNECTIONS = 32
 MAX_READERS = 8
 EVENTS_PER_POLL = 4

@@ -142,16 +142,16 @@ BROKEN: list[tuple[str, list[State]]] = [
     ("a change of mode is told", [state(1), state(2, mode="tracking")]),
     (
         "changes of mode are of the table",
-        [state(1), state(2, mode="enabling", events=told("holding -> enabling: x"))],
+        [state(1), state(2, mode="enabling", notices=told("holding -> enabling: x"))],
     ),
     (
         "a change has a cause",
-        [state(1), state(2, mode="tracking", events=told("holding -> tracking"))],
+        [state(1), state(2, mode="tracking", notices=told("holding -> tracking"))],
     ),
     ("a change of permission is told", [state(1), state(2, armed=True)]),
     (
         "nobody guides an arm that is not armed",
-        [state(1), state(2, mode="admittance", events=told("holding -> admittance: x"))],
+        [state(1), state(2, mode="admittance", notices=told("holding -> admittance: x"))],
     ),
     (
         "no motion while latched",
@@ -178,11 +178,11 @@ def test_what_is_right_breaks_no_rule() -> None:
     at_limit = first(UPPER, MIDDLE)
     for each in (
         state(1),
-        state(2, mode="tracking", armed=True, events=arming),
+        state(2, mode="tracking", armed=True, notices=arming),
         state(3, mode="tracking", armed=True, setpoint=first(0.04)),
         # The joint is at its limit: its speed is taken away at once.
         state(4, mode="tracking", armed=True, link_position=at_limit),
-        state(5, mode="faulted", events=[*told("disarmed: z"), *told("tracking -> faulted: z")]),
+        state(5, mode="faulted", notices=[*told("disarmed: z"), *told("tracking -> faulted: z")]),
     ):
         watch.see(each, lease_until_s=0.5, lease_ticks=1, touched=False, trouble=False)
     assert not ledger.broken, ledger.cases

@@ -59,7 +59,7 @@ class Rig:
             self.tick.finish(0.0)
             self.drive.pump()
             self.drive.advance(T)
-            self.told += [event.text for event in self.tick.events]
+            self.told += [event.text for event in self.tick.notices]
             self.ticks += 1
 
     def request(self, event: Event) -> list[str]:

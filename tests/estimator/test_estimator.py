@@ -174,7 +174,7 @@ def test_linear_in_external_torque(make_estimator, sine_motion) -> None:
 def test_estimates_are_never_changed_afterwards(make_estimator, sine_motion) -> None:
     estimator = make_estimator()
     early = sine_motion.replay(estimator, slice(0, 200))[-1]
-    names = ("q", "qd", "theta", "phi", "sigma_phi", "side", "tau_M", "residual", "thresholded")
+    names = ("q", "q_dot", "theta", "phi", "phi_sigma", "side", "tau_M", "residual", "thresholded")
     kept = {name: getattr(early, name).copy() for name in names}
     beside = early.beside["classical"].copy()
     sine_motion.replay(estimator, slice(200, 260))

@@ -107,7 +107,7 @@ def test_each_signal_has_its_own_delay(built) -> None:
     instant = 4 * T - estimator.delay_s
     np.testing.assert_allclose(estimate.q, instant, atol=1e-12)
     np.testing.assert_allclose(estimate.tau_M / PLAIN["torque_constant"], instant, atol=1e-12)
-    for name in ("velocity", "position"):
+    for name in ("theta_dot", "theta"):
         np.testing.assert_allclose(estimator.interval.now[ROW[name]], instant, atol=1e-12)
 
 

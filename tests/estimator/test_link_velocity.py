@@ -40,7 +40,7 @@ def test_everything_belongs_to_one_instant(method: str) -> None:
     instant = times[-1] - a.delay
     aligned = np.zeros((len(ALIGNED), 2))
     a.aligned(out=aligned)
-    expected = dict.fromkeys(ALIGNED, instant) | {"theta_dot": 1.0}
+    expected = dict.fromkeys(ALIGNED, instant) | {"link_velocity": 1.0}
     for name, row in zip(ALIGNED, aligned, strict=True):
         np.testing.assert_allclose(row, expected[name], err_msg=name)
     assert a.delay == pytest.approx(DELAY_PERIODS[method] * T + 0.001)

@@ -31,7 +31,7 @@ def test_memory_continues_bit_identically(make_estimator, pushed_motion, at, sou
     rest = slice(at, at + 60)
     pairs = zip(pushed_motion.replay(original, rest), pushed_motion.replay(copy, rest), strict=True)
     for one, other in pairs:
-        for name in ("q", "qd", "theta", "sigma_phi", "side", "residual", "threshold"):
+        for name in ("q", "q_dot", "theta", "phi_sigma", "side", "residual", "threshold"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
         assert one.contacts == other.contacts
         assert one.flags == other.flags

@@ -76,20 +76,20 @@ def test_an_interval_beyond_the_pole_is_its_mean() -> None:
 
 ALWAYS = "+momentum -beta"
 TOGETHER = "+motor_friction +engaged_link_friction +stiction"
-APART = "+link_rub +gap_rub"
+APART = "+link_friction +gap_friction"
 
 
 @pytest.mark.parametrize(
     ("variant", "engaged", "apart"),
     [
-        (Variant(kind="classical", friction=False, rotor_inertia=False), "-motor", "-motor"),
-        (Variant(kind="classical", rotor_inertia=False), f"-motor {TOGETHER}", None),
-        (Variant(kind="classical"), f"-motor +rotor {TOGETHER}", None),
-        (Variant(), f"-motor +rotor {TOGETHER}", APART),
-        (Variant(rotor_inertia=False), f"-motor {TOGETHER}", APART),
-        (Variant(friction=False), "-motor +rotor", ""),
-        (Variant(kind="two_mass"), "-motor +rotor +motor_friction +link_rub +stiction", None),
-        (Variant(kind="two_mass", friction=False), "-motor +rotor", None),
+        (Variant(kind="classical", friction=False, rotor_inertia=False), "-tau_M", "-tau_M"),
+        (Variant(kind="classical", rotor_inertia=False), f"-tau_M {TOGETHER}", None),
+        (Variant(kind="classical"), f"-tau_M +rotor {TOGETHER}", None),
+        (Variant(), f"-tau_M +rotor {TOGETHER}", APART),
+        (Variant(rotor_inertia=False), f"-tau_M {TOGETHER}", APART),
+        (Variant(friction=False), "-tau_M +rotor", ""),
+        (Variant(kind="two_mass"), "-tau_M +rotor +motor_friction +link_friction +stiction", None),
+        (Variant(kind="two_mass", friction=False), "-tau_M +rotor", None),
     ],
 )
 def test_what_each_variant_believes(variant: Variant, engaged: str, apart: str | None) -> None:

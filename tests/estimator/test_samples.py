@@ -103,7 +103,7 @@ def test_what_is_not_a_number_never_gets_in(make_estimator, sine_motion, bad, si
     row[signal][4] = bad
     estimate = estimator.step(*row, T)
     assert estimate.flags == Flag.INVALID
-    for name in ("residual", "q", "qd", "theta", "phi", "threshold", "thresholded"):
+    for name in ("residual", "q", "q_dot", "theta", "phi", "threshold", "thresholded"):
         np.testing.assert_array_equal(getattr(estimate, name), getattr(before, name))
     after = estimator.memory()
     assert after["estimator"].pop("pending") == T
@@ -127,7 +127,16 @@ def test_what_the_arithmetic_makes_no_number_of_never_gets_out(make_estimator, h
     with np.errstate(all="ignore"):
         estimate = estimator.step(**{**samples, "link_position": wrong})
     assert estimate.flags == Flag.INVALID
-    for field in ("q", "qd", "theta", "phi", "sigma_phi", "residual", "threshold", "thresholded"):
+    for field in (
+        "q",
+        "q_dot",
+        "theta",
+        "phi",
+        "phi_sigma",
+        "residual",
+        "threshold",
+        "thresholded",
+    ):
         np.testing.assert_array_equal(getattr(estimate, field), getattr(before, field))
     # What it remembers is fit to be read back, and it starts anew.
     make_estimator(beside=BESIDE).restore(estimator.memory())

@@ -56,7 +56,7 @@ def test_truth_lies_between_the_ends(begins: float, displacements: list[float]) 
 
 
 @pytest.mark.parametrize(
-    ("theta_dot", "qd", "has_gap", "turned"),
+    ("theta_dot", "q_dot", "has_gap", "turned"),
     [
         (0.004, 0.0, True, 0.00004),  # the rotor runs through its gap, the link stands
         (0.004, 0.0, False, 0.00001),  # the same without a gap: an error of the velocity

@@ -37,10 +37,10 @@ def dashboard(make_state: MakeState, make_snapshot: Callable[[int], Snapshot]) -
 @pytest.mark.parametrize(("width", "height"), [(100, 30), (80, 24)])
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
 def test_fits(dashboard: Any, width: int, height: int, encoding: str) -> None:
-    events = [Notice(kind="note", text="x" * 200)] * 40
+    notices = [Notice(kind="note", text="x" * 200)] * 40
     frame = dashboard(range(0, 131))
     history = History()
-    history.add(msgspec.structs.replace(frame.state, events=events))
+    history.add(msgspec.structs.replace(frame.state, notices=notices))
     crowded = Dashboard(
         frame.snapshot,
         msgspec.structs.replace(frame.state, cause="why " * 60, flags=["odd " * 60]),
@@ -134,7 +134,7 @@ def test_history_is_bounded_and_right(make_state: MakeState) -> None:
     history = History()
     assert history.summary() == Summary()
     for tick in range(5000):
-        state = make_state(tick, events=[Notice(kind="note", text=str(tick))])
+        state = make_state(tick, notices=[Notice(kind="note", text=str(tick))])
         timing = msgspec.structs.replace(state.timing, lateness_us=float(tick), work_us=7.0)
         history.add(msgspec.structs.replace(state, timing=timing))
     summary = history.summary()

@@ -206,7 +206,7 @@ def test_schema_describes_nested_and_optional_fields() -> None:
     fields = viewer_schema(State)["properties"]
     assert fields["motor_position"]["items"] == {"type": "number"}
     assert fields["timing"]["properties"]["wall_s"] == {"type": "number"}
-    contact = fields["events"]["items"]["properties"]["contact"]
+    contact = fields["notices"]["items"]["properties"]["contact"]
     assert contact["properties"]["level"]["enum"] == ["collision", "contact"]
 
 

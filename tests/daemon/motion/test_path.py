@@ -3,19 +3,14 @@
 import numpy as np
 import pytest
 
-from daemon.config.schema import Sinusoid
 from daemon.motion.limits import Limits
 from daemon.motion.path import Follower, Place, Sinusoids
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.motion.trajectory_file import rows_of, slopes
 
 JOINTS = ["a", "b", "c"]
-PATH = Sinusoids.from_settings(
-    JOINTS,
-    {
-        "a": Sinusoid(amplitude=0.35, frequency_Hz=0.15),
-        "c": Sinusoid(amplitude=0.1, frequency_Hz=0.5),
-    },
+PATH = Sinusoids(
+    amplitude=np.array([0.35, 0.0, 0.1]), omega=2.0 * np.pi * np.array([0.15, 0.0, 0.5])
 )
 DT, RAMP = 0.01, 2.0
 HERE = np.array([1.0, -0.5, 0.2])
