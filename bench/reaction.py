@@ -6,7 +6,7 @@ daemon that dies.
     python -m bench.reaction [--json]
 
 Ticks count from the one in which the fault is made, which is the first. `found` is held against
-what the row of the supervisor's table says; the stop command against two ticks after that. Where
+what the row of the table of faults says; the stop command against two ticks after that. Where
 the bus takes no frame, its ticks count from when it does. A fault exit is followed by silence, at
 which the drives stop by themselves. `stands` is when no motor moves any more.
 """

@@ -1,7 +1,8 @@
 """Events on the bus beside the samples: typed facts, judged elsewhere.
 
-`str()` of one is what its type's name leaves to say, `told` puts the drive in front. Error codes of
-an EMCY message are put in words after CiA 301, 7.2.7.1, and CiA 402-2, annex of error codes.
+`str()` of one is its detail, without what its type's name says; `described` puts the drive in
+front. Error codes of an EMCY message are put in words after CiA 301, 7.2.7.1, and CiA 402-2, annex
+of error codes.
 """
 
 import errno
@@ -26,7 +27,7 @@ class Emergency:
 
 @dataclass(frozen=True, slots=True)
 class HeartbeatLost:
-    """No heartbeat of a drive for three of its periods; said once, until it is heard again."""
+    """No heartbeat of a drive for three of its periods; reported once, until it is heard again."""
 
     node: int
 
@@ -159,7 +160,7 @@ BusEvent = (
 )
 
 
-def told(event: BusEvent, joints: Mapping[int, str]) -> str:
+def described(event: BusEvent, joints: Mapping[int, str]) -> str:
     """An event in words, for people who know their drives by joint; `joints`: of each node."""
     node = getattr(event, "node", None)
     if node is None:

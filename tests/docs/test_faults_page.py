@@ -1,4 +1,4 @@
-"""docs/faults.md shows the table of `daemon.faults.table`, and the bounds that are in force."""
+"""docs/faults.md says of every condition all that the table does, and the bounds in force."""
 
 import re
 from pathlib import Path
@@ -27,21 +27,28 @@ def page() -> str:
     return PAGE.read_text(encoding="utf-8")
 
 
-def rows() -> list[str]:
-    """The table as it should be on the page."""
-    return [
-        f"| {condition} | {row.when} | **{WORDS[row.response]}** | {row.why} |"
+def test_every_condition_has_a_section_that_says_all(page: str) -> None:
+    sections = dict(
+        re.findall(r"^### (.+?)\n\n(.+?)(?=\n\n#|\n\n<)", page, re.MULTILINE | re.DOTALL)
+    )
+    assert list(sections) == list(Condition)
+    for name, text in sections.items():
+        row = TABLE[Condition(name)]
+        assert text.startswith(f"**{WORDS[row.response].capitalize()}.**"), name
+        assert all(words in text for words in (f"`{row.check}`", row.when, row.why, row.advice)), (
+            name
+        )
+
+
+def test_the_overview_links_every_condition(page: str) -> None:
+    rows = re.findall(r"^\| \[(.+)\]\(#(.+)\) \| (.+) \| `(.+)` \|$", page, re.MULTILINE)
+    assert rows == [
+        (condition, condition.replace(" ", "-"), WORDS[row.response], row.check)
         for condition, row in TABLE.items()
     ]
 
 
-def test_the_table_is_the_one_the_program_runs_on(page: str) -> None:
-    shown = re.findall(r"^\| .+ \| .+ \| \*\*.+\*\* \| .+ \|$", page, re.MULTILINE)
-    assert shown == rows()
-    assert len(shown) == len(Condition)
-
-
-def test_every_reaction_is_explained(page: str) -> None:
+def test_every_response_is_explained(page: str) -> None:
     explained = re.findall(r"^- \*\*(.+?)\*\*:", page, re.MULTILINE)
     assert explained == list(WORDS.values())
 
