@@ -175,7 +175,7 @@ _GONE: Final = frozenset({errno.ENODEV, errno.ENXIO, errno.EBADF, errno.EIO, err
 
 
 def bus_failure(doing: str, error: Exception) -> AdapterGone | BusTrouble:
-    """What a failure of the bus means; `doing` is "sending" or "receiving"."""
+    """Event for a failure of the bus; `doing` is "sending" or "receiving"."""
     number = getattr(error, "errno", None) or getattr(error, "error_code", None)
     # ValueError is what select() says of a socket that was closed.
     gone = isinstance(error, ConnectionError | ValueError) or number in _GONE
@@ -201,8 +201,8 @@ _ERROR_CLASSES: Final = (
 
 
 def error_frame(error_class: int, data: bytes | bytearray) -> BusOff | ErrorPassive | BusTrouble:
-    """What an error frame means; `error_class` is its identifier. An adapter that reports trouble
-    of the controller without saying which (socketcand) is believed to mean error-passive."""
+    """Event for an error frame; `error_class` is its identifier. An adapter that reports trouble of
+    the controller without saying which (socketcand) is taken to mean error-passive."""
     if error_class & _BUS_OFF:
         return BusOff()
     if error_class & _CONTROLLER and (len(data) < 2 or data[1] & _PASSIVE):

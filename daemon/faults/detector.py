@@ -85,7 +85,7 @@ class FaultDetector:
         if mode not in SENSING:
             self._following.restart()
         elif setpoint is not None:
-            self._following.tell(setpoint)
+            self._following.record(setpoint)
         found: list[Finding] = []
         # First, as the first of equals is the cause: while we stood still, the drives complained.
         if left_out:

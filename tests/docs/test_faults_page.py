@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from daemon.config.schema import SupervisorSettings
+from daemon.config.schema import FaultSettings
 from daemon.faults import following, plausibility
 from daemon.faults.detector import STARVED_FACTOR
 from daemon.faults.table import TABLE, Condition, Response
@@ -55,7 +55,7 @@ def test_every_response_is_explained(page: str) -> None:
 
 def test_every_bound_and_its_default(page: str) -> None:
     shown = re.findall(r"^\| `(\w+)` \| ([\d.]+) \|", page, re.MULTILINE)
-    defaults = msgspec.structs.asdict(SupervisorSettings())
+    defaults = msgspec.structs.asdict(FaultSettings())
     assert {name: float(value) for name, value in shown} == defaults
 
 
