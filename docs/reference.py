@@ -123,8 +123,13 @@ def _condition(condition: Condition) -> str:
         f"**{_in_words(row.response).capitalize()}.** Arming check: `{row.check}`.\n\n"
         f"- *Found when:* {row.when}.\n"
         f"- *Why:* {row.why}.\n"
-        f"- *What to do:* {row.advice}."
+        f"- *What to do:* {_linked(row.advice)}."
     )
+
+
+def _linked(text: str) -> str:
+    """Other pages, which are paths on a terminal, as links."""
+    return re.sub(r"docs/(\w+)\.md", r"[\1](\1.md)", text)
 
 
 def _in_words(response: Response) -> str:

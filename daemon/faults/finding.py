@@ -29,6 +29,12 @@ class Finding:
         return f"{words} ({self.figures})" if self.figures else words
 
 
+def advice_on(cause: str) -> str:
+    """What a person does about the cause of a mode; empty where that is no finding in words."""
+    rows = (row for condition, row in TABLE.items() if cause.startswith(condition))
+    return next((row.advice for row in rows), "")
+
+
 def strongest(findings: tuple[Finding, ...]) -> Finding | None:
     """The finding whose response wins; the first among equals."""
     return max(findings, key=lambda finding: finding.response, default=None)

@@ -145,7 +145,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "with half of what it may",
         "the drive sends, but seems not to hear us, or to have gone its own way",
         "close other tools on the bus, then `contactctl reset`; a drive with a soft velocity loop "
-        "needs a larger margin: [porting](porting.md), step 8",
+        "needs a larger margin: docs/porting.md, step 8",
     ),
     _C.DISOBEDIENT: Row(
         _R.QUICK_STOP,
@@ -162,7 +162,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "a drive is still in operation as long again after the NMT stop",
         "only silence is left: missing our heartbeat, it stops by itself",
         "press the emergency stop; before the drive moves anything again, try on the bench that it "
-        "stops without its master: [porting](porting.md), step 9",
+        "stops without its master: docs/porting.md, step 9",
         source=events.Unstoppable,
     ),
     _C.REBOOTED: Row(
@@ -262,7 +262,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "the current repeats one value for 20 ticks, while the motor turns by 0.1 rad",
         "the arm feels nothing, so it must not move",
         "switch the drive off and on, then `contactctl reset`; of a new drive, look whether that "
-        "object is measured: [porting](porting.md), step 2",
+        "object is measured: docs/porting.md, step 2",
     ),
     _C.TORQUE_SATURATED: Row(
         _R.HOLD,
@@ -279,7 +279,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "a residual beyond `residual_margin` times the joint's collision level",
         "a crash, or an estimate that has nothing to do with the arm",
         "see to people and arm, then `contactctl reset`; if nothing was hit, masses, payload or "
-        "friction are not the arm's: [commissioning](commissioning.md)",
+        "friction are not the arm's: docs/commissioning.md",
     ),
     _C.OVERSPEED: Row(
         _R.QUICK_STOP,

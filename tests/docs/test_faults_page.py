@@ -35,9 +35,14 @@ def test_every_condition_has_a_section_that_says_all(page: str) -> None:
     for name, text in sections.items():
         row = TABLE[Condition(name)]
         assert text.startswith(f"**{WORDS[row.response].capitalize()}.**"), name
-        assert all(words in text for words in (f"`{row.check}`", row.when, row.why, row.advice)), (
-            name
-        )
+        advice = re.sub(r"docs/(\w+)\.md", r"[\1](\1.md)", row.advice)
+        assert all(words in text for words in (f"`{row.check}`", row.when, row.why, advice)), name
+
+
+def test_the_pages_that_advice_names_are_there(page: str) -> None:
+    named = [name for row in TABLE.values() for name in re.findall(r"docs/\w+\.md", row.advice)]
+    assert named
+    assert all((PAGE.parents[1] / name).is_file() for name in named)
 
 
 def test_the_overview_links_every_condition(page: str) -> None:
