@@ -14,7 +14,7 @@ from daemon.commands.demo_story import Story, touch_of
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
 from estimator.residual import Variant
 from simulator.description import Mismatch, SimulationSettings
 from simulator.events import Happening
@@ -187,6 +187,7 @@ def _snapshot(recording: Recording) -> Snapshot:
     """What a Story wants to know of the arm."""
     c = recording.configuration
     return Snapshot(
+        format=STATE_FORMAT,
         joints=c.joint_names,
         half_gap=[joint.half_gap for joint in c.joints],
         thresholds=[joint.thresholds.contact for joint in c.joints],

@@ -22,6 +22,7 @@ from daemon.protocol.messages import (
     Request,
     Snapshot,
     State,
+    format_refusal,
     printable,
 )
 from daemon.protocol.socket_path import default_socket_path, how_to_be_let_in
@@ -178,6 +179,8 @@ class Client:
         reply = self.request("subscribe")
         if not reply.ok or reply.snapshot is None:
             raise ControlError("; ".join([reply.message or "refused", *reply.reasons]))
+        if refusal := format_refusal(reply.snapshot.format):
+            raise ControlError(f"the daemon speaks another version: its States are {refusal}")
         return reply.snapshot, self._iterate()
 
     def packet(self, silence: str = "fell silent") -> bytes:

@@ -17,7 +17,7 @@ from mcap.writer import Writer
 
 from daemon.clients.client import Client
 from daemon.new_file import refuse_unless_new
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.messages import Snapshot, State, format_refusal
 from errors import LogError, UnreachableError
 
 KINDS: dict[str, type[Snapshot] | type[State]] = {"/snapshot": Snapshot, "/state": State}
@@ -39,6 +39,12 @@ class Recording:
     lost: int
     snapshots: int
     ended: str  # empty if it ended as asked, else what the daemon did
+
+
+class _Format(msgspec.Struct):
+    """Version of a Snapshot, read before anything else of it."""
+
+    format: int = 0
 
 
 class _Wall(msgspec.Struct):
@@ -207,8 +213,9 @@ def viewer_schema(kind: type) -> dict[str, Any]:
 def read_log(path: Path) -> Iterator[Snapshot | State]:
     """What `record` wrote, in its order, one message at a time.
 
-    Raises LogError if `path` cannot be read, is no MCAP file, is not ours, or is damaged; from a
-    file that ends in the middle, everything that is whole comes first.
+    Raises LogError if `path` cannot be read, is no MCAP file, is not ours, is of a format that is
+    not read here, or is damaged; from a file that ends in the middle, everything that is whole
+    comes first.
     """
     try:
         stream = path.open("rb")
@@ -223,6 +230,8 @@ def read_log(path: Path) -> Iterator[Snapshot | State]:
                 if isinstance(found, Channel):
                     topics[found.id] = found.topic
                 elif isinstance(found, Message) and (kind := KINDS.get(_topic(found, topics))):
+                    if kind is Snapshot:
+                        _refuse_other_format(path, found.data)
                     message: Snapshot | State = msgspec.json.decode(found.data, type=kind)
                     if isinstance(message, State):
                         states += 1
@@ -232,6 +241,11 @@ def read_log(path: Path) -> Iterator[Snapshot | State]:
             raise LogError(f"{path} {error}: {states} states read, last tick {last}") from error
         except msgspec.DecodeError as error:
             raise LogError(f"{path} is of another version after tick {last}: {error}") from error
+
+
+def _refuse_other_format(path: Path, snapshot: bytes) -> None:
+    if refusal := format_refusal(msgspec.json.decode(snapshot, type=_Format).format):
+        raise LogError(f"{path} is a recording {refusal}")
 
 
 def _topic(message: Message, topics: Mapping[int, str]) -> str:

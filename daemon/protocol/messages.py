@@ -175,8 +175,24 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     timing: Timing
 
 
+STATE_FORMAT = 1
+"""Version of State and Snapshot. It rises when a field changes its name or its meaning; a new field
+with a default needs no new version. Recordings of every version from 1 on stay readable."""
+
+
+def format_refusal(version: int) -> str:
+    """Why States of this version are not read; empty where they are."""
+    if version < 1:
+        return "of a contactd before format 1, whose States have other fields: record anew"
+    if version > STATE_FORMAT:
+        return f"of format {version}; this contactd reads up to {STATE_FORMAT}: use a newer one"
+    return ""
+
+
 class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """What a recording needs to be read alone: sent once to each reader, before its States."""
+
+    format: int = 0  # STATE_FORMAT of its program; 0: made before there was one
 
     joints: list[str]
     half_gap: PerJoint

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 
 from daemon.config.load import Robot
-from daemon.protocol.messages import Grant, Permit, Snapshot, Status, Trajectory
+from daemon.protocol.messages import STATE_FORMAT, Grant, Permit, Snapshot, Status, Trajectory
 from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
 from daemon.tick.tick import DRIVE_STATE_NAMES, SIDE_NAMES, Tick, finite_list
@@ -77,6 +77,7 @@ def snapshot_of(robot: Robot, tick: Tick) -> Snapshot:
     if tick.decision is None:
         raise ControlError("the drives have not sent all their samples yet; try again")
     return Snapshot(
+        format=STATE_FORMAT,
         joints=c.joint_names,
         half_gap=[joint.half_gap for joint in c.joints],
         thresholds=[joint.thresholds.contact for joint in c.joints],

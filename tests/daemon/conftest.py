@@ -20,6 +20,7 @@ from daemon.commands import contactctl, replies
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Mode
 from daemon.protocol.messages import (
+    STATE_FORMAT,
     Check,
     Contact,
     Grant,
@@ -102,6 +103,7 @@ def state_at(tick: int, **changes: object) -> State:
 def snapshot_at(tick: int) -> Snapshot:
     """The snapshot that goes with `state_at`."""
     return Snapshot(
+        format=STATE_FORMAT,
         joints=JOINTS,
         half_gap=HALF_GAP,
         thresholds=THRESHOLDS,

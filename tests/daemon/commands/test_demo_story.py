@@ -9,7 +9,7 @@ from daemon.commands.demo import verdict
 from daemon.commands.demo_story import Story, Touch, touch_of
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
-from daemon.protocol.messages import Snapshot
+from daemon.protocol.messages import STATE_FORMAT, Snapshot
 from simulator.hand import Guide, Push, Release
 
 HAND = (
@@ -41,6 +41,7 @@ def played():
 def story_of(states, touch):
     configuration = load_robot(ROMEO).configuration
     snapshot = Snapshot(
+        format=STATE_FORMAT,
         joints=configuration.joint_names,
         half_gap=[],
         thresholds=[],

@@ -12,7 +12,7 @@ from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.clients.recorder import _LogWriter, _Stamp
 from daemon.clients.replay import replay
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
 
 ELBOW = 2
 T = 0.01
@@ -39,6 +39,7 @@ def snapshot_of(rig: Rig) -> Snapshot:
     """As the service would give it."""
     c = rig.robot.configuration
     return Snapshot(
+        format=STATE_FORMAT,
         joints=c.joint_names,
         half_gap=[joint.half_gap for joint in c.joints],
         thresholds=[joint.thresholds.contact for joint in c.joints],
