@@ -182,7 +182,7 @@ class PathBuilder:
         if not good.all():
             i, j = divmod(int(np.argmin(good)), table.shape[1])
             where = "time_s" if j == 0 else self._joints[self._columns[(j - 1) % k]]
-            text = f"{where}: {table[i, j]} is no number that an arm can follow"
+            text = f"{where}: {table[i, j]} is not a number of at most {PLAUSIBLE:g}"
             raise TrajectoryError(text, row=self.rows + i)
         if self.rows == 0:
             self._start_s = float(table[0, 0])

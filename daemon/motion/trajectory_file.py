@@ -183,10 +183,10 @@ def _number(path: Path, line: int, column: str, cell: str) -> float:
         value = float(cell)
     except ValueError:
         raise TrajectoryError(
-            f"{path}:{line}: {column}: `{printable(cell[:40])}` is no number"
+            f"{path}:{line}: {column}: `{printable(cell[:40])}` is not a number"
         ) from None
     if not abs(value) <= PLAUSIBLE:  # nor NaN
         raise TrajectoryError(
-            f"{path}:{line}: {column}: {cell[:40]} is no number that an arm can follow"
+            f"{path}:{line}: {column}: {cell[:40]} is not a number of at most {PLAUSIBLE:g}"
         )
     return value
