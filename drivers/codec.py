@@ -77,10 +77,12 @@ class Pdo:
 
 
 def quantity(profile: DriveProfile, entry: PdoEntry) -> Quantity:
-    """Where `profile` says that `entry` is; ConfigurationError if it does not say."""
+    """Object of the profile that holds `entry`. Raises ConfigurationError if it defines none."""
     found = getattr(profile, entry)
     if not isinstance(found, Quantity):
-        raise ConfigurationError(f"a PDO carries {entry}, but the drive says not where it is")
+        raise ConfigurationError(
+            f"the PDO lists `{entry}`, but the drive profile does not define it"
+        )
     return found
 
 

@@ -1,4 +1,4 @@
-"""Run the estimator over a recording again, and say whether it thinks the same, bit by bit."""
+"""Replay of a recording: the estimator on its samples again, compared with it bit by bit."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ from estimator.estimator import Estimator
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first thing that came out otherwise."""
+    """First field that came out different."""
 
     tick: int
     field: str
@@ -30,13 +30,13 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """How it went: states compared, stretches without a gap, and the first difference."""
+    """Result of a replay: states compared, stretches without a gap, and the first difference."""
 
     states: int
     skipped: int  # after a gap, before the next snapshot
     stretches: int
     difference: Difference | None
-    broken: str  # why the recording ends early; empty if it does not
+    broken: str  # reason why the recording ends early; empty if it is whole
 
     @property
     def identical(self) -> bool:
@@ -45,7 +45,7 @@ class Replay:
 
 
 def replay(path: Path) -> Replay:
-    """Compare every State of `path` with what the estimator makes of its samples today.
+    """Compare every State of `path` with what the present estimator makes of its samples.
 
     Raises LogError if there is nothing to read; a recording that breaks off is compared up to
     there.
@@ -85,7 +85,7 @@ class _Run:
 
     def compare(self, state: State) -> None:
         if self._estimator is None or state.tick != self._tick + 1:
-            # What the estimator remembered in between is lost until the next snapshot.
+            # The estimator's memory of the gap is lost until the next snapshot.
             self._estimator = None
             self.skipped += 1
             return

@@ -1,4 +1,4 @@
-"""Whether the drives' counts can express what the joints are allowed to do."""
+"""Range and resolution of the drives' counts against the limits of the joints."""
 
 from collections.abc import Iterator
 
@@ -6,12 +6,12 @@ from daemon.config.schema import Joint
 from drivers.codec import link_side, quantity, type_limits
 from drivers.settings import DriveProfile, PdoEntry
 
-#: A setpoint that is coarser than this share of the velocity limit is a mistaken scale.
+#: Largest step of a setpoint, as a share of the velocity limit; a coarser one is a wrong scale.
 COARSEST = 0.25
 
 
-def misfits(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, str]]:
-    """(quantity, what does not fit) of one joint with its drive."""
+def unrepresentable(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, str]]:
+    """(quantity, reason) for each quantity of a joint that the counts of its drive cannot hold."""
     limits = joint.limits
     spans: tuple[tuple[PdoEntry, float, float, str], ...] = (
         ("target_velocity", -limits.velocity, limits.velocity, "rad/s"),

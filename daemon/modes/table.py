@@ -10,9 +10,9 @@ from typing import Literal
 
 
 class Mode(StrEnum):
-    """What the arm is doing."""
+    """Motion mode of the arm."""
 
-    OFF = "off"  # the daemon energises nothing; drives end as configured
+    OFF = "off"  # the daemon energises nothing; each drive ends as configured (`end`)
     ENABLING = "enabling"  # drives are on their way to operation enabled, no motion
     HOLDING = "holding"  # energised, standing where it stands
     TRACKING = "tracking"  # the trajectory
@@ -24,7 +24,7 @@ class Mode(StrEnum):
 
 
 class Event(StrEnum):
-    """What may change the mode."""
+    """Event that may change the mode."""
 
     # commands of a person
     ENABLE = "enable"
@@ -34,7 +34,7 @@ class Event(StrEnum):
     DISARM = "disarm"
     DISABLE = "disable"
     RESET = "reset"
-    # what the arm does and feels
+    # progress of the arm, contacts and faults
     ENERGISED = "energised"  # every drive reports operation enabled
     STANDSTILL = "standstill"
     END = "end"  # the trajectory came to its end
@@ -45,10 +45,10 @@ class Event(StrEnum):
     RETURN = "return"  # quiet, and the trajectory goes on where it was left
     SETTLE = "settle"  # quiet, and nothing to go on with
     ARRIVED = "arrived"  # back where the trajectory was left
-    BOUND = "bound"  # contacts led the arm for as long or as far as is allowed
+    BOUND = "bound"  # contacts have led the arm for as long or as far as is allowed
     TIMEOUT = "timeout"  # enabling, stopping or returning took too long
-    DOUBT = "doubt"  # the supervisor asks to stand still
-    FAULT = "fault"  # the supervisor's quick stop
+    DOUBT = "doubt"  # a fault asks the arm to stand still
+    FAULT = "fault"  # a fault asks for a quick stop
 
 
 _M, _E = Mode, Event
@@ -136,24 +136,24 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.FAULTED, _E.DISARM): _M.FAULTED,
 }
 
-# What a contact sets in motion; a trajectory that it interrupted goes on after these.
+# Modes that a contact leads to; a trajectory that it interrupted goes on after these.
 GUIDED = frozenset({_M.ADMITTANCE, _M.RETRACTING, _M.RETURNING})
-# Who feels contacts: elsewhere the drives carry nothing that the residual could be read from.
+# Modes in which contacts are detected: in others the motor currents say nothing of contact.
 SENSING = frozenset({_M.HOLDING, _M.TRACKING, _M.STOPPING, *GUIDED})
 ARMABLE = frozenset({_M.HOLDING, _M.TRACKING})
 ENERGISED = frozenset({_M.ENABLING, *SENSING})
 
-# Events after which a person must arm again.
+# Events that take the permission back: a person must arm again.
 DISARMING = frozenset(
     {_E.DISARM, _E.STOP, _E.DISABLE, _E.BOUND, _E.TIMEOUT, _E.DOUBT, _E.FAULT, _E.RESET}
 )
 
-# Events after which a trajectory that was halted goes on with the next `start`...
+# Events that halt a trajectory, which goes on with the next `start`...
 HALTING = frozenset({_E.PAUSE, _E.SETTLE, _E.HALT})
-# ...and after which it begins anew.
+# ...and events after which it begins anew.
 FORGETTING = frozenset({_E.STOP, _E.DISABLE, _E.TIMEOUT, _E.FAULT, _E.RESET})
 
-# Why a command is refused in a mode...
+# Reason for a refusal in each mode...
 REFUSALS: dict[Mode, str] = {
     _M.OFF: "the drives are off",
     _M.ENABLING: "the drives are still being enabled",
@@ -165,7 +165,7 @@ REFUSALS: dict[Mode, str] = {
     _M.STOPPING: "the arm is still stopping",
     _M.FAULTED: "a fault is latched",
 }
-# ...and what leads from there to where the arm can be started or armed.
+# ...and the command that leads from there to a mode in which the arm can be started or armed.
 ADVICE: dict[Mode, str] = {
     _M.OFF: "`contactctl enable` first",
     _M.TRACKING: "`contactctl pause` or `stop` first",
@@ -178,31 +178,31 @@ _ADVISED = frozenset({"start", "arm"})
 
 
 def refusal(mode: Mode, command: str) -> str:
-    """Why `command` is refused in this mode, and what to do about it where that helps."""
+    """Reason why `command` is refused in this mode, with advice where there is any."""
     if command == _E.RESET:
         return "no fault is latched"
-    # A latched fault is in the way of everything; what leads to holding, of start and arm alone.
+    # `reset` helps every command; the other advice leads to holding, which only start and arm need.
     advised = mode in ADVICE and (command in _ADVISED or mode is _M.FAULTED)
     return f"{REFUSALS[mode]} ({ADVICE[mode]})" if advised else REFUSALS[mode]
 
 
 def next_mode(mode: Mode, event: Event) -> Mode | None:
-    """The mode after `event`, or None where the event means nothing in this mode."""
+    """Mode after `event`, or None where the table has no such row."""
     return TRANSITIONS.get((mode, event))
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A mode was left for another, or the permission changed, and why."""
+    """Change of the mode or of the permission, with its cause."""
 
     text: str
     cause: str
 
 
 class ModeMachine:
-    """The present mode and the permissions beside it; every change leaves a line of why.
+    """Present mode and the permissions beside it.
 
-    `changes` collects these lines; whoever tells them empties it every tick.
+    `changes` collects every change with its cause; the tick reports them and empties the list.
     """
 
     def __init__(self) -> None:
@@ -217,19 +217,19 @@ class ModeMachine:
 
     @property
     def trajectory(self) -> Literal["ready", "running", "interrupted", "paused"]:
-        """What is with the trajectory: interrupted, it goes on after this contact."""
+        """State of the trajectory; an interrupted one goes on after this contact."""
         if self.moving:
             return "running" if self.mode is Mode.TRACKING else "interrupted"
         return "paused" if self.paused else "ready"
 
     def arm(self, cause: str) -> None:
-        """Allow contacts to lead to admittance; whether they may is decided elsewhere."""
+        """Allow contacts to lead to admittance. The arming checks have passed by then."""
         if not self.armed:
             self.armed = True
             self.changes.append(Change("armed", cause))
 
     def can(self, event: Event) -> bool:
-        """Whether `event` means anything in this mode."""
+        """True if the table has a row for `event` in this mode."""
         return next_mode(self.mode, event) is not None
 
     def apply(self, event: Event, cause: str, time_s: float) -> bool:

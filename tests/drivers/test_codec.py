@@ -197,7 +197,7 @@ def test_type_limits(kind, limits):
         (
             {"tpdo": {"1": ["statusword", "current", "motor_velocity"],
                       "2": ["link_position", "motor_position"]}},
-            "carries motor_position, but the drive says not where",
+            "lists `motor_position`, but the drive profile does not define it",
         ),
         (
             {"tpdo": {"1": ["statusword", "current", "motor_velocity"],
@@ -242,7 +242,7 @@ def test_a_profile_reports_current_or_torque():
                               tpdo=layout)  # fmt: skip
     assert transmit_pdos(by_torque, 1)[0].fields[1].index == 0x6077
     for layout, says in (
-        (plain_profile().tpdo, "a PDO carries current, but"),
+        (plain_profile().tpdo, "the PDO lists `current`, but"),
         ({"1": ["statusword", "motor_velocity"], "2": ["link_position"]}, "torque missing"),
     ):
         with pytest.raises(ConfigurationError, match=says):

@@ -90,7 +90,7 @@ def test_it_is_paused_and_goes_on(house: ServedDaemon, tmp_path: Path) -> None:
         ),
         ([(0, 0), (1, 0.1), (1.01, 0.9)], ":4: joint: jumps by 0.8 rad in 0.01 s: 80 rad/s is"),
         ([(0, 0), (0.1, 0.1), (0.2, 0)], ":3: joint: reaches"),
-        ([(0, 0), (1, 0.1), (2, "nan")], ":4: joint: nan is no number"),
+        ([(0, 0), (1, 0.1), (2, "nan")], ":4: joint: nan is not a number"),
         ([(0, 0), (1, 0.1), (0.5, 0.1)], ":4: time_s: 0.5 does not come after 1"),
     ],
 )
