@@ -16,7 +16,7 @@ from errors import ModelError
 from estimator import memory
 from estimator.contact import Contact, ContactDetector, dead_band, touched_link
 from estimator.estimate import Estimate, Flag
-from estimator.friction import FRICTIONS, Friction
+from estimator.friction import FRICTIONS, FrictionTerms
 from estimator.interval import ROW, Interval
 from estimator.link_velocity import ALIGNED, Alignment
 from estimator.model import Model
@@ -100,7 +100,7 @@ class Estimator:
         self._ones = np.ones(4 * n)
         self._aligned: Matrix = np.zeros((len(ALIGNED), n))
         self._moved: Matrix = np.zeros((len(MOTION), n))
-        self._friction = Friction(t)
+        self._friction = FrictionTerms(t)
         self._shown: Matrix = np.zeros((4, n))  # q, q_dot, tau_M, threshold
         self._started = False
         self.elapsed = 0.0

@@ -26,7 +26,7 @@ def wired_joint(folder: Path) -> Arm:
         written["joints"][0]["half_gap"] = 0.02
 
     arm = Arm(folder, SINGLE_JOINT, change=gap, really=gap)
-    wired = file.Wiring(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0)
+    wired = file.WiringEntry(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0)
     identify(arm.folder, "wiring", wired)
     return arm
 

@@ -31,13 +31,13 @@ class Entry(Settings, frozen=True):
     log: str  # sha256 of what was measured
 
 
-class Wiring(Entry, frozen=True):
+class WiringEntry(Entry, frozen=True):
     """Signs and scales agree."""
 
     follows: float  # link motion over motor motion
 
 
-class Gap(Entry, frozen=True):
+class GapEntry(Entry, frozen=True):
     """half_gap [rad] and half its 95 % interval; skew between the encoders, where it showed."""
 
     half_gap: Annotated[float, Meta(ge=0, le=0.5)]
@@ -56,7 +56,7 @@ class FrictionEntry(Entry, frozen=True):
     rotor_inertia: NotNegative | None = None  # None where the current cannot tell
 
 
-class Thresholds(Entry, frozen=True):
+class ThresholdsEntry(Entry, frozen=True):
     """Levels [Nm] at a rate of false alarms per hour, and the largest |r| that was seen."""
 
     thresholds: Levels
@@ -68,10 +68,10 @@ class IdentifiedJoint(Settings, frozen=True):
     """What is known of one joint, and of which drive."""
 
     serial: int | None = None  # 0x1018:4; None where the drive keeps it to itself
-    wiring: Wiring | None = None
-    gap: Gap | None = None
+    wiring: WiringEntry | None = None
+    gap: GapEntry | None = None
     friction: FrictionEntry | None = None
-    thresholds: Thresholds | None = None
+    thresholds: ThresholdsEntry | None = None
 
 
 class Identified(Settings, frozen=True):

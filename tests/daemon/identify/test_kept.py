@@ -54,7 +54,7 @@ def moves(served: ServedDaemon, *words: str) -> str:
 
 
 def find_a_wider_gap(arm: Arm) -> None:
-    gap = file.Gap(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
+    gap = file.GapEntry(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
     identify(arm.folder, "gap", gap)
 
 
