@@ -16,7 +16,7 @@ from errors import ModelError
 from estimator import memory
 from estimator.contact import Contact, ContactDetector, dead_band, touched_link
 from estimator.estimate import Estimate, Flag
-from estimator.friction import FRICTIONS, Friction
+from estimator.friction import FRICTIONS, FrictionTerms
 from estimator.interval import ROW, Interval
 from estimator.link_velocity import ALIGNED, Alignment
 from estimator.model import Model
@@ -28,10 +28,12 @@ from estimator.thresholds import ThresholdRaise, Thresholds
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
-_TURNED = {"integrated": {"theta_dot": 1.0}, "measured": {"theta": 1.0}}
+_ADVANCE = {"integrated": {"theta_dot": 1.0}, "measured": {"theta": 1.0}}
 _ROTOR = {"rotor": 1.0}
 _TRANSMITTED = {"tau_M": 1.0, "rotor": -1.0, "motor_friction": -1.0}
-_OWN_FORMS = 3
+# Their rows among the impulses, in this order.
+_ADVANCE_ROW, _TORQUE_ROWS, _RESIDUAL_ROWS = 0, slice(1, 3), slice(3, None)
+_MEAN_TORQUES = slice(MOTION.index("rotor"), None)  # the same rows of MOTION, divided by dt
 _INPUTS = ("current", "link_position", "motor_velocity")
 
 
@@ -77,7 +79,7 @@ class Estimator:
         self.stiction = Stiction(n, settings.presliding)
         variants = (settings.residual, *settings.beside)
         self.residual = Residual(variants, settings.gain, period_s, n)
-        own = (_TURNED[settings.motor_position], _ROTOR, _TRANSMITTED)
+        own = (_ADVANCE[settings.motor_position], _ROTOR, _TRANSMITTED)
         self.interval = Interval([*own, *self.residual.forms()], n)
         self.detector = ContactDetector(
             model.names,
@@ -100,7 +102,7 @@ class Estimator:
         self._ones = np.ones(4 * n)
         self._aligned: Matrix = np.zeros((len(ALIGNED), n))
         self._moved: Matrix = np.zeros((len(MOTION), n))
-        self._friction = Friction(t)
+        self._friction = FrictionTerms(t)
         self._shown: Matrix = np.zeros((4, n))  # q, q_dot, tau_M, threshold
         self._started = False
         self.elapsed = 0.0
@@ -250,15 +252,15 @@ class Estimator:
         impulses = self.interval.step(dt)
         moved = self._moved
         moved[0], moved[1], moved[2], moved[3], moved[4] = q, q_dot, theta_dot, rest, tau_M
-        moved[5] = impulses[0]
-        np.divide(impulses[1:_OWN_FORMS], dt, out=moved[6:])
+        moved[5] = impulses[_ADVANCE_ROW]
+        np.divide(impulses[_TORQUE_ROWS], dt, out=moved[_MEAN_TORQUES])
         engaged = self.motor_position.step(moved, dt)
-        errors = impulses[_OWN_FORMS:]
+        errors = impulses[_RESIDUAL_ROWS]
         if self._correcting:
             t = self.transmission
             delta = penetration(q - self.motor_position.theta, t.half_gap)
             correction = t.contact_stiffness * delta + t.contact_damping * (q_dot - theta_dot)
-            errors[len(self._corrected) :] -= dt * self._corrected * correction
+            errors[self.residual.engaged] -= dt * self._corrected * correction
         self.residual.step(errors, engaged, dt)
 
     def _still(self, q: Vector, flags: Flag) -> Estimate:

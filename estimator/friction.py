@@ -10,7 +10,7 @@ FRICTIONS = slice(ROW["motor_friction"], ROW["gap_friction"] + 1)
 """Rows of an interval's terms: motor, link together with the motor, link alone, gap."""
 
 
-class Friction:
+class FrictionTerms:
     """Coulomb and viscous friction of a transmission, one row per term of FRICTIONS."""
 
     def __init__(self, transmission: Transmission) -> None:

@@ -114,6 +114,8 @@ class Residual:
         self.variants = tuple(variants)
         self.gain = gain
         self.values: Matrix = np.zeros((len(variants), n))
+        # Rows of `forms`: the parts that always act, then those that act while engaged.
+        self.always, self.engaged = slice(len(variants)), slice(len(variants), None)
         self._error = np.zeros_like(self.values)
 
     def forms(self) -> list[Form]:
@@ -129,9 +131,9 @@ class Residual:
         rotor and link touched, 0 where they were apart. With dt beyond 2 / gain the pole is
         clamped at zero: the residual is then the mean external torque of the interval.
         """
-        variants, error, TK = len(self.variants), self._error, self.gain * dt
-        np.multiply(impulses[variants:], engaged, out=error)
-        np.add(error, impulses[:variants], out=error)
+        error, TK = self._error, self.gain * dt
+        np.multiply(impulses[self.engaged], engaged, out=error)
+        np.add(error, impulses[self.always], out=error)
         if TK < 2.0:
             self.values *= (2.0 - TK) / (2.0 + TK)
             error *= 2.0 * self.gain / (2.0 + TK)

@@ -3,11 +3,11 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import cycle
-from typing import Literal
 
 import msgspec
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
+from bench.study.population import FrictionModel
 from bench.study.recording import Recorder, Recording
 from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.commands.demo_story import Story, touch_of
@@ -19,8 +19,6 @@ from estimator.residual import Variant
 from simulator.description import Mismatch, SimulationSettings
 from simulator.events import Happening
 from simulator.hand import Push, read_script
-
-Friction = Literal["smooth", "dahl"]
 
 CLASSICAL = Variant(kind="classical", friction=False, rotor_inertia=False, label="classical")
 BESIDE = (
@@ -48,7 +46,7 @@ class Conditions:
     """What the plant is like: the default mismatch, and a motor velocity that is a little off."""
 
     seed: int = 1
-    friction: Friction = "smooth"
+    friction: FrictionModel = "smooth"
     exact: bool = False
     """the plant is what the model believes, and nothing is noisy"""
 

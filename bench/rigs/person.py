@@ -14,7 +14,7 @@ import yaml
 from arrays import Vector
 from bench.rigs.arm_batch import SoftHand
 from bench.rigs.lockstep import ROMEO
-from bench.rigs.served_daemon import ServedDaemon, open_house
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.config.identified import IdentifiedJoint
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
@@ -48,18 +48,18 @@ class OneHand:
 
     began, touching, done = True, True, False
 
-    def __init__(self, house: ServedDaemon, joint: int) -> None:
-        arm, robot = house.rig.arm, house.rig.robot
+    def __init__(self, served: ServedDaemon, joint: int) -> None:
+        arm, robot = served.rig.arm, served.rig.robot
         # What the hand feels is where the gap is.
         q = arm.plant.q - arm.plant.phi
         # Masses differ by some per cent, and so does what there is to carry.
         gravity = Model(robot.urdf, robot.configuration.joint_names).gravity(q)
         self._soft = SoftHand([arm.plant.parameters], q, gravity, arm.plant.step_s)
-        self._house, self._joint, self._begin_s, self._t = house, joint, 0.0, -1.0
+        self._served, self._joint, self._begin_s, self._t = served, joint, 0.0, -1.0
 
     def update(self, t: float, q: Vector, period_s: float = 0.001) -> list[str]:
         """Once per millisecond."""
-        if self._begin_s == 0.0 and self._house.rig.mode is Mode.TRACKING:
+        if self._begin_s == 0.0 and self._served.rig.mode is Mode.TRACKING:
             self._begin_s = t + HAND_S  # the program is ready for it
         self._t = t - self._begin_s if self._begin_s else -1.0
         return []
@@ -102,32 +102,32 @@ class Arm:
         self.joints = load_robot(self.folder).configuration.joint_names
         self.true: PlantParameters | None = None
 
-    def house(self) -> AbstractContextManager[ServedDaemon]:
+    def served(self) -> AbstractContextManager[ServedDaemon]:
         """The daemon started anew, and the arm where it was left hanging."""
-        return open_house(
+        return served_daemon(
             self.folder.parent, self.folder, truth=self.truth, simulate=self._simulate
         )
 
     def identify(self, *words: str, hand: str = "") -> bool:
         """Type `contactd identify WORDS...` at an arm that holds; `hand` names the link that a
         person moves then. Whether all was good."""
-        with self.house() as house:
-            house.rig.enable()
-            self.true = house.rig.arm.plant.parameters
+        with self.served() as served:
+            served.rig.enable()
+            self.true = served.rig.arm.plant.parameters
             if hand:
-                one = OneHand(house, self.joints.index(hand))
-                house.rig.arm.hand = cast(Hand, one)  # all of it that is used
-            house.idle_s = IDLE_S
-            result = house.contactd("identify", *words)
+                one = OneHand(served, self.joints.index(hand))
+                served.rig.arm.hand = cast(Hand, one)  # all of it that is used
+            served.idle_s = IDLE_S
+            result = served.contactd("identify", *words)
         self.said = result.output
         return result.exit_code == 0
 
     def arms(self) -> list[str]:
         """Why the arm does not let itself be armed; empty if it does."""
-        with self.house() as house:
-            house.rig.enable()
-            house.run(0.5)
-            return list(house.rig.tick.controller.arm("the bench"))
+        with self.served() as served:
+            served.rig.enable()
+            served.run(0.5)
+            return list(served.rig.tick.controller.arm("the bench"))
 
     def found(self) -> list[IdentifiedJoint]:
         """What identified.yaml says of each joint."""

@@ -105,7 +105,7 @@ class ServedDaemon:
 
 
 @contextmanager
-def open_house(
+def served_daemon(
     folder: Path, robot: Path = SINGLE_JOINT, **both_ends: Any
 ) -> Iterator[ServedDaemon]:
     """The daemon of `robot`, off, with its control socket in `folder`; `both_ends` as of

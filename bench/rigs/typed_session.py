@@ -26,7 +26,7 @@ def wired_joint(folder: Path) -> Arm:
         written["joints"][0]["half_gap"] = 0.02
 
     arm = Arm(folder, SINGLE_JOINT, change=gap, really=gap)
-    wired = file.Wiring(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0)
+    wired = file.WiringEntry(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0)
     identify(arm.folder, "wiring", wired)
     return arm
 
@@ -40,10 +40,10 @@ def identify(folder: Path, step: str, entry: file.Entry) -> None:
 class Typed:
     """A command at the terminal, while time passes."""
 
-    def __init__(self, house: ServedDaemon, *words: str) -> None:
-        self.house = house
+    def __init__(self, served: ServedDaemon, *words: str) -> None:
+        self.served = served
         self._results: list[Result] = []
-        command = ["identify", *words, "--socket", str(house.path)]
+        command = ["identify", *words, "--socket", str(served.path)]
 
         def work() -> None:
             self._results.append(CliRunner().invoke(contactd.main, command))
@@ -54,9 +54,9 @@ class Typed:
 
     def tick(self) -> None:
         """The daemon's, and the command's where it waits for none."""
-        self.house.tick()
-        self.ticks_in_motion += self.house.rig.mode is Mode.TRACKING
-        self._thread.join(0.0 if self.house.service.control.readers else 0.005)
+        self.served.tick()
+        self.ticks_in_motion += self.served.rig.mode is Mode.TRACKING
+        self._thread.join(0.0 if self.served.service.control.readers else 0.005)
 
     def moves(self, seconds: float = MOTION_S) -> None:
         """Until the step's motion has lasted so long."""
@@ -75,9 +75,9 @@ class Typed:
         return self._results[0].exit_code, " ".join(self._results[0].output.split())
 
 
-def stopped(house: ServedDaemon, *words: str, after_s: float = MOTION_S) -> tuple[int, str]:
+def stopped(served: ServedDaemon, *words: str, after_s: float = MOTION_S) -> tuple[int, str]:
     """By Ctrl-C."""
-    typed = Typed(house, *words)
+    typed = Typed(served, *words)
     typed.moves(after_s)
     typed.ctrl_c()
     return typed.ends()

@@ -20,7 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from bench.rigs.arm_without_bus import Push, Recording, Scenario, record
 from bench.study import population, scores
 from bench.study.estimates import Estimates, build, estimates
-from bench.study.population import STEP_MS, Friction, Step, Touch
+from bench.study.population import STEP_MS, FrictionModel, Step, Touch
 from bench.study.scores import Errors, Trial
 from daemon.assembly import build_transmission
 from daemon.config.load import Robot, load_robot
@@ -38,7 +38,7 @@ class Job:
 
     robot: Path
     kind: Kind
-    friction: Friction
+    friction: FrictionModel
     seed: int
     seconds: float
     motor_position: Literal["measured", "integrated"]

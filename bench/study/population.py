@@ -16,8 +16,8 @@ from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 from simulator.description import Mismatch, SimulationSettings
 
-Friction = Literal["smooth", "dahl"]
-FRICTIONS: Final[tuple[Friction, ...]] = ("smooth", "dahl")
+FrictionModel = Literal["smooth", "dahl"]
+FRICTION_MODELS: Final[tuple[FrictionModel, ...]] = ("smooth", "dahl")
 
 MISMATCH: Final = Mismatch(
     mass=5, center_of_mass=0, friction=20, torque_constant=3, half_gap=10, rotor_inertia=10
@@ -37,7 +37,7 @@ CLEARANCE: Final = 0.1
 """[rad] between the motion and the joint limits"""
 
 
-def subject(robot: Robot, friction: Friction, seed: int, **changes: float) -> Subject:
+def subject(robot: Robot, friction: FrictionModel, seed: int, **changes: float) -> Subject:
     """One arm of the population; `changes` go to its SimulationSettings."""
     rng = np.random.default_rng((seed, 10))
     values = {"link_latency_ms": float(rng.uniform(0.0, LATENCY_MS)), **changes}

@@ -1,4 +1,4 @@
-"""`identified.yaml`: results of `contactd identify` for one arm, beside its configuration.
+"""`identified.yaml`: the parameters that `contactd identify` found, beside the configuration.
 
 Each joint has an entry per step, written when the step passed. Values here replace those of
 `config.yaml`; the daemon refuses to arm with a file that belongs to other drives or to another
@@ -25,20 +25,20 @@ NotNegative = Annotated[float, Meta(ge=0)]
 
 
 class Entry(Settings, frozen=True):
-    """Date on which a step passed, and a hash of its measurements."""
+    """Date of a step that passed, and the measurements behind it."""
 
     date: str
     log: str  # sha256 of what was measured
 
 
-class Wiring(Entry, frozen=True):
-    """Result of the wiring check: signs and scales agree."""
+class WiringEntry(Entry, frozen=True):
+    """Wiring whose signs and scales agree."""
 
     follows: float  # link motion over motor motion
 
 
-class Gap(Entry, frozen=True):
-    """Half-gap [rad] with half its 95 % interval; skew of the link encoder, where it was seen."""
+class GapEntry(Entry, frozen=True):
+    """Half-gap [rad] and half its 95 % interval; skew between the encoders, where it showed."""
 
     half_gap: Annotated[float, Meta(ge=0, le=0.5)]
     confidence: NotNegative
@@ -56,7 +56,7 @@ class FrictionEntry(Entry, frozen=True):
     rotor_inertia: NotNegative | None = None  # None where the current does not show it
 
 
-class Thresholds(Entry, frozen=True):
+class ThresholdsEntry(Entry, frozen=True):
     """Levels [Nm] at a rate of false alarms per hour, and the largest |r| that was seen."""
 
     thresholds: Levels
@@ -65,13 +65,13 @@ class Thresholds(Entry, frozen=True):
 
 
 class IdentifiedJoint(Settings, frozen=True):
-    """Results for one joint, and the drive they belong to."""
+    """Entries of one joint, and the serial number of the drive that they were measured on."""
 
-    serial: int | None = None  # 0x1018:4; None if the drive does not report it
-    wiring: Wiring | None = None
-    gap: Gap | None = None
+    serial: int | None = None  # 0x1018:4; None where the drive keeps it to itself
+    wiring: WiringEntry | None = None
+    gap: GapEntry | None = None
     friction: FrictionEntry | None = None
-    thresholds: Thresholds | None = None
+    thresholds: ThresholdsEntry | None = None
 
 
 class Identified(Settings, frozen=True):
@@ -83,14 +83,14 @@ class Identified(Settings, frozen=True):
 
 
 def fingerprint(c: Configuration, urdf: str) -> str:
-    """Hash of everything in a configuration that the measurements depend on: drives, wiring, torque
-    constants, period and URDF. They do not depend on limits, gains and values found before."""
+    """SHA-256 of everything in a configuration that changes what the measurements mean: drives,
+    wiring, torque constants, period, URDF. Limits, gains and old values do not."""
     about = (c.drives, [(j.name, j.wiring, j.torque_constant) for j in c.joints], c.period_ms, urdf)
     return hashlib.sha256(msgspec.json.encode(about, order="sorted")).hexdigest()
 
 
 def samples_alike(a: Configuration, b: Configuration) -> bool:
-    """True if samples mean the same with both: equal drives, wiring and period."""
+    """True where samples mean the same with either: drives, wiring and period are equal."""
 
     def about(c: Configuration) -> object:
         return c.drives, [(j.name, j.wiring) for j in c.joints], c.period_ms
@@ -99,7 +99,7 @@ def samples_alike(a: Configuration, b: Configuration) -> bool:
 
 
 def residuals_alike(a: Configuration, b: Configuration) -> bool:
-    """True if residuals mean the same, too: equal estimator and parameters of the joints."""
+    """True where residuals do: the estimator and its parameters of the joints are equal, too."""
 
     def about(c: Configuration) -> object:
         joints = [
@@ -138,7 +138,7 @@ def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
 def objections(
     found: Identified | None, c: Configuration, urdf: str, serials: dict[str, int | None]
 ) -> list[str]:
-    """Reasons why this arm may not be armed with this file; empty if it may.
+    """Reasons not to arm this arm with this file; empty if there are none.
 
     `serials` are those of the drives that answered, by joint. Simulated arms are no exception:
     those of `configs/` come with a file of their own, which fits no other drives.

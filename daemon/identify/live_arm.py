@@ -26,7 +26,7 @@ from daemon.identify.show import histogram
 from daemon.protocol.messages import State
 from errors import ConfigurationError, ShortLogError
 from estimator.identification.gap import identify_gap
-from estimator.identification.gap_result import CROSSINGS, Gap
+from estimator.identification.gap_result import CROSSINGS, GapResult
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 from estimator.identification.wiring import follows_both_ways
 from estimator.model import Model
@@ -195,7 +195,7 @@ class Hand:
         self._rows: list[tuple[float, ...]] = []
         self._shown_s = self._judged_s = -1.0
         self.phi: list[float] = []
-        self.gap: Gap | None = None
+        self.gap: GapResult | None = None
         self.done = False
 
     def saw(self, state: State) -> bool:

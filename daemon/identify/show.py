@@ -6,7 +6,7 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.identify.steps import Outcome
-from estimator.identification.gap_result import CROSSINGS, Gap
+from estimator.identification.gap_result import CROSSINGS, GapResult
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _WIDTH = 64
@@ -29,7 +29,7 @@ def print_outcome(console: Console, outcome: Outcome, width: int) -> None:
         console.print(f"note: {note}", markup=False, highlight=False)
 
 
-def histogram(phi: list[float], gap: Gap | None) -> RenderableType:
+def histogram(phi: list[float], gap: GapResult | None) -> RenderableType:
     """phi [rad] so far: where it was how long, its range, and how many crossings are missing."""
     values = 1e3 * np.array(phi)
     low, high = float(values.min()), float(values.max())

@@ -20,7 +20,7 @@ from estimator.identification.friction import (
     identify_friction,
 )
 from estimator.identification.gap import identify_gap
-from estimator.identification.gap_result import Gap
+from estimator.identification.gap_result import GapResult
 from estimator.identification.log_checks import refuse_implausible
 from estimator.identification.thresholds import LevelSettings, LevelVerdict, identify_levels
 from estimator.identification.wiring import check_wiring
@@ -46,7 +46,7 @@ class Outcome:
     entries: dict[str, file.Entry]
     notes: tuple[str, ...] = ()
     shown: Reconstruction | None = None
-    gaps: list[Gap] = field(default_factory=list)
+    gaps: list[GapResult] = field(default_factory=list)
 
 
 def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> Outcome:
@@ -67,7 +67,7 @@ def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> 
             figures += f"; link encoder {1e3 * gap.skew_s:+.2f} ms late"
         lines.append(Line(name, gap.verdict.value, gap.usable, figures, gap.reason))
         if gap.usable:
-            entries[name] = file.Gap(
+            entries[name] = file.GapEntry(
                 date=date,
                 log=measured.sha256,
                 half_gap=round(float(gap.half_gap), 6),
@@ -151,7 +151,7 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
                        f"largest |r| {one.largest:.3g} Nm in {one.used_s:.0f} s")  # fmt: skip
         lines.append(Line(one.joint, one.verdict.value, good, figures, one.reason))
         if good:
-            entries[one.joint] = file.Thresholds(
+            entries[one.joint] = file.ThresholdsEntry(
                 date=date,
                 log=measured.sha256,
                 thresholds=Levels(
@@ -190,7 +190,7 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
         verdict = "good" if found.passed else "wrong"
         lines.append(Line(name, verdict, found.passed, figures, reason))
         if found.passed:
-            entries[name] = file.Wiring(
+            entries[name] = file.WiringEntry(
                 date=date, log=one.sha256, follows=round(float(found.follows), 4)
             )
     return Outcome(lines, entries)

@@ -28,7 +28,7 @@ class GapVerdict(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gap:
+class GapResult:
     """Answer for one joint. half_gap is NaN unless the verdict is `clear`; it is 0 for `none`."""
 
     joint: str

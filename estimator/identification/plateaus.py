@@ -12,7 +12,7 @@ from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
     SMALLEST,
-    Gap,
+    GapResult,
     GapVerdict,
     smoothed,
     spread,
@@ -61,7 +61,7 @@ def find_plateaus(time_s: Vector, q: Vector, phi: Vector) -> Plateaus:
 
 def from_plateaus(
     name: str, time_s: Vector, q: Vector, theta: Vector, mean_velocity: float, torque: Vector
-) -> Gap:
+) -> GapResult:
     """Differences between successive plateaus: 2 alpha, whatever drifts slowly.
 
     torque (N,) [Nm] of the motor, which a border loads and a hand that stops short of it does not;
@@ -69,19 +69,19 @@ def from_plateaus(
     """
     if abs(mean_velocity) > _CREEP:
         about = f"it crept at {1e3 * mean_velocity:.3g} mrad/s"
-        return Gap(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about)
+        return GapResult(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about)
     phi = q - theta
     rigid = spread(phi) < 2.0 * SMALLEST
     pushes = _alternations(q)
     if rigid and pushes >= CROSSINGS:
         about = f"pushed {pushes} times, phi stayed within {1e3 * spread(phi):.2g} mrad"
-        return Gap(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
+        return GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
                    crossings=pushes)  # fmt: skip
     found = find_plateaus(time_s, q, phi)
     crossings = max(len(found.level) - 1, 0)
     if crossings < CROSSINGS:
         about = f"{crossings} crossings from border to border, at least {CROSSINGS} are needed"
-        return Gap(joint=name, verdict=GapVerdict.FEW, reason=about, crossings=crossings)
+        return GapResult(joint=name, verdict=GapVerdict.FEW, reason=about, crossings=crossings)
     half = 0.5 * np.abs(np.diff(found.level))
     # Drift adds to the ways up what it takes from the ways down.
     up = found.upper[1:]
@@ -92,15 +92,15 @@ def from_plateaus(
     confidence = 0.9 * scatter / np.sqrt(crossings) * float(student.ppf(0.975, crossings - 2))
     about = f"{crossings} crossings, plateaus scatter by {1e3 * scatter:.2g} mrad"
     if alpha < SMALLEST:
-        return Gap(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
+        return GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
                    confidence=confidence, crossings=crossings)  # fmt: skip
     doubt, felt = about, False
     if scatter <= CLEAR * alpha:
         doubt, felt = _doubtful_border(time_s, phi, torque, found)
     if not felt:
-        return Gap(joint=name, verdict=GapVerdict.UNCLEAR, reason=doubt, crossings=crossings)
+        return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=doubt, crossings=crossings)
     about = f"{about}; {doubt}" if doubt else about
-    return Gap(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
+    return GapResult(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
                confidence=confidence, crossings=crossings)  # fmt: skip
 
 

@@ -41,7 +41,7 @@ class LevelSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Levels:
+class LevelsResult:
     """Of one joint [Nm]."""
 
     joint: str
@@ -61,7 +61,7 @@ def identify_levels(
     raised: Matrix,
     touched: NDArray[np.bool_],
     settings: LevelSettings,
-) -> list[Levels]:
+) -> list[LevelsResult]:
     """Two levels per joint from residuals (N, n) [Nm].
 
     raised (N, n): what the thresholds were raised by near rest, which the same will do for the new
@@ -86,15 +86,17 @@ def identify_levels(
     return [_of_joint(name, i, used, share, settings) for i, name in enumerate(joints)]
 
 
-def _of_joint(name: str, i: int, maxima: Matrix, frozen: float, settings: LevelSettings) -> Levels:
+def _of_joint(
+    name: str, i: int, maxima: Matrix, frozen: float, settings: LevelSettings
+) -> LevelsResult:
     used_s = len(maxima) * BLOCK_S
     if frozen > _MOST_TOUCHED:
         about = f"contacts froze {frozen:.0%} of the time: somebody touched the arm, or the old "
-        return Levels(joint=name, verdict=LevelVerdict.TOUCHED, used_s=used_s,
+        return LevelsResult(joint=name, verdict=LevelVerdict.TOUCHED, used_s=used_s,
                       reason=about + "thresholds are far too low")  # fmt: skip
     if len(maxima) < FEWEST_BLOCKS:
         about = f"{used_s:.0f} s without a touch, at least {FEWEST_BLOCKS * BLOCK_S:.0f} s"
-        return Levels(joint=name, verdict=LevelVerdict.SHORT, reason=about, used_s=used_s)
+        return LevelsResult(joint=name, verdict=LevelVerdict.SHORT, reason=about, used_s=used_s)
     largest = float(maxima[:, i].max())
     floor, ceiling = float(settings.floor[i]), float(settings.ceiling[i])
     # Never below what was seen, whatever the distribution says.
@@ -106,8 +108,8 @@ def _of_joint(name: str, i: int, maxima: Matrix, frozen: float, settings: LevelS
     found = {"contact": contact, "collision": collision, "largest": largest, "used_s": used_s}
     if contact > ceiling:
         about = f"{contact:.3g} Nm are needed, at most {ceiling:.3g} Nm are allowed"
-        return Levels(joint=name, verdict=LevelVerdict.CEILING, reason=about, **found)
-    return Levels(joint=name, verdict=LevelVerdict.GOOD, reason="", **found)
+        return LevelsResult(joint=name, verdict=LevelVerdict.CEILING, reason=about, **found)
+    return LevelsResult(joint=name, verdict=LevelVerdict.GOOD, reason="", **found)
 
 
 def gumbel_level(maxima: Vector, per_hour: float) -> float:

@@ -20,7 +20,7 @@ _STEADY = 0.08  # change of the ratio of link and motor while the gear carries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wiring:
+class WiringResult:
     """What moving one joint to and fro showed; passed when there are no problems."""
 
     joint: str
@@ -41,7 +41,7 @@ class Wiring:
         return not self.problems
 
 
-def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: float) -> Wiring:
+def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: float) -> WiringResult:
     """Of a log in which only this joint was driven, slowly, both ways, through its gap."""
     name = log.joints[joint]
     q, velocity = log.link_position[:, joint], log.motor_velocity[:, joint]
@@ -51,7 +51,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     if turned < LEAST_MOTION:
         about = (f"the motor turned only {1e3 * turned:.2g} mrad at the link: does the drive get "
                  "its setpoints, is the unit of motor_velocity right?")  # fmt: skip
-        return Wiring(joint=name, problems=(about,))
+        return WiringResult(joint=name, problems=(about,))
     problems = [*_position_disagrees(log, joint, theta)]
     strokes = _strokes(q, velocity, steps)
     if not follows_both_ways(log, joint):
@@ -64,7 +64,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
         else:
             about += (f": wrong link_position object or scale, or a half-gap of more than "
                       f"{1e3 * (0.5 * turned - _PIECE):.0f} mrad")  # fmt: skip
-        return Wiring(joint=name, problems=(*problems, about))
+        return WiringResult(joint=name, problems=(*problems, about))
     carried = [s for s in strokes if s.carried]
     engaged = np.zeros(len(q), dtype=np.bool_)
     for stroke in carried:
@@ -95,7 +95,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     elif abs(gravity) < abs(friction):
         look = " or find swapped drives: did this joint move?"
         notes.append(f"too little gravity in this pose to check K_c{look * (log.n > 1)}")
-    return Wiring(joint=name, problems=tuple(problems), notes=tuple(notes), follows=follows,
+    return WiringResult(joint=name, problems=tuple(problems), notes=tuple(notes), follows=follows,
                   friction=friction, held=held, gravity=gravity)  # fmt: skip
 
 

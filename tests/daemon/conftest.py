@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bench.rigs.ideal_arm import LIMITS, IdealArm, T, tracking_arm
-from bench.rigs.served_daemon import ServedDaemon, open_house
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.clients.client import Client
 from daemon.commands import contactctl, replies
 from daemon.modes.contact_reactions import ContactReaction, Reactions
@@ -221,14 +221,14 @@ def run(fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> Callable[..
 
 
 @pytest.fixture
-def house(tmp_path: Path) -> Iterator[ServedDaemon]:
-    with open_house(tmp_path) as opened:
+def served(tmp_path: Path) -> Iterator[ServedDaemon]:
+    with served_daemon(tmp_path) as opened:
         yield opened
 
 
 @pytest.fixture
-def client(house: ServedDaemon) -> Iterator[Client]:
-    with Client(house.path) as connected:
+def client(served: ServedDaemon) -> Iterator[Client]:
+    with Client(served.path) as connected:
         yield connected
 
 

@@ -150,11 +150,11 @@ def test_a_drive_that_does_not_obey_is_named() -> None:
 # What `load`, `start` and `gain` take is beside the point.
 @pytest.mark.parametrize("command", COMMANDS)
 def test_at_the_end_nobody_energises_or_moves_the_arm(
-    house: ServedDaemon, command: Command
+    served: ServedDaemon, command: Command
 ) -> None:
-    house.service.ending = True
-    with Client(house.path) as client:
-        reply = house.ask(client, command)
+    served.service.ending = True
+    with Client(served.path) as client:
+        reply = served.ask(client, command)
     assert reply.ok == (command in AT_THE_END)
     assert reply.reasons == ([] if reply.ok else ["the daemon is ending"])
-    assert house.rig.mode is Mode.OFF
+    assert served.rig.mode is Mode.OFF

@@ -30,6 +30,7 @@ from drivers.events import (
     NotOperational,
     Rebooted,
 )
+from tests.examples import scaled
 
 STILL = np.zeros(N)
 
@@ -277,7 +278,7 @@ ANY_FRAME = st.builds(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=scaled(150))
 @given(ticks=st.lists(st.lists(ANY_FRAME, max_size=40), max_size=5))
 def test_no_frame_makes_an_exception(joints, profiles, ticks):
     bus = ScriptedBus()

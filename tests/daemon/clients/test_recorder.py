@@ -18,6 +18,7 @@ from daemon.clients.recorder import CHUNK_BYTES, read_log, record, viewer_schema
 from daemon.clients.trajectory_recorder import record_trajectory
 from daemon.protocol.messages import STATE_FORMAT, Contact, Notice, Snapshot, State
 from errors import ControlError, LogError, UnreachableError
+from tests.examples import scaled
 
 MakeState = Callable[..., State]
 FORMAT_1 = Path(__file__).with_name("format_1.mcap")
@@ -260,8 +261,7 @@ def test_a_killed_recorder_loses_less_than_a_second(
 
 
 @settings(
-    max_examples=60,
-    deadline=None,
+    max_examples=scaled(60),
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(share=st.floats(0, 1, exclude_max=True))
@@ -276,8 +276,7 @@ def test_cut_anywhere(recording: Path, tmp_path: Path, share: float) -> None:
 
 
 @settings(
-    max_examples=100,
-    deadline=None,
+    max_examples=scaled(100),
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(share=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))

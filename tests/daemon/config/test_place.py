@@ -7,7 +7,7 @@ import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.person import Arm
-from bench.rigs.served_daemon import open_house
+from bench.rigs.served_daemon import served_daemon
 from bench.rigs.typed_session import wired_joint
 from daemon.clients.client import Client
 from daemon.commands.identify import from_here
@@ -23,10 +23,10 @@ def test_status_names_the_whole_path(
     arm: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with open_house(tmp_path, Path("my_arm")) as house:
+    with served_daemon(tmp_path, Path("my_arm")) as served:
         monkeypatch.chdir("/")
-        with Client(house.path) as client:
-            status = house.ask(client, "status").status
+        with Client(served.path) as client:
+            status = served.ask(client, "status").status
     assert status is not None
     assert status.configuration == str(arm.folder.resolve() / "config.yaml")
 
@@ -48,10 +48,10 @@ def test_identify_writes_to_the_daemons_folder_from_wherever_it_is_typed(
     before = (other / "identified.yaml").read_bytes()
     (arm.folder / "identified.yaml").unlink()
     monkeypatch.chdir(tmp_path)
-    with open_house(tmp_path, Path("my_arm"), truth=arm.truth) as house:
-        house.rig.enable()
+    with served_daemon(tmp_path, Path("my_arm"), truth=arm.truth) as served:
+        served.rig.enable()
         monkeypatch.chdir(elsewhere)
-        result = house.contactd("identify", "wiring")
+        result = served.contactd("identify", "wiring")
     assert result.exit_code == 0, result.output
     written = arm.folder.resolve() / "identified.yaml"
     assert f"written to {written}: joint" in result.output

@@ -36,16 +36,16 @@ def test_a_contact_is_what_the_step_makes_of_it(told: Told, says: str) -> None:
 
 def pushed(arm: Arm, *words: str) -> str:
     """What a step says that is stopped after a push of half a second, which the daemon felt."""
-    with arm.house() as house:
-        house.rig.enable()
-        typed = Typed(house, *words)
+    with arm.served() as served:
+        served.rig.enable()
+        typed = Typed(served, *words)
         typed.moves(1.0)
         felt = []
-        house.rig.arm.external_torque[0] = 1.5
+        served.rig.arm.external_torque[0] = 1.5
         while typed.ticks_in_motion < 150:
             typed.tick()
-            felt += [event for event in house.rig.tick.notices if event.kind == "contact"]
-        house.rig.arm.external_torque[0] = 0.0
+            felt += [event for event in served.rig.tick.notices if event.kind == "contact"]
+        served.rig.arm.external_torque[0] = 0.0
         typed.ctrl_c()
         said = typed.ends()[1]
     assert felt

@@ -198,7 +198,7 @@ def later(states):
 def test_the_file_is_replaced_at_once_or_not_at_all(folder, monkeypatch):
     robot = load_robot(folder)
     path = folder / "identified.yaml"
-    gap = file.Gap(date=DAY, log="0", half_gap=0.02, confidence=0.001)
+    gap = file.GapEntry(date=DAY, log="0", half_gap=0.02, confidence=0.001)
     first = merged(robot, "gap", {"joint": gap}, {"joint": 7})
     file.write_identified(path, first)
     before = path.read_bytes()
@@ -210,7 +210,7 @@ def test_the_file_is_replaced_at_once_or_not_at_all(folder, monkeypatch):
     assert load_robot(folder).identified == first
 
 
-WIRED = file.Wiring(date=DAY, log="0", follows=1.0)
+WIRED = file.WiringEntry(date=DAY, log="0", follows=1.0)
 
 
 def test_arming_needs_wiring_these_drives_and_this_configuration(folder):
@@ -248,7 +248,7 @@ def test_the_simulated_arms_come_wired(folder):
 
 def test_a_new_drive_forgets_what_was_known_of_the_old(folder):
     robot = load_robot(folder)
-    gap = file.Gap(date=DAY, log="0", half_gap=0.02, confidence=0.001)
+    gap = file.GapEntry(date=DAY, log="0", half_gap=0.02, confidence=0.001)
     old = merged(robot, "gap", {"joint": gap}, {"joint": 7})
     known = msgspec.structs.replace(old)
     file.write_identified(folder / "identified.yaml", known)

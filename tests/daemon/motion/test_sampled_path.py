@@ -12,6 +12,7 @@ from daemon.motion.limits import Limits
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.motion.trajectory_file import MAX_ROWS, rows_of, slopes
 from errors import TrajectoryError
+from tests.examples import scaled
 
 JOINTS = ["a", "b", "c"]
 LIMITS = Limits(
@@ -85,7 +86,7 @@ def test_the_extent_is_that_of_what_is_left() -> None:
         assert (ahead <= high + 1e-9).all()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=scaled(50))
 @given(
     knots=st.lists(
         st.tuples(st.floats(0.02, 2.0), st.floats(-1.0, 1.0), st.floats(-1.5, 1.5)),

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from daemon.motion.trajectory_file import read_trajectory, refuse_shapes
 from errors import TrajectoryError
+from tests.examples import scaled
 
 JOINTS = ["LElbowRoll", "LElbowYaw"]
 GOOD = "time_s,LElbowYaw,LElbowRoll\n0,-0.5,0.1\n0.5,-0.4,0.2\n1.0,-0.3,0.1\n"
@@ -120,7 +121,7 @@ def test_shapes_that_do_not_fit(
     assert caught.value.row == row
 
 
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=scaled(100), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     cells=st.lists(st.lists(st.text(max_size=6), max_size=4), max_size=6),
     header=st.booleans(),

@@ -16,6 +16,7 @@ from daemon.config.schema import Configuration, Levels
 from daemon.modes.table import Event, Mode
 from drivers.cia402 import ENABLE_OPERATION
 from drivers.codec import link_side, receive_pdos, transmit_pdos
+from tests.examples import scaled
 
 TICKS = 90
 SYNC = 0x080
@@ -184,7 +185,7 @@ HARM = st.tuples(
 WHEN = st.integers(1, TICKS)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=scaled(15))
 @given(
     harm=st.dictionaries(WHEN, st.lists(HARM, min_size=1, max_size=4), max_size=25),
     lasting=st.lists(HARM, max_size=1),

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from drivers.boot.sdo import LONGEST_ANSWER, ObjectAccess
 from errors import DriveError, SilentDriveError
+from tests.examples import scaled
 
 NODE = 3
 
@@ -135,7 +136,7 @@ def refusal(work: Callable[[], object]) -> str:
     return ""
 
 
-@settings(max_examples=100)
+@settings(max_examples=scaled(100))
 @given(answers=st.lists(st.lists(ANSWER, max_size=2), max_size=12))
 def test_whatever_it_answers_what_is_raised_is_a_drive_error(setups, answers):
     left = list(answers)
@@ -149,7 +150,7 @@ def test_whatever_it_answers_what_is_raised_is_a_drive_error(setups, answers):
         assert "node 3 (LElbowRoll)" in said or not said
 
 
-@settings(max_examples=8)
+@settings(max_examples=scaled(8))
 @given(
     harm=st.dictionaries(st.integers(0, 150), st.one_of(st.none(), ANSWER), min_size=1, max_size=4),
 )
