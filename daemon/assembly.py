@@ -152,7 +152,12 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
         lag_s=c.control.drive_lag_ms / 1000.0,
     )
     joints = {joint.wiring.node: joint.name for joint in c.joints}
-    return FaultDetector(joints, patience, Plausibility(bounds), Following(following, c.period_s))
+    return FaultDetector(
+        joints,
+        patience,
+        Plausibility(c.joint_names, bounds),
+        Following(following, c.period_s),
+    )
 
 
 def build_controller(robot: Robot) -> Controller:

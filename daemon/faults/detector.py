@@ -185,7 +185,7 @@ class FaultDetector:
     def _of_values(
         self, samples: Samples, mode: Mode, residual: Vector, interval_s: float
     ) -> Iterator[Finding]:
-        doubts = self._plausibility.step(
+        implausible = self._plausibility.step(
             samples.link_position,
             samples.motor_velocity,
             samples.motor_position,
@@ -194,10 +194,10 @@ class FaultDetector:
             interval_s,
             mode in SENSING,
         )
-        for doubt in doubts:
-            if doubt.condition is Condition.TORQUE_SATURATED and mode is Mode.ADMITTANCE:
+        for finding in implausible:
+            if finding.condition is Condition.TORQUE_SATURATED and mode is Mode.ADMITTANCE:
                 continue  # the hand that leads the arm is stronger than the motor
-            yield Finding(doubt.condition, self._names[doubt.joint], doubt.figures)
+            yield finding
         if mode in SENSING:
             not_following = self._following.not_following(samples.motor_velocity, samples.current)
             for joint in np.flatnonzero(not_following).tolist():

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arrays import Vector
+from daemon.faults.plausibility import STANDSTILL_SPEED
 from daemon.faults.table import EVENT_OF, Condition, Finding, strongest
 from daemon.modes.contact_reactions import ATTENTIVE, AfterQuiet, Reactions
 from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, ModeMachine, refusal
@@ -23,8 +24,6 @@ from drivers.cia402 import PowerTarget
 
 # How long a reset may take until a drive's fault counts as a new one [s].
 RESET_PATIENCE_S = 0.5
-# A joint stands when it moves less than this [rad/s]: a few counts of a coarse velocity.
-STANDSTILL_SPEED = 0.02
 
 
 @dataclass(frozen=True, slots=True)

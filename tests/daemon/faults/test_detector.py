@@ -76,7 +76,8 @@ def observer() -> FaultDetector:
     )
     patience = DetectorSettings(stale_ticks=3, overrun_ticks=5, master_timeout_s=0.1)
     following = FollowingSettings(deviation=0.2 * two, current=two, lag_s=0.01)
-    return FaultDetector(JOINTS, patience, Plausibility(bounds), Following(following, T))
+    plausibility = Plausibility(list(JOINTS.values()), bounds)
+    return FaultDetector(JOINTS, patience, plausibility, Following(following, T))
 
 
 @pytest.mark.parametrize("mode", sorted(SENSING))
