@@ -99,7 +99,11 @@ class Drives:
         self._heartbeat_at = -np.inf
         self._now = 0.0
         self._events: list[BusEvent] = []
-        self.samples = self._answers.samples
+
+    @property
+    def samples(self) -> Samples:
+        """Of the last tick."""
+        return self._answers.samples
 
     def start(self, now: float) -> None:
         """NMT operational for every drive: PDOs flow, heartbeats are watched from `now` on.
@@ -110,7 +114,7 @@ class Drives:
         self._receive_queued()
         self._events.clear()
         self._heartbeat_at = now
-        self.samples.age_ticks.fill(0)
+        self._answers.age_ticks.fill(0)
         self._watch_from(now)
         self._send([self._heartbeat, *self._nmt(START_NODE)])
 
@@ -174,10 +178,9 @@ class Drives:
                 frames_left -= 1
         except BUS_FAILURES as error:
             self._tell(bus_failure("receiving", error))
-        samples = answers.finish()
-        samples.events = tuple(self._events)
+        events = tuple(self._events)
         self._events.clear()
-        return samples
+        return answers.finish(events)
 
     def command(
         self,

@@ -81,7 +81,7 @@ class FaultDetector:
         # Ticks in which a sample was missing, less those since in which none was.
         self._incomplete = 0
         self._mode = Mode.OFF
-        self._enabled = [DriveState.OPERATION_ENABLED] * len(joints)
+        self._enabled = (DriveState.OPERATION_ENABLED,) * len(joints)
 
     def findings(
         self,

@@ -1,6 +1,7 @@
 """Each pre-arm check fails by name for its reason, and passes again when it is over."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -49,9 +50,7 @@ def watched(rig: Rig, *events: object) -> None:
     """As if these had come in the last tick; the supervisor has dealt with them since."""
     samples = rig.tick.samples
     assert samples is not None
-    samples.events = events  # type: ignore[assignment]
-    rig.tick.prearm.watch(samples, (), rig.time_s)
-    samples.events = ()
+    rig.tick.prearm.watch(replace(samples, events=events), (), rig.time_s)
     rig.step()
 
 
@@ -161,10 +160,12 @@ def test_an_emergency_is_over_when_the_drive_restarts(calm: Rig) -> None:
 def test_an_emergency_after_one_that_was_taken_back_counts(calm: Rig) -> None:
     samples = calm.tick.samples
     assert samples is not None
-    samples.states, samples.events = [DriveState.FAULT], (Emergency(1, 0x2310, 1),)
-    calm.tick.prearm.watch(samples, (), calm.time_s)
-    samples.states, samples.events = [DriveState.OPERATION_ENABLED], (Emergency(1, 0, 0),)
-    calm.tick.prearm.watch(samples, (), calm.time_s)
+    for state, emergency in (
+        (DriveState.FAULT, Emergency(1, 0x2310, 1)),
+        (DriveState.OPERATION_ENABLED, Emergency(1, 0, 0)),
+    ):
+        then = replace(samples, states=(state,), events=(emergency,))
+        calm.tick.prearm.watch(then, (), calm.time_s)
     watched(calm, Emergency(1, 0x4210, 8))  # of a drive that goes on
     assert failed(calm) == ["emergencies"]
     watched(calm, Emergency(1, 0, 0))
@@ -182,13 +183,11 @@ def test_a_drive_that_left_its_fault_has_no_emergency(calm: Rig) -> None:
     samples = calm.tick.samples
     assert samples is not None
     watch, time_s = calm.tick.prearm.watch, calm.time_s
-    samples.states, samples.events = [DriveState.FAULT], (Emergency(1, 0x2310, 1),)
-    watch(samples, (), time_s)
-    samples.events = ()
-    watch(samples, (), time_s)
+    faulted = replace(samples, states=(DriveState.FAULT,))
+    watch(replace(faulted, events=(Emergency(1, 0x2310, 1),)), (), time_s)
+    watch(faulted, (), time_s)
     assert "emergencies" in objections(calm)
-    samples.states = [DriveState.SWITCH_ON_DISABLED]
-    watch(samples, (), time_s)
+    watch(replace(samples, states=(DriveState.SWITCH_ON_DISABLED,)), (), time_s)
     assert "emergencies" not in objections(calm)
 
 
@@ -233,8 +232,8 @@ def test_a_joint_outside_its_limits(calm: Rig) -> None:
     assert samples is not None
     assert estimate is not None
     for q, inside in ((1.4, True), (1.449, True), (1.451, False), (-1.451, False)):
-        samples.link_position = np.array([q])
-        found = prearm.objections(samples, estimate, (), (), ())
+        there = replace(samples, link_position=np.array([q]))
+        found = prearm.objections(there, estimate, (), (), ())
         assert [objection.check for objection in found] == ([] if inside else ["limits"])
 
 
