@@ -10,6 +10,7 @@ from arrays import Vector
 from drivers.cia402 import DriveState, drive_state
 from drivers.codec import Joint, SampleDecoder
 from drivers.events import BusEvent, LateAnswer
+from drivers.ids import NODE
 from drivers.settings import DriveProfile
 
 
@@ -111,7 +112,7 @@ class Answers:
         else:
             self._counters.late_frames += 1
             if self._answered & bit:
-                self._tell(LateAnswer(cob_id & 0x7F))
+                self._tell(LateAnswer(cob_id & NODE))
         return True
 
     def finish(self) -> Samples:

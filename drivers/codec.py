@@ -8,7 +8,7 @@ of the motor shaft, fraction of the rated current). At the link side:
     link_position  [rad]    link_sign * value + link_offset
 
 and a target velocity goes the same way backwards. All of it is affine, so that the whole arm is one
-multiplication and one addition. COB-IDs are CiA 301's predefined connection set.
+multiplication and one addition. COB-IDs are those of `drivers.ids`.
 """
 
 import math
@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 
 from arrays import Vector
+from drivers.ids import NEXT_PDO, RPDO, TPDO
 from drivers.settings import DriveProfile, JointWiring, PdoEntry, PdoLayout, Quantity
 from errors import ConfigurationError
 
@@ -40,9 +41,6 @@ MEASURED: Final[tuple[PdoEntry, ...]] = (
     "motor_velocity",
     "motor_position",
 )
-
-TPDO_BASE: Final = 0x180
-RPDO_BASE: Final = 0x200
 
 
 def type_limits(type_name: str) -> tuple[int, int]:
@@ -100,7 +98,7 @@ def _pdos(profile: DriveProfile, node: int, layouts: PdoLayout, base: int) -> tu
             raise ConfigurationError(
                 f"PDO {number} [{', '.join(entries)}] has {layout.size} bytes; 8 are allowed"
             )
-        cob_id = base + 0x100 * (int(number) - 1) + node
+        cob_id = base + NEXT_PDO * (int(number) - 1) + node
         pdos.append(Pdo(int(number), cob_id, fields, layout))
     return tuple(pdos)
 
@@ -119,7 +117,7 @@ def _refuse_entries(pdos: Sequence[Pdo], kind: str, required: set[str], allowed:
 
 def transmit_pdos(profile: DriveProfile, node: int) -> tuple[Pdo, ...]:
     """What drive `node` sends; ConfigurationError if a quantity is missing, double or too long."""
-    pdos = _pdos(profile, node, profile.tpdo, TPDO_BASE)
+    pdos = _pdos(profile, node, profile.tpdo, TPDO)
     required = {"statusword", profile.effort, "link_position", "motor_velocity"}
     _refuse_entries(pdos, "tpdo", required, required | {"motor_position"})
     return pdos
@@ -127,7 +125,7 @@ def transmit_pdos(profile: DriveProfile, node: int) -> tuple[Pdo, ...]:
 
 def receive_pdos(profile: DriveProfile, node: int) -> tuple[Pdo, ...]:
     """What drive `node` takes; ConfigurationError as for `transmit_pdos`."""
-    pdos = _pdos(profile, node, profile.rpdo, RPDO_BASE)
+    pdos = _pdos(profile, node, profile.rpdo, RPDO)
     entries = {"controlword", "target_velocity"}
     _refuse_entries(pdos, "rpdo", entries, entries)
     return pdos

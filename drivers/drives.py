@@ -29,23 +29,25 @@ from drivers.events import (
     bus_failure,
     error_frame,
 )
+from drivers.ids import (
+    EMERGENCY,
+    ENTER_PRE_OPERATIONAL,
+    HEARTBEAT,
+    NMT,
+    NODE,
+    OPERATIONAL,
+    START_NODE,
+    STOP_NODE,
+    SYNC,
+)
 from drivers.setpoints import Setpoints
 from drivers.settings import DriveProfile
-from drivers.watches import HEARTBEATS_MISSED, OPERATIONAL, HeartbeatWatch, ObedienceWatch
-
-NMT: Final = 0x000
-SYNC: Final = 0x080
-EMERGENCY: Final = 0x080
-HEARTBEAT: Final = 0x700
+from drivers.watches import HEARTBEATS_MISSED, HeartbeatWatch, ObedienceWatch
 
 #: Kind of emergency codes after which some drives take a reset only when set up again.
 COMMUNICATION_ERROR: Final = 0x8100
 
 SYNC_FRAME: Final[Frame] = (SYNC, b"")
-
-START_NODE: Final = 1
-STOP_NODE: Final = 2
-ENTER_PRE_OPERATIONAL: Final = 128
 
 #: Bounds of one tick: a flooded bus must not hold the loop, nor its memory.
 FRAMES_PER_PASS: Final = 512
@@ -262,8 +264,8 @@ class Drives:
         return False
 
     def _take_other(self, can_id: int, data: bytes | bytearray) -> None:
-        drive = self._by_node.get(can_id & 0x7F)
-        service = can_id & ~0x7F  # 11-bit identifiers only: a flag makes it another number
+        drive = self._by_node.get(can_id & NODE)
+        service = can_id & ~NODE  # 11-bit identifiers only: a flag makes it another number
         if can_id & ERROR:
             self.counters.error_frames += 1
             self._tell(error_frame(can_id & ~ERROR, data))

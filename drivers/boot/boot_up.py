@@ -20,6 +20,7 @@ from drivers.boot.sdo import ObjectAccess, sdo_network
 from drivers.boot.steps import SET_UP, TOGETHER, WAKE, BootingDrive, Step
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.frame_ring import FrameRing
+from drivers.ids import HEARTBEAT, OPERATIONAL, SYNC
 from errors import BusError, DriveError, SilentDriveError
 
 Progress = Callable[[str], None]
@@ -34,10 +35,6 @@ STEP_TIMEOUTS: Final = 6
 AGAIN_SHARE: Final = 0.3
 #: Beats of the master in the time that the least patient drive waits for one.
 BEATS: Final = 6
-
-_SYNC: Final = 0x080
-_HEARTBEAT: Final = 0x700
-_OPERATIONAL: Final = 5
 
 
 @dataclass(slots=True)
@@ -159,9 +156,9 @@ def refuse_other_master(bus: can.BusABC, master_node: int, listen_s: float) -> N
             raise BusError(f"bus {bus.channel_info}: {error}") from error
         if frame is None or frame.is_error_frame or frame.is_extended_id:
             continue
-        if frame.arbitration_id == _HEARTBEAT + master_node:
+        if frame.arbitration_id == HEARTBEAT + master_node:
             raise BusError(f"another master (node {master_node}) is on this bus")
-        if frame.arbitration_id == _SYNC:
+        if frame.arbitration_id == SYNC:
             raise BusError("another master is on this bus: somebody sends SYNC")
 
 
@@ -208,7 +205,7 @@ class _Beat:
     def __init__(
         self, network: canopen.Network, master_node: int, every_s: float, meanwhile: Meanwhile
     ) -> None:
-        self._network, self._cob_id, self._every_s = network, _HEARTBEAT + master_node, every_s
+        self._network, self._cob_id, self._every_s = network, HEARTBEAT + master_node, every_s
         self._meanwhile = meanwhile
         self._next_s = 0.0
 
@@ -217,7 +214,7 @@ class _Beat:
         if now >= self._next_s:
             self._next_s = now + self._every_s
             try:
-                self._network.send_message(self._cob_id, [_OPERATIONAL])
+                self._network.send_message(self._cob_id, [OPERATIONAL])
             except BUS_FAILURES as error:
                 raise BusError(f"the master's heartbeat: {error}") from error
             self._meanwhile()
@@ -230,5 +227,5 @@ def _listen_for_boot_up(network: canopen.Network, node: int) -> threading.Event:
         if data[:1] == b"\0":
             booted.set()
 
-    network.subscribe(_HEARTBEAT + node, hear)
+    network.subscribe(HEARTBEAT + node, hear)
     return booted

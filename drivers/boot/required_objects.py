@@ -10,6 +10,7 @@ from canopen.objectdictionary import ODArray
 
 from drivers.boot.data_sheet import find_object, type_name, value_range
 from drivers.codec import WORDS, Pdo, receive_pdos, transmit_pdos
+from drivers.ids import EMERGENCY, SYNC
 from drivers.settings import DriveProfile, JointWiring, ObjectValue
 from errors import ConfigurationError
 
@@ -78,9 +79,9 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
     most_permille = round(1000.0 * wiring.max_current_A / wiring.rated_current_A)
     node, watched = wiring.node, master_node << 16 | profile.master_timeout_ms
     table = [
-        Wanted("communication", 0x1005, 0, 0x80, "SYNC on 0x080, none of its own",
+        Wanted("communication", 0x1005, 0, SYNC, "SYNC on 0x080, none of its own",
                "SYNC is taken to be on 0x080"),
-        Wanted("communication", 0x1014, 0, 0x80 + node, "emergencies on 0x080 + node",
+        Wanted("communication", 0x1014, 0, EMERGENCY + node, "emergencies on 0x080 + node",
                "emergencies are taken to be on 0x080 + node"),
         Wanted("communication", 0x1016, 1, watched, "watch the master's heartbeat"),
         Wanted("communication", 0x1017, 0, profile.heartbeat_ms, "heartbeat"),

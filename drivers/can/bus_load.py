@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from drivers.codec import Joint, receive_pdos, transmit_pdos
+from drivers.ids import HEARTBEAT, SYNC
 from drivers.settings import DriveProfile
 from errors import ConfigurationError
 
@@ -52,8 +53,8 @@ def frame_table(
     patience_s = min(profile.master_timeout_ms for *_, profile in drives) / 1000.0
     beat_s = period_s * max(1, math.floor(patience_s / 3.0 / period_s))
     table = [
-        FrameLoad("SYNC", 0x080, 0, tick_hz),
-        FrameLoad("heartbeat of the master", 0x700 + master_node, 1, 1.0 / beat_s, False),
+        FrameLoad("SYNC", SYNC, 0, tick_hz),
+        FrameLoad("heartbeat of the master", HEARTBEAT + master_node, 1, 1.0 / beat_s, False),
     ]
     for name, node, profile in drives:
         for kind, pdos in (
@@ -65,7 +66,7 @@ def frame_table(
                 for pdo in pdos
             ]
         beat_hz = 1000.0 / profile.heartbeat_ms
-        table.append(FrameLoad(f"{name} heartbeat", 0x700 + node, 1, beat_hz, False))
+        table.append(FrameLoad(f"{name} heartbeat", HEARTBEAT + node, 1, beat_hz, False))
     return tuple(table)
 
 
