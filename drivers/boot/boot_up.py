@@ -82,7 +82,7 @@ class DriveBoot:
         the start: what was judged of the arm then was not of it.
         """
         begun = time.monotonic()
-        patience_s = min(setup.profile.master_timeout_ms for setup in self.setups) / 1000.0
+        patience_s = min(setup.drive.profile.master_timeout_ms for setup in self.setups) / 1000.0
         chosen = [self.setups[i] for i in joints]
         with sdo_network(self.bus, self.ring) as network:
             beat = _Beat(network, self.master_node, patience_s / BEATS, meanwhile)
@@ -90,10 +90,10 @@ class DriveBoot:
         for i, identity in zip(joints, found, strict=True):
             if self.identities and identity != self.identities[i]:
                 raise DriveError(
-                    f"{self.setups[i].name} has another drive than at the start: {identity}; it "
-                    f"was {self.identities[i]}. Start the daemon again"
+                    f"{self.setups[i].drive.name} has another drive than at the start: {identity}; "
+                    f"it was {self.identities[i]}. Start the daemon again"
                 )
-        names = ", ".join(setup.name for setup in chosen)
+        names = ", ".join(setup.drive.name for setup in chosen)
         took_ms = 1000.0 * (time.monotonic() - begun)
         progress(f"set up again in {took_ms:.0f} ms without a tick: {names}")
 
@@ -107,7 +107,7 @@ class DriveBoot:
         errors = []
         with sdo_network(self.bus, self.ring) as network:
             for setup in self.setups:
-                access = ObjectAccess(network, setup, setup.profile.sdo_timeout_ms / 1000.0)
+                access = ObjectAccess(network, setup, setup.drive.profile.sdo_timeout_ms / 1000.0)
                 try:
                     access.write(0x1016, 1, 0)
                 except DriveError as error:
@@ -126,10 +126,10 @@ class DriveBoot:
         """`share` of the configured time-out is that of one SDO."""
         drives = []
         for setup in setups:
-            timeout_s = setup.profile.sdo_timeout_ms / 1000.0
+            timeout_s = setup.drive.profile.sdo_timeout_ms / 1000.0
             access = ObjectAccess(network, setup, share * timeout_s, meanwhile)
             rows = wanted(setup, self.period_ms, self.master_node)
-            booted = _listen_for_boot_up(network, setup.wiring.node)
+            booted = _listen_for_boot_up(network, setup.drive.node)
             drives.append(
                 BootingDrive(setup, access, rows, STEP_TIMEOUTS * timeout_s, booted, meanwhile)
             )
@@ -138,7 +138,7 @@ class DriveBoot:
                 _run(step, drive)
         for drive in drives:
             progress(f"{drive.setup}: {drive.identity}")
-        for name, setup in {drive.setup.wiring.profile: drive.setup for drive in drives}.items():
+        for name, setup in {each.drive.wiring.profile: each for each in setups}.items():
             for remark in lacks(setup, self.period_ms, self.master_node):
                 progress(f"drive profile {name}: {remark}")
         for drive in drives:

@@ -67,7 +67,7 @@ class _Client(SdoClient):  # type: ignore[misc]
     def __init__(
         self, network: canopen.Network, setup: DriveSetup, meanwhile: Callable[[], None]
     ) -> None:
-        node = setup.wiring.node
+        node = setup.drive.node
         super().__init__(SDO_REQUEST + node, SDO_ANSWER + node, setup.data_sheet)
         self.MAX_RETRIES = 1
         self.network, self._meanwhile = network, meanwhile
@@ -164,7 +164,7 @@ class ObjectAccess:
     def nmt(self, command: int, name: str) -> None:
         """Send this drive an NMT command."""
         with self._words(f"NMT {name}"):
-            self._network.send_message(NMT, [command, self._setup.wiring.node])
+            self._network.send_message(NMT, [command, self._setup.drive.node])
 
     def settle(self) -> None:
         """Wait until an answer that is late would have come: it is none to the next request."""
