@@ -39,8 +39,7 @@ def build_tick(
     c = robot.configuration
     drives = Drives(
         bus,
-        [(joint.name, joint.wiring) for joint in c.joints],
-        c.drives,
+        c.joint_drives,
         c.period_s,
         clock,
         c.bus.master_node,
@@ -80,14 +79,9 @@ def build_setups(robot: Robot) -> list[DriveSetup]:
     }
     return [
         DriveSetup(
-            joint.name,
-            joint.wiring,
-            c.drives[joint.wiring.profile],
-            sheets[joint.wiring.profile],
-            joint.limits.velocity,
-            joint.limits.quick_stop,
+            drive, sheets[drive.wiring.profile], joint.limits.velocity, joint.limits.quick_stop
         )
-        for joint in c.joints
+        for drive, joint in zip(c.joint_drives, c.joints, strict=True)
     ]
 
 
@@ -132,7 +126,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
     patience = DetectorSettings(
         s.stale_ticks,
         s.overrun_ticks,
-        min(c.drives[joint.wiring.profile].master_timeout_ms for joint in c.joints) / 1000.0,
+        min(drive.profile.master_timeout_ms for drive in c.joint_drives) / 1000.0,
     )
     bounds = PlausibilitySettings(
         lower=row(c, lambda j: j.limits.lower),
@@ -151,7 +145,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
         current=bounds.current,
         lag_s=c.control.drive_lag_ms / 1000.0,
     )
-    joints = {joint.wiring.node: joint.name for joint in c.joints}
+    joints = {drive.node: drive.name for drive in c.joint_drives}
     return FaultDetector(
         joints,
         patience,

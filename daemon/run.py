@@ -103,8 +103,7 @@ def _serve(
 
 def _black_box(robot: Robot, control: ControlSocket) -> BlackBox:
     c = robot.configuration
-    joints = [(joint.name, joint.wiring) for joint in c.joints]
-    rate_hz = frame_rate_hz(joints, c.drives, c.period_s)
+    rate_hz = frame_rate_hz(c.joint_drives, c.period_s)
     return BlackBox(ring_path(control.path), default_directory(), rate_hz)
 
 

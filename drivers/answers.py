@@ -1,6 +1,6 @@
 """Answers of the drives to SYNC: which TPDOs have come, and the samples that they make."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from arrays import Vector
 from drivers.cia402 import DriveState, drive_state
-from drivers.codec import Joint, SampleDecoder
+from drivers.codec import SampleDecoder
+from drivers.drive import Drive
 from drivers.events import BusEvent, LateAnswer
-from drivers.settings import DriveProfile
+from drivers.ids import NODE
 
 T = TypeVar("T", bound=np.generic)
 
@@ -54,22 +55,18 @@ class Answers:
     """TPDOs in, samples out. Which are still awaited is one integer, a bit for each of them."""
 
     def __init__(
-        self,
-        joints: Sequence[Joint],
-        profiles: Mapping[str, DriveProfile],
-        counters: Counters,
-        tell: Callable[[BusEvent], None],
+        self, drives: Sequence[Drive], counters: Counters, tell: Callable[[BusEvent], None]
     ) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
         self._counters, self._tell = counters, tell
-        self._decoder = SampleDecoder(joints, profiles)
+        self._decoder = SampleDecoder(drives)
         self._raw = self._decoder.raw
         slots = self._decoder.slots
         self._tpdos = {
             cob_id: (1 << bit, start, stop, layout)
             for bit, (cob_id, (_, start, stop, layout)) in enumerate(slots.items())
         }
-        self._joint_bits = [0] * len(joints)
+        self._joint_bits = [0] * len(drives)
         for bit, (joint, *_) in enumerate(slots.values()):
             self._joint_bits[joint] |= 1 << bit
         self._all = (1 << len(self._tpdos)) - 1
@@ -79,7 +76,7 @@ class Answers:
         # the first was old.
         self._answered = 0
         self._all_fresh = False
-        n = len(joints)
+        n = len(drives)
         self._fresh = np.zeros(n, dtype=np.bool_)
         self.age_ticks = np.zeros(n, dtype=np.int64)
         self.samples = self._samples(())
@@ -109,7 +106,7 @@ class Answers:
         else:
             self._counters.late_frames += 1
             if self._answered & bit:
-                self._tell(LateAnswer(cob_id & 0x7F))
+                self._tell(LateAnswer(cob_id & NODE))
         return True
 
     def finish(self, events: tuple[BusEvent, ...]) -> Samples:

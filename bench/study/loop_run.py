@@ -30,10 +30,9 @@ from daemon.service.realtime import FIFO_PRIORITY, go_realtime
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.tick.loop import Clock, Loop
+from drivers.ids import HEARTBEAT, NEXT_PDO, NODE, SYNC, TPDO
 
-SYNC: Final = 0x080
-TPDOS: Final = {0x180, 0x280, 0x380, 0x480}
-HEARTBEAT: Final = 0x700
+TPDOS: Final = set(range(TPDO, TPDO + 4 * NEXT_PDO, NEXT_PDO))
 # Above, frames of seven drives would not fit on a bus of 1 Mbit/s.
 MOST_HZ_OF_SEVEN: Final = 250
 # What the recorded session does, and when [s].
@@ -240,7 +239,7 @@ def record(hz: int) -> tuple[Robot, Answers]:
 
 
 def _of_a_drive(message: can.Message, nodes: set[int]) -> bool:
-    node = message.arbitration_id & 0x7F
+    node = message.arbitration_id & NODE
     service = message.arbitration_id - node
     return node in nodes and (service in TPDOS or service == HEARTBEAT)
 

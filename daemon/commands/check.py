@@ -15,6 +15,7 @@ from daemon.config.schema import Configuration
 from drivers.boot.required_objects import lacks
 from drivers.can.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
 from drivers.codec import receive_pdos, transmit_pdos
+from drivers.drive import Drive
 from drivers.settings import DriveProfile, Quantity
 
 QUANTITY_UNITS = {
@@ -52,21 +53,20 @@ def print_check(config: Path) -> None:
         console.width, *(console.measure(t, options=endless).maximum for t in tables)
     )
     console.print(f"[bold]{c.name}[/bold]: {len(c.joints)} joints, every {c.period_ms} ms")
-    setups = {setup.wiring.profile: setup for setup in build_setups(robot)}
+    setups = {setup.drive.wiring.profile: setup for setup in build_setups(robot)}
     for name, profile in c.drives.items():
         console.print(quantities[name])
         console.print(FORMULA, style="dim", highlight=False)
         for field, instead in WITHOUT.items():
             if getattr(profile, field) is None:
                 _remark(console, f"without {field}: {instead}")
-        console.print(_pdos(profile))
+        console.print(_pdos(setups[name].drive))
         for lack in lacks(setups[name], c.period_ms, c.bus.master_node):
             _remark(console, lack)
     console.print(wiring, joints, travels)
-    wired = [(joint.name, joint.wiring) for joint in c.joints]
-    frames = frame_table(wired, c.drives, c.period_s, c.bus.master_node)
+    frames = frame_table(c.joint_drives, c.period_s, c.bus.master_node)
     console.print(_frames(frames))
-    load = bus_load(wired, c.drives, c.period_s, c.bus.bitrate)
+    load = bus_load(c.joint_drives, c.period_s, c.bus.bitrate)
     exchange_ms = 1000.0 * sum(f.bits for f in frames if f.every_tick) / c.bus.bitrate
     console.print(
         f"bus load at worst {load:.1%} of {c.bus.bitrate} bit/s (allowed {HIGHEST_LOAD:.0%}); "
@@ -120,15 +120,15 @@ def _quantities(name: str, profile: DriveProfile) -> Table:
     return table
 
 
-def _pdos(profile: DriveProfile) -> Table:
+def _pdos(drive: Drive) -> Table:
     table = _table("", "PDO", "COB-ID", "bytes", FOLDED)
-    for kind, pdos in (("TPDO", transmit_pdos(profile, 0)), ("RPDO", receive_pdos(profile, 0))):
+    for kind, pdos in (("TPDO", transmit_pdos(drive)), ("RPDO", receive_pdos(drive))):
         for pdo in pdos:
             mapping = ", ".join(
                 f"{field.entry} 0x{field.index:04X}:{field.subindex:02X}/{field.bits}"
                 for field in pdo.fields
             )
-            cob_id = f"0x{pdo.cob_id:03X} + node"
+            cob_id = f"0x{pdo.cob_id - drive.node:03X} + node"
             table.add_row(f"{kind}{pdo.number}", cob_id, str(pdo.layout.size), mapping)
     return table
 
@@ -175,13 +175,12 @@ def _travels(c: Configuration) -> Table:
         "\ntravel at worst, if the daemon dies at full speed",
         *("joint", "rad/s", "patience ms", "rad/s2", "unaware rad", "braking rad", "in all rad"),
     )
-    for joint in c.joints:
-        profile = c.drives[joint.wiring.profile]
-        travel = worst_travel(joint, profile)
+    for joint, drive in zip(c.joints, c.joint_drives, strict=True):
+        travel = worst_travel(joint, drive.profile)
         table.add_row(
             joint.name,
             f"{joint.limits.velocity:g}",
-            str(profile.master_timeout_ms),
+            str(drive.profile.master_timeout_ms),
             f"{joint.limits.quick_stop:g}",
             f"{travel.unaware:.3f}",
             f"{travel.braking:.3f}",

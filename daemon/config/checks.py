@@ -11,6 +11,7 @@ from daemon.config.schema import Configuration, Joint
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup, problems
 from drivers.can.bus_load import refuse_overload
+from drivers.drive import Drive
 from errors import ConfigurationError, ModelError
 from estimator.model import Model
 
@@ -140,9 +141,7 @@ def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
         sheet = load_data_sheet(folder / profile.eds)
         setups = [
             DriveSetup(
-                joint.name,
-                joint.wiring,
-                profile,
+                Drive(joint.name, joint.wiring, profile),
                 sheet,
                 joint.limits.velocity,
                 joint.limits.quick_stop,
@@ -218,8 +217,7 @@ def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
 
 
 def _load(c: Configuration) -> Iterator[Problem]:
-    joints = [(joint.name, joint.wiring) for joint in c.joints]
     try:
-        refuse_overload(joints, c.drives, c.period_s, c.bus.bitrate)
+        refuse_overload(c.joint_drives, c.period_s, c.bus.bitrate)
     except ConfigurationError as error:
         yield Problem(["bus", "bitrate"], "bus.bitrate", str(error))

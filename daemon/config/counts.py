@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from daemon.config.schema import Joint
 from drivers.codec import link_side, quantity, type_limits
+from drivers.drive import Drive
 from drivers.settings import DriveProfile, PdoEntry
 
 #: Largest step of a setpoint, as a share of the velocity limit; a coarser one is a wrong scale.
@@ -12,7 +13,7 @@ COARSEST = 0.25
 
 def unrepresentable(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, str]]:
     """(quantity, reason) for each quantity of a joint that the counts of its drive cannot hold."""
-    limits = joint.limits
+    drive, limits = Drive(joint.name, joint.wiring, profile), joint.limits
     spans: tuple[tuple[PdoEntry, float, float, str], ...] = (
         ("target_velocity", -limits.velocity, limits.velocity, "rad/s"),
         ("motor_velocity", -limits.velocity, limits.velocity, "rad/s"),
@@ -20,7 +21,7 @@ def unrepresentable(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, 
     )
     for entry, *span, unit in spans:
         where = quantity(profile, entry)
-        gain, bias = link_side(profile, joint.wiring, entry)
+        gain, bias = link_side(drive, entry)
         lowest, highest = sorted(gain * counts + bias for counts in type_limits(where.type))
         if not lowest <= min(span) <= max(span) <= highest:
             yield (
@@ -28,7 +29,7 @@ def unrepresentable(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, 
                 f"{where.type} counts reach from {lowest:.4g} to {highest:.4g} {unit} at the link; "
                 f"the limits are {min(span):g} and {max(span):g}",
             )
-    step = abs(link_side(profile, joint.wiring, "target_velocity")[0])
+    step = abs(link_side(drive, "target_velocity")[0])
     if step > COARSEST * limits.velocity:
         yield (
             "target_velocity",

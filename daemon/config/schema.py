@@ -7,6 +7,7 @@ from msgspec import Meta
 
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.motion.admittance import MAX_GAIN
+from drivers.drive import Drive
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
 from estimator.settings import EstimatorSettings
 from estimator.transmission import STICTION
@@ -172,3 +173,11 @@ class Configuration(Settings, frozen=True):
     def joint_names(self) -> list[str]:
         """Names of the joints, in the order of every vector."""
         return [joint.name for joint in self.joints]
+
+    @property
+    def joint_drives(self) -> tuple[Drive, ...]:
+        """The drive of each joint, in the same order."""
+        return tuple(
+            Drive(joint.name, joint.wiring, self.drives[joint.wiring.profile])
+            for joint in self.joints
+        )

@@ -12,7 +12,7 @@ from daemon.faults.plausibility import Plausibility
 from daemon.faults.table import Condition, Finding
 from daemon.modes.table import SENSING, Mode
 from drivers.answers import Samples
-from drivers.cia402 import DriveState
+from drivers.cia402 import FAULT_STATES, DriveState
 from drivers.events import (
     AdapterGone,
     BadSetpoint,
@@ -46,7 +46,6 @@ CONDITION_OF: dict[type[BusEvent], Condition] = {
 }
 # These may be over at once: it counts how many ticks they last.
 DISTURBANCES = (BusTrouble, LateAnswer)
-FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 # A late machine excuses stale samples for so many times `stale_ticks`; drives that fail in turn
 # count as stale after as many.
 STARVED_FACTOR = 3

@@ -14,7 +14,7 @@ from daemon.faults.table import Condition, Finding
 from daemon.motion.limits import Limits
 from daemon.protocol.messages import Check
 from drivers.answers import Samples
-from drivers.cia402 import DriveState
+from drivers.cia402 import FAULT_STATES, DriveState
 from drivers.events import Emergency, Rebooted, told
 from estimator.estimate import Estimate, Flag
 
@@ -59,7 +59,6 @@ LATE_TICKS, LATE_WITHIN_S = 2, 1.0
 # EMCY: the drive misses the master's heartbeat (CiA 301).
 MASTER_SILENT = 0x8130
 FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
-FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -309,9 +309,9 @@ ANY_FRAME = st.builds(
 
 @settings(max_examples=scaled(150))
 @given(ticks=st.lists(st.lists(ANY_FRAME, max_size=40), max_size=5))
-def test_no_frame_makes_an_exception(joints, profiles, ticks):
+def test_no_frame_makes_an_exception(joint_drives, ticks):
     bus = ScriptedBus()
-    drives = Drives(bus, joints, profiles, PERIOD_S, lambda: 0.0)
+    drives = Drives(bus, joint_drives, PERIOD_S, lambda: 0.0)
     drives.start(0.0)
     for k, frames in enumerate(ticks, start=1):
         samples = tick(drives, bus, frames, k * PERIOD_S)

@@ -157,9 +157,8 @@ def test_whatever_it_answers_what_is_raised_is_a_drive_error(setups, answers):
 def test_a_boot_up_that_is_garbled_comes_up_or_says_why(make_bench, setups, harm):
     bench = make_bench()
     drive = bench.simulated.drives[2]
-    hasty = replace(
-        setups[2], profile=msgspec.structs.replace(setups[2].profile, sdo_timeout_ms=30)
-    )
+    profile = msgspec.structs.replace(setups[2].drive.profile, sdo_timeout_ms=30)
+    hasty = replace(setups[2], drive=replace(setups[2].drive, profile=profile))
     send, count = drive._sdo.network._send, iter(range(1_000_000))
 
     def garbled(cob_id, data):
