@@ -1,4 +1,4 @@
-"""From the population to the figures of the detection bench."""
+"""Detection bench, from the population to its figures."""
 
 import io
 import math

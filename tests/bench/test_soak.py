@@ -1,4 +1,4 @@
-"""What the soak calls a trend, a broken rule, a false alarm; and some seconds of it."""
+"""Trends, broken rules and false alarms of the soak; and some seconds of it."""
 
 import logging
 import math

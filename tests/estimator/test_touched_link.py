@@ -1,4 +1,4 @@
-"""The touched link: the last joint that feels it, or nobody can tell."""
+"""Touched link: that of the last joint whose residual is clear, or undecided."""
 
 import numpy as np
 import pinocchio as pin

@@ -1,4 +1,4 @@
-"""What counts as detected, missed and false."""
+"""Detected, missed and false contacts, by tables."""
 
 import numpy as np
 import pytest

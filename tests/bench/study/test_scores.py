@@ -1,4 +1,4 @@
-"""The statistics of the detection bench, by tables."""
+"""Statistics of the detection bench, by tables."""
 
 import math
 from dataclasses import replace
