@@ -60,9 +60,9 @@ def moving(motor_position: str, motion: Mapping[str, tuple[float, float]] = MOTI
 
 
 def contact_free(seconds: float, seed: int, friction: str, motor_position: str) -> dict[str, Any]:
-    """One run: largest |r| per joint and false contacts, by residual; the 99th percentile of the
-    error of phi [mrad], the share of samples that are in the gap, and that of samples said to be.
-    """
+    """Results of one run: largest |r| per joint and false contacts, by residual; the 99th
+    percentile of the error of phi [mrad], the share of samples that are in the gap, and that of
+    samples judged to be."""
     with lockstep_rig(
         configure=moving(motor_position),
         simulate=lambda s: msgspec.structs.replace(s, seed=seed, friction=friction),

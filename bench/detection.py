@@ -65,14 +65,14 @@ def jobs(
 
 
 def worth(deciding: Score, classical: Score, gaps: Sequence[int]) -> float:
-    """On the joints with a gap, how much smaller a step is felt in motion than by the classical
-    residual; the least of them, NaN where it is not known of one."""
+    """Ratio of the smallest steps that the classical residual and the one that decides detect in
+    motion, on the joints with a gap; the least of them, NaN where one is unknown."""
     ratios = [classical.smallest_moving_nm[i] / deciding.smallest_moving_nm[i] for i in gaps]
     return float(np.min(ratios)) if ratios else math.nan  # NaN of a joint is NaN of all
 
 
 def alarmed(results: Sequence[Result], joints: Sequence[str]) -> list[str]:
-    """Which joints of which arms raised false alarms of the residual that decides, how often."""
+    """Joints and arms that raised false alarms of the residual that decides, with their number."""
     return [
         f"{joint} of arm {result.job.seed} ({count})"
         for result in results
@@ -83,7 +83,7 @@ def alarmed(results: Sequence[Result], joints: Sequence[str]) -> list[str]:
 
 
 def targets(found: Mapping[FrictionModel, dict[str, Score]], c: Configuration) -> list[Target]:
-    """Those of the project, for the residual that decides."""
+    """Targets of the project for the residual that decides."""
     deciding, limit = c.estimator.residual.name, 1000.0 * math.log(2.0) / c.estimator.gain
     gaps = [i for i, joint in enumerate(c.joints) if joint.half_gap > 0.0]
     rows = []
@@ -170,8 +170,8 @@ def main(
         for f, by_name in found.items():
             console.print(table(f, by_name, title))
             console.print(joint_table(f, by_name, c))
-            told = ", ".join(f"{count} {named}" for named, count in links[f].most_common())
-            click.echo(f"link touched, {links[f].total()} forces of 5 to 30 N: {told}")
+            verdicts = ", ".join(f"{count} {named}" for named, count in links[f].most_common())
+            click.echo(f"link touched, {links[f].total()} forces of 5 to 30 N: {verdicts}")
             click.echo(f"false alarms of {next(iter(by_name))}: {', '.join(alarms[f]) or 'none'}\n")
         click.echo(f"picture: {drawn}")
     data = {

@@ -1,4 +1,4 @@
-"""How well the rotor is known in its gap: integrated theta against exact theta, without contact.
+"""Error of the rotor's place in its gap: integrated theta against exact theta, without contact.
 
     python -m bench.motor_position [--minutes N] [--arm-minutes N] [--jobs N] [--seed N]
                                    [--friction smooth|dahl|both] [--json]
@@ -76,7 +76,7 @@ class Tally:
     false_gap: NDArray[np.int64]
     """said to be in the gap while the gear carries more than half the threshold"""
     alarms: NDArray[np.int64]
-    """of the residual with integrated theta: false, as nobody touches the arm"""
+    """of the residual with integrated theta: false, as the motion is without contact"""
     unknown: NDArray[np.int64]
     overconfident: NDArray[np.int64]
     """error of phi beyond three times its stated uncertainty"""
@@ -171,7 +171,7 @@ def recall(t: Tally, alpha: Vector) -> float:
 
 
 def targets(arms: Mapping[FrictionModel, Sequence[Tally]], c: Configuration) -> list[Target]:
-    """Those of the project, over all arms, and the first of them on the worst arm alone."""
+    """Targets of the project, over all arms, and the first of them on the worst arm alone."""
     contact = np.array([joint.thresholds.contact for joint in c.joints])
     alpha = np.array([joint.half_gap for joint in c.joints])
     rows = []
@@ -201,7 +201,7 @@ def targets(arms: Mapping[FrictionModel, Sequence[Tally]], c: Configuration) -> 
 
 
 def rows_of(t: Tally, c: Configuration) -> dict[str, list[float]]:
-    """What is shown per joint; of a joint without a gap, what it has none of is zero."""
+    """Figures per joint that are shown; zero where a joint without a gap has none."""
     contact = np.array([joint.thresholds.contact for joint in c.joints])
     has_gap = np.array([joint.half_gap > 0.0 for joint in c.joints])
     size, percent = np.abs(t.errors), 100.0 / t.samples
@@ -224,7 +224,7 @@ def rows_of(t: Tally, c: Configuration) -> dict[str, list[float]]:
 
 
 def table(title: str, rows: dict[str, list[float]]) -> Table:
-    """For people."""
+    """Table for people."""
     shown = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
     shown.add_column("joint", no_wrap=True)
     n = len(next(iter(rows.values())))

@@ -1,4 +1,4 @@
-"""One tick of the mathematics: samples in, `Estimate` out.
+"""The estimator's chain for one tick: samples in, `Estimate` out.
 
 Samples are first brought to one common instant (`link_velocity`); everything after that, from the
 motor position to the residual, belongs to that instant, `Estimator.delay_s` before the samples.
@@ -93,7 +93,7 @@ class Estimator:
         self._has_gap = t.half_gap > 0.0
         self._held = t.stiction * t.engaged_coulomb
         self._threshold_raise = ThresholdRaise(t, settings, thresholds.contact)
-        # What a fit adds to tau_M while engaged, for the variants that know of engagement.
+        # Variants whose tau_M a fit corrects while engaged: those with engagement.
         self._corrected = np.array([[v.kind == "backlash"] for v in variants], dtype=np.float64)
         self._correcting = bool(np.any(t.contact_stiffness) or np.any(t.contact_damping))
         self._shape = (n,)
@@ -111,7 +111,7 @@ class Estimator:
 
     @property
     def delay_s(self) -> float:
-        """The estimate belongs to this long before its samples; the residual adds ln 2 / K."""
+        """Age of the estimate when its samples arrive [s]; the residual adds ln 2 / K."""
         return self.alignment.delay
 
     def step(
@@ -142,7 +142,7 @@ class Estimator:
             if motor_position is not None:
                 self._check_shape("motor_position", motor_position)
             samples[2] = np.nan if motor_position is None else motor_position
-        # One sum tells: whatever is not finite makes it so.
+        # One sum is enough: any value that is not finite makes the sum so.
         if not (math.isfinite(samples.ravel() @ self._ones) and 0.0 < dt < math.inf):
             self.pending += dt if 0.0 < dt < math.inf else self.period_s
             return self._invalid()
@@ -158,7 +158,7 @@ class Estimator:
         if self.alignment.ready:
             made = self._advance(dt, flags, self.elapsed if time_s is None else time_s)
             if not self._is_finite(made):
-                # It would never become a number again.
+                # The state would never become finite again.
                 self.restart()
                 self._still(self._last.q, Flag.STARTING)
                 return self._invalid()
@@ -196,13 +196,14 @@ class Estimator:
         self._last = self._estimate((), Flag(0))
 
     def _check_shape(self, name: str, values: Vector) -> None:
-        """numpy would stretch one number over all joints."""
+        """Raise ModelError for another shape: numpy would stretch one number over all joints."""
         if getattr(values, "shape", None) != self._shape:
             given = getattr(values, "shape", type(values).__name__)
             raise ModelError(f"{name} is {given}; it must be an array of shape {self._shape}")
 
     def _is_finite(self, made: Estimate) -> bool:
-        """One sum tells, again; inf and -inf make NaN. phi is q and theta."""
+        """True where no value is infinite or NaN, by one sum: inf and -inf make NaN. phi stands for
+        q and theta."""
         shown = made.q_dot + made.tau_M
         shown += made.phi
         shown += made.phi_sigma
@@ -264,7 +265,7 @@ class Estimator:
         self.residual.step(errors, engaged, dt)
 
     def _still(self, q: Vector, flags: Flag) -> Estimate:
-        """No velocity yet: no residual."""
+        """Estimate without a velocity yet: no residual."""
         zero = np.zeros(self.model.n)
         self.motor_position.start(q)
         threshold = self.detector.thresholds(self._threshold_raise.most, zero, self.period_s)
@@ -301,6 +302,6 @@ class Estimator:
         )
 
     def _touched_link(self, residual: Vector, threshold: Vector) -> str:
-        # What stiction may hide or pretend near rest is nothing that a joint feels.
+        # A residual that stiction may explain near rest is no sign of a touch.
         link = touched_link(dead_band(residual, threshold - self._contact), self._contact)
         return "" if link is None else self.model.names[link]

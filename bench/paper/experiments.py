@@ -43,7 +43,7 @@ SETTLE_S = 1.0  # after the drives are enabled, before anything is recorded
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What the plant is like: the default mismatch, and a motor velocity that is a little off."""
+    """Conditions of the plant: the default mismatch, and a motor velocity that is a little off."""
 
     seed: int = 1
     friction: FrictionModel = "smooth"
@@ -79,14 +79,14 @@ def with_rivals(waves: Mapping[str, Sinusoid] | None = None) -> Callable[..., Co
 
 
 def with_kalman(recording: Recording) -> Recording:
-    """The Kalman observer beside the residuals, from the same samples."""
+    """Recording with the Kalman observer beside the residuals, from the same samples."""
     c = recording.configuration
     values = kalman(recording.residuals[KALMAN_BELIEF], c.estimator.gain, c.period_s)
     return recording.with_residual(KALMAN, values)
 
 
 def single_joint(conditions: Conditions, seconds: float = 20.0) -> Recording:
-    """Fig. 2: one joint with a gap of 0.1 rad in its sinusoid, nobody near."""
+    """Fig. 2: one joint with a gap of 0.1 rad in its sinusoid, without contact."""
     with lockstep_rig(SINGLE_JOINT, configure=with_rivals(), simulate=conditions) as rig:
         rig.enable()
         rig.run(SETTLE_S)
@@ -95,7 +95,7 @@ def single_joint(conditions: Conditions, seconds: float = 20.0) -> Recording:
 
 
 def contact_free(conditions: Conditions, seconds: float = 30.0) -> Recording:
-    """Fig. 8: the first joint in its sinusoid, all others hold, nobody near."""
+    """Fig. 8: the first joint in its sinusoid, all others hold, without contact."""
     with lockstep_rig(configure=with_rivals(FIRST_JOINT), simulate=conditions) as rig:
         rig.enable()
         rig.run(SETTLE_S)
@@ -143,7 +143,8 @@ def pushes(c: Configuration) -> tuple[Push, ...]:
 
 
 def least_at_rest(joint: Joint) -> float:
-    """What a joint at rest must feel [Nm]: twice the threshold, and beyond half the stiction."""
+    """Least torque [Nm] that must be detected on a joint at rest: twice the threshold, and beyond
+    half the stiction."""
     stuck = joint.friction.motor_coulomb + joint.friction.link_coulomb
     contact = joint.thresholds.contact
     return max(2.0 * contact, contact + 0.5 * stuck)
@@ -175,14 +176,14 @@ def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Record
 
 
 def _clocked(state: State, begin_s: float) -> State:
-    """With the recording's clock for all others."""
+    """Recorder that also sets the time."""
     time_s = state.time_s - begin_s
     timing = msgspec.structs.replace(state.timing, monotonic_s=time_s)
     return msgspec.structs.replace(state, time_s=time_s, timing=timing)
 
 
 def _snapshot(recording: Recording) -> Snapshot:
-    """What a Story wants to know of the arm."""
+    """Snapshot of the arm as a Story takes it."""
     c = recording.configuration
     return Snapshot(
         format=STATE_FORMAT,
@@ -209,6 +210,7 @@ def _record(rig: Rig, seconds: float) -> Recording:
 
 
 def _finished(rig: Rig, recorder: Recorder) -> Recording:
-    """With the rival. A fault on the way would have stopped the arm and spoilt the figure."""
+    """The recording with the rival. A fault on the way would have stopped the arm and spoilt the
+    figure."""
     assert rig.mode is Mode.TRACKING, (rig.mode, rig.tick.controller.machine.cause)
     return with_kalman(recorder.recording())

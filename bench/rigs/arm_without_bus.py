@@ -83,7 +83,7 @@ class Push:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """What happens to the arm from the moment it stands."""
+    """Motion and pushes of the arm from the moment it stands."""
 
     seconds: float
     motion: Motion

@@ -1,5 +1,5 @@
-"""The whole program and the simulated arm on one virtual bus, SYNC as the clock: deterministic,
-faster than real time. For tests and benches."""
+"""Lockstep of the whole program and the simulated arm on one virtual bus, SYNC as the clock:
+deterministic, faster than real time. For tests and benches."""
 
 import itertools
 from collections.abc import Callable, Iterator
@@ -54,7 +54,7 @@ class LockstepBus(VirtualBus):
 
 @dataclass(slots=True)
 class Rig:
-    """Both ends; `step` moves them on by one period."""
+    """Both ends of the bus; `step` moves them on by one period."""
 
     robot: Robot
     tick: Tick
@@ -67,7 +67,7 @@ class Rig:
 
     @property
     def time_s(self) -> float:
-        """Of the next tick."""
+        """Time of the next tick [s]."""
         return self.ticks * self.robot.configuration.period_s
 
     def step(self) -> None:
@@ -90,7 +90,8 @@ class Rig:
         return states
 
     def request(self, event: Event) -> None:
-        """As a person would; raises AssertionError with the reasons of a refusal."""
+        """Request an event as a person would; raises AssertionError with the reasons of a
+        refusal."""
         reasons = self.tick.controller.request(event, "the bench", self.time_s)
         assert not reasons, reasons
 

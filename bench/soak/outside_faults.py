@@ -1,5 +1,5 @@
-"""Faults that come to a running daemon from outside: frames of somebody else on its bus, and
-processes that stand still for a while."""
+"""Faults that come to a running daemon from outside: foreign frames on its bus, and processes that
+stand still for a while."""
 
 import os
 import signal
@@ -55,23 +55,23 @@ def emergency(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
 
 
 def drive_restarts(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
-    """A drive is restarted, and knows nothing of its set-up any more."""
+    """A drive is restarted, and has lost its set-up."""
     say(both.port, (NMT, bytes([RESET_NODE, rng.choice(nodes)])))
 
 
 def drive_stopped(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
-    """A drive is told to be silent."""
+    """A drive is commanded to be silent."""
     command = rng.choice((STOP_NODE, ENTER_PRE_OPERATIONAL))
     say(both.port, (NMT, bytes([command, rng.choice(nodes)])))
 
 
 def foreign_sync(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
-    """Somebody else gives the beat, too."""
+    """Another node sends the SYNC, too."""
     say(both.port, (SYNC, b""))
 
 
 def foreign_setpoint(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
-    """Somebody else takes a drive's voltage away."""
+    """Another node takes a drive's voltage away."""
     say(both.port, (RPDO + rng.choice(nodes), bytes(6)))
 
 

@@ -1,5 +1,6 @@
-"""The real-time part: `contactd simulate` and `contactd run` as processes, people and programs at
-the control socket, rude clients, a recorder that comes and goes, and faults from outside."""
+"""Real-time part of a soak: `contactd simulate` and `contactd run` as processes, people and
+programs at the control socket, rude clients, a recorder that comes and goes, and faults from
+outside."""
 
 import contextlib
 import subprocess
@@ -22,6 +23,7 @@ from bench.soak.onlooker import Onlooker
 from bench.soak.outside_faults import FAULTS
 from bench.soak.people import Leases, Person, Step, View, hear, operator, program
 from bench.soak.process import Stopwatch, held
+from bench.soak.progress import Report
 from bench.soak.record import Part
 from bench.soak.robot import gives_way, hand_script, write_robot
 from daemon.clients.client import Client
@@ -36,8 +38,6 @@ RUDE_S = 2.0
 SETTLES_S = 1.0  # after a fault's cause is gone
 SAMPLES = 240
 
-Tell = Callable[[float], None]
-
 
 @dataclass(slots=True)
 class Shared:
@@ -50,15 +50,15 @@ class Shared:
     state: State | None = None  # the last one
     trouble: bool = False  # a fault is being made
     disturbed: list[tuple[float, float]] = field(default_factory=list)  # from, to [s, monotonic]
-    told: list[str] = field(default_factory=list)  # what went wrong in a thread
+    failures: list[str] = field(default_factory=list)  # what went wrong in a thread
 
     def pause(self, seconds: float) -> bool:
         """Wait; whether it goes on after that."""
         return not self.over.wait(seconds)
 
 
-def run_real_time(seed: int, seconds: float, tell: Tell = lambda share: None) -> Part:
-    """Soak for so many seconds; `tell` hears the share that is done. Raises ContactdError when the
+def run_real_time(seed: int, seconds: float, report: Report = lambda share: None) -> Part:
+    """Soak for so many seconds; `report` gets the share that is done. Raises ContactdError when the
     daemon does not start, or is gone."""
     # The black box keeps a minute, and touches its memory meanwhile.
     part = Part("real time", seed, warm_up_s=min(90.0, 0.2 * seconds))
@@ -78,7 +78,7 @@ def run_real_time(seed: int, seconds: float, tell: Tell = lambda share: None) ->
                 _inhabited(shared, Random(seed), c),
             ):
                 watch = Watch(c, part.ledger, gives_way(loaded))
-                offset_s = _observe(shared, states, watch, onlooker, seconds, tell)
+                offset_s = _observe(shared, states, watch, onlooker, seconds, report)
             both.daemon.terminate()
             _look_back(shared, both.daemon.wait(PATIENCE_S))
             touches = onlooker.touches + shared.disturbed
@@ -100,7 +100,7 @@ def _inhabited(shared: Shared, rng: Random, c: Configuration) -> Iterator[None]:
         try:
             work(shared, *arguments)
         except Exception as error:
-            shared.told.append(f"{work.__name__}: {error!r}")
+            shared.failures.append(f"{work.__name__}: {error!r}")
 
     work: list[tuple[object, ...]] = [
         (_live, operator(Random(rng.random()), c)),
@@ -192,7 +192,7 @@ def _observe(
     watch: Watch,
     onlooker: Onlooker,
     seconds: float,
-    tell: Tell,
+    report: Report,
 ) -> float:
     """Check every State, and sample what the daemon holds and how punctual it is. Returns what must
     be added to State.time_s for the clock that all processes share [s]."""
@@ -217,7 +217,7 @@ def _observe(
         if now >= next_s:
             part.sample(now - first.time_s, _figures(window, pid, stopwatch))
             window, next_s = [state], next_s + every
-            tell((now - first.time_s) / seconds)
+            report((now - first.time_s) / seconds)
         if now >= first.time_s + seconds:
             break
     part.counts["deadlines missed"] = window[-1].timing.missed
@@ -238,11 +238,11 @@ def _figures(window: Sequence[State], pid: int, stopwatch: Stopwatch) -> dict[st
 
 
 def _look_back(shared: Shared, code: int) -> None:
-    """How it ended, and what the log says."""
+    """Check how it ended, and the log."""
     check, end = shared.part.ledger.check, shared.part.times_s[-1]
     check("SIGTERM ends it in good order", code in (0, 69), end, f"exit status {code}")
     log = shared.both.log.read_text()
     words = log[log.find("Traceback") :][:500]
     check("no traceback in the log", "Traceback" not in log, end, words)
-    check("the bench's own people are well", not shared.told, end, "; ".join(shared.told))
+    check("the bench's own people are well", not shared.failures, end, "; ".join(shared.failures))
     shared.part.counts["lines in the log"] = len(log.splitlines())

@@ -1,4 +1,4 @@
-"""The figures of `bench.detection` for people: two tables and a picture."""
+"""Report of `bench.detection` for people: two tables and a picture."""
 
 import math
 from collections.abc import Mapping

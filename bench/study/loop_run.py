@@ -1,4 +1,4 @@
-"""What `bench.loop` measures: recorded drives, the real loop, cyclictest beside it."""
+"""Measurements of `bench.loop`: recorded drives, the real loop, cyclictest beside it."""
 
 import contextlib
 import json
@@ -37,7 +37,7 @@ TPDOS: Final = set(range(TPDO, TPDO + 4 * NEXT_PDO, NEXT_PDO))
 MOST_HZ_OF_SEVEN: Final = 250
 # What the recorded session does, and when [s].
 ENABLE_S, START_S, STEADY_S, END_S = 0.1, 0.7, 1.2, 3.2
-# Sampled on a grid, and played to wake-ups that are not: so slow that this is not felt as a blow.
+# Sampled on a grid, and played to wake-ups that are not: so slow that this is no blow.
 SWAY: Final = Sinusoid(amplitude=0.002, frequency_Hz=1 / (END_S - STEADY_S))
 WARM_UP_TICKS: Final = 50
 LONGEST_US: Final = 100_000  # of cyclictest's histogram
@@ -58,11 +58,11 @@ class Distribution:
         return float(self.values[min(np.searchsorted(share, percent / 100.0), share.size - 1)])
 
     def beyond(self, limit: float) -> int:
-        """How many were larger."""
+        """Number of larger ones."""
         return int(self.counts[self.values > limit].sum())
 
     def data(self) -> dict[str, float]:
-        """Its percentiles."""
+        """Percentiles for JSON."""
         return {f"p{p:g}": round(self.at(p), 1) for p in (50, 90, 99, 99.9, 100)}
 
 
@@ -85,7 +85,7 @@ class Run:
     waited: bool = True  # for its deadlines: lateness and work are of real time
 
     def data(self) -> dict[str, Any]:
-        """For JSON."""
+        """Measurements for JSON."""
         cyclictest = self.cyclictest_us.data() if self.cyclictest_us else self.why_no_cyclictest
         return {
             "joints": self.joints,
@@ -103,9 +103,11 @@ class Run:
 
 
 class RecordedDrives:
-    """A far end of the virtual bus that answers each SYNC, inside its sending, with what the
-    simulated drives said in that tick; the steady part of the recording is played over and over.
-    Time goes on while a SYNC is left out."""
+    """Far end of the virtual bus that answers each SYNC, inside its sending, with the simulated
+    drives' answers of that tick; the steady part of the recording is played over and over.
+
+    Time goes on while a SYNC is left out.
+    """
 
     def __init__(
         self,
@@ -123,7 +125,7 @@ class RecordedDrives:
         self.cpu_s = 0.0  # taken by the answers so far
 
     def put_nowait(self, message: can.Message) -> None:
-        """As a queue of the virtual bus: a frame arrives here."""
+        """Take a frame, in the place of a queue of the virtual bus."""
         if message.arbitration_id != SYNC:
             return
         begun, now = time.thread_time(), self._clock()
@@ -213,7 +215,7 @@ def _distribution(figures: NDArray[np.float64]) -> Distribution:
 
 
 def record(hz: int) -> tuple[Robot, Answers]:
-    """What the simulated drives answer to each SYNC of a session: enabled, then swaying."""
+    """The simulated drives' answers to each SYNC of a session: enabled, then swaying."""
 
     def configure(c: Configuration) -> Configuration:
         trajectory = msgspec.structs.replace(
@@ -246,7 +248,7 @@ def _of_a_drive(message: can.Message, nodes: set[int]) -> bool:
 
 @contextlib.contextmanager
 def hogs(count: int) -> Iterator[None]:
-    """So many processes that do nothing else than take CPU time, with an ordinary priority."""
+    """Processes that do nothing else than take CPU time, with an ordinary priority."""
     processes = [multiprocessing.Process(target=_burn, daemon=True) for _ in range(count)]
     for process in processes:
         process.start()
@@ -290,7 +292,7 @@ class Cyclictest:
             self._process.communicate()
 
     def result(self) -> tuple[Distribution | None, str]:
-        """Its latencies, or None and why there are none."""
+        """Latencies, or None and the reason why there are none."""
         if self._process is None:
             return None, "cyclictest is not installed (apt install rt-tests)"
         _, said = self._process.communicate()

@@ -1,4 +1,4 @@
-"""Arms that are not the model's, and what happens to them: drawn from a seed, and repeatable.
+"""Population of arms that are not the model's, and their motions and pushes, drawn from a seed.
 
 Every quantity is off by its whole percentage and only the sign is drawn, so each arm is a corner of
 what is allowed, not its middle.
@@ -46,7 +46,7 @@ def subject(robot: Robot, friction: FrictionModel, seed: int, **changes: float) 
 
 
 def velocity_errors(rng: np.random.Generator) -> dict[str, float]:
-    """Of the motor velocity, for `subject`: one sign each."""
+    """Errors of the motor velocity, for `subject`: one sign each."""
     of_scale, of_bias = rng.choice((-1.0, 1.0), 2).tolist()
     return {
         "velocity_scale_error": of_scale * VELOCITY_SCALE_ERROR,

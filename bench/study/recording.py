@@ -1,4 +1,4 @@
-"""What a lockstep run looked like: one row per tick, from both ends of the bus.
+"""Recording of a lockstep run: one row per tick, from both ends of the bus.
 
     recorder = Recorder(rig)
     rig.run(20.0, recorder)
@@ -59,7 +59,7 @@ class Recording:
         return self.residuals[self.configuration.estimator.residual.name]
 
     def thresholded(self, name: str) -> Matrix:
-        """Of the residual `name`, beyond the thresholds that were in force [Nm]."""
+        """Residual `name` beyond the thresholds that were in force [Nm]."""
         return dead_band(self.residuals[name], self.threshold)
 
     def with_residual(self, name: str, values: Matrix) -> "Recording":

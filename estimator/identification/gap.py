@@ -21,7 +21,8 @@ _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
 
 
 def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> GapResult:
-    """By the method that fits what moved in the log, which may be that of several sittings."""
+    """Half-gap of one joint by the method that fits what moved in the log, which may be that of
+    several sittings."""
     q, theta = positions(log, joint)
     moved_q, moved_theta = spread(q), spread(theta)
     name = log.joints[joint]
@@ -46,8 +47,8 @@ def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> GapResul
 
 
 def positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
-    """Of link and motor. Each sitting after a pause begins with the motor at zero and with the
-    middle of its own phi there, so that sittings can be compared."""
+    """Positions (N,) [rad] of link and motor. Each sitting after a pause begins with the motor at
+    zero and with the middle of its own phi there, so that sittings can be compared."""
     q, theta = log.link_position[:, joint].copy(), np.empty_like(log.time_s)
     sittings = log.stretches(PAUSE_S)
     for rows in sittings:

@@ -19,7 +19,7 @@ _MOST_TOUCHED = 0.2
 
 
 class LevelVerdict(StrEnum):
-    """`good`, or why the old levels stay."""
+    """Verdict on new levels: `good`, or the reason why the old ones stay."""
 
     GOOD = "good"
     CEILING = "above the ceiling"
@@ -29,9 +29,11 @@ class LevelVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class LevelSettings:
-    """False alarms per joint and hour, and what the levels may be [Nm], floors and ceilings (n,).
+    """Allowed false alarms per joint and hour, and bounds of the levels [Nm], floors and ceilings
+    (n,).
 
-    The collision level is at least `collision_factor` times the contact level."""
+    The collision level is at least `collision_factor` times the contact level.
+    """
 
     contact_per_hour: float
     collision_per_hour: float
@@ -42,7 +44,7 @@ class LevelSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelsResult:
-    """Of one joint [Nm]."""
+    """Levels of one joint [Nm], with the verdict on them."""
 
     joint: str
     verdict: LevelVerdict
@@ -64,8 +66,9 @@ def identify_levels(
 ) -> list[LevelsResult]:
     """Two levels per joint from residuals (N, n) [Nm].
 
-    raised (N, n): what the thresholds were raised by near rest, which the same will do for the new
-    ones; touched (N,): ticks in which any joint felt a contact, and nothing is learned.
+    raised (N, n): what the thresholds were raised by near rest, as the new ones will be; touched
+    (N,): ticks in which any joint was past its contact level, from which nothing is learned.
+
     Raises LogError for numbers that are not finite.
     """
     if not (np.isfinite(residual).all() and np.isfinite(raised).all()):

@@ -1,4 +1,4 @@
-"""The arm without a bus is the arm on the bus; its truth and its timing are what they say."""
+"""Arm without a bus against the arm on the bus; its truth and its timing."""
 
 from dataclasses import replace
 

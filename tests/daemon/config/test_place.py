@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT
-from bench.rigs.person import Arm
+from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import served_daemon
 from bench.rigs.typed_session import wired_joint
 from daemon.clients.client import Client
@@ -15,12 +15,12 @@ from daemon.config.load import load_robot
 
 
 @pytest.fixture
-def arm(tmp_path: Path) -> Arm:
+def arm(tmp_path: Path) -> CommissionedArm:
     return wired_joint(tmp_path)
 
 
 def test_status_names_the_whole_path(
-    arm: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arm: CommissionedArm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with served_daemon(tmp_path, Path("my_arm")) as served:
@@ -31,7 +31,9 @@ def test_status_names_the_whole_path(
     assert status.configuration == str(arm.folder.resolve() / "config.yaml")
 
 
-def test_a_linked_configuration_stays_beside_what_it_refers_to(arm: Arm, tmp_path: Path) -> None:
+def test_a_linked_configuration_stays_beside_what_it_refers_to(
+    arm: CommissionedArm, tmp_path: Path
+) -> None:
     """The folder may be a link, too."""
     written = (arm.folder / "config.yaml").rename(tmp_path / "written.yaml")
     (arm.folder / "config.yaml").symlink_to(written)
@@ -40,7 +42,7 @@ def test_a_linked_configuration_stays_beside_what_it_refers_to(arm: Arm, tmp_pat
 
 
 def test_identify_writes_to_the_daemons_folder_from_wherever_it_is_typed(
-    arm: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arm: CommissionedArm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also where another arm has the same path from there."""
     (elsewhere := tmp_path / "elsewhere").mkdir()

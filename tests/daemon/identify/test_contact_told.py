@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from bench.rigs.person import Arm
-from bench.rigs.typed_session import Typed, wired_joint
+from bench.rigs.person import CommissionedArm
+from bench.rigs.typed_session import TypedCommand, wired_joint
 from daemon.identify.session import Told, alone, left_out, spoils_wiring_of
 from daemon.protocol.messages import Contact, Notice
 
 
 @pytest.fixture
-def arm(tmp_path: Path) -> Arm:
+def arm(tmp_path: Path) -> CommissionedArm:
     return wired_joint(tmp_path)
 
 
@@ -34,11 +34,11 @@ def test_a_contact_is_what_the_step_makes_of_it(told: Told, says: str) -> None:
     assert told(contact("elbow")) == says
 
 
-def pushed(arm: Arm, *words: str) -> str:
+def pushed(arm: CommissionedArm, *words: str) -> str:
     """What a step says that is stopped after a push of half a second, which the daemon felt."""
     with arm.served() as served:
         served.rig.enable()
-        typed = Typed(served, *words)
+        typed = TypedCommand(served, *words)
         typed.moves(1.0)
         felt = []
         served.rig.arm.external_torque[0] = 1.5
@@ -53,7 +53,7 @@ def pushed(arm: Arm, *words: str) -> str:
     return said
 
 
-def test_a_hand_at_the_link_that_it_is_to_move_is_told_nothing(arm: Arm) -> None:
+def test_a_hand_at_the_link_that_it_is_to_move_is_told_nothing(arm: CommissionedArm) -> None:
     said = pushed(arm, "gap")
     assert "hands off" not in said
     assert "feels" not in said
@@ -67,6 +67,6 @@ def test_a_hand_at_the_link_that_it_is_to_move_is_told_nothing(arm: Arm) -> None
     ],
 )
 def test_a_hand_at_an_arm_that_moves_by_itself_is_told_what_becomes_of_it(
-    arm: Arm, step: str, says: str
+    arm: CommissionedArm, step: str, says: str
 ) -> None:
     assert f"if that was you, {says}" in pushed(arm, step)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bench.rigs.person import Arm
+from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import ServedDaemon
-from bench.rigs.typed_session import Typed, identify, stopped, wired_joint
+from bench.rigs.typed_session import TypedCommand, identify, stopped, wired_joint
 from daemon.clients.client import Client
 from daemon.clients.recorder import record
 from daemon.config import identified as file
@@ -21,25 +21,25 @@ OF_OTHER_WIRING = "was recorded with other drives, another wiring or another per
 
 
 @pytest.fixture
-def arm(tmp_path: Path) -> Arm:
+def arm(tmp_path: Path) -> CommissionedArm:
     return wired_joint(tmp_path)
 
 
 @contextmanager
-def holding(arm: Arm) -> Iterator[ServedDaemon]:
+def holding(arm: CommissionedArm) -> Iterator[ServedDaemon]:
     """The daemon started (again), and the arm enabled."""
     with arm.served() as served:
         served.rig.enable()
         yield served
 
 
-def kept(arm: Arm) -> list[Path]:
+def kept(arm: CommissionedArm) -> list[Path]:
     return sorted((arm.folder / "identify").glob("*.part*.mcap"))
 
 
 def refused(served: ServedDaemon, *words: str) -> str:
     """What is said instead of moving."""
-    typed = Typed(served, *words)
+    typed = TypedCommand(served, *words)
     status, said = typed.ends()
     assert (status, typed.ticks_in_motion) == (65, 0), said
     assert "going on with" not in said
@@ -53,12 +53,14 @@ def moves(served: ServedDaemon, *words: str) -> str:
     return said
 
 
-def find_a_wider_gap(arm: Arm) -> None:
+def find_a_wider_gap(arm: CommissionedArm) -> None:
     gap = file.GapEntry(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
     identify(arm.folder, "gap", gap)
 
 
-def test_residuals_of_other_values_are_in_the_way_until_they_are_deleted(arm: Arm) -> None:
+def test_residuals_of_other_values_are_in_the_way_until_they_are_deleted(
+    arm: CommissionedArm,
+) -> None:
     with holding(arm) as served:
         moves(served, *THRESHOLDS)
         moves(served, *THRESHOLDS)
@@ -77,7 +79,9 @@ def test_residuals_of_other_values_are_in_the_way_until_they_are_deleted(arm: Ar
         assert "s of 40 s are measured already" in moves(served, *THRESHOLDS)
 
 
-def test_friction_goes_on_with_samples_whose_residuals_are_of_other_values(arm: Arm) -> None:
+def test_friction_goes_on_with_samples_whose_residuals_are_of_other_values(
+    arm: CommissionedArm,
+) -> None:
     with holding(arm) as served:
         moves(served, *FRICTION)
     find_a_wider_gap(arm)
@@ -87,7 +91,7 @@ def test_friction_goes_on_with_samples_whose_residuals_are_of_other_values(arm: 
 
 @pytest.mark.parametrize("words", [("gap",), FRICTION, THRESHOLDS])
 def test_samples_of_another_wiring_are_in_the_way_of_every_step(
-    arm: Arm, words: tuple[str, ...]
+    arm: CommissionedArm, words: tuple[str, ...]
 ) -> None:
     with holding(arm) as served:
         moves(served, *words)
@@ -101,7 +105,7 @@ def test_samples_of_another_wiring_are_in_the_way_of_every_step(
     assert "stands still" not in said  # nobody is asked to move a link first
 
 
-def test_a_recording_without_samples_is_in_the_way_by_its_name(arm: Arm) -> None:
+def test_a_recording_without_samples_is_in_the_way_by_its_name(arm: CommissionedArm) -> None:
     first, second = (arm.folder / "identify" / f"friction.part0{i}.mcap" for i in (1, 2))
     first.parent.mkdir()
     first.touch()

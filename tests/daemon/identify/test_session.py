@@ -15,9 +15,9 @@ import pytest
 from click.testing import CliRunner
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
-from bench.rigs.person import Arm
+from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import ServedDaemon
-from bench.rigs.typed_session import MOTION_S, Typed, identify, stopped, wired_joint
+from bench.rigs.typed_session import MOTION_S, TypedCommand, identify, stopped, wired_joint
 from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot
@@ -34,12 +34,12 @@ APPROACH_S = 0.9
 
 
 @pytest.fixture
-def arm(tmp_path: Path) -> Arm:
+def arm(tmp_path: Path) -> CommissionedArm:
     return wired_joint(tmp_path)
 
 
 @pytest.fixture
-def served(arm: Arm) -> Iterator[ServedDaemon]:
+def served(arm: CommissionedArm) -> Iterator[ServedDaemon]:
     with arm.served() as served:
         served.rig.enable()
         yield served
@@ -54,7 +54,7 @@ def recorded(part: Path) -> MotionLog:
     "words", [("wiring",), ("gap",), ("friction", "--seconds", "20"), ("thresholds",)]
 )
 def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
-    arm: Arm, served: ServedDaemon, words: tuple[str, ...]
+    arm: CommissionedArm, served: ServedDaemon, words: tuple[str, ...]
 ) -> None:
     before = (arm.folder / "identified.yaml").read_bytes()
     status, said = stopped(served, *words)
@@ -68,7 +68,7 @@ def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
 
 
 def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
-    arm: Arm, served: ServedDaemon
+    arm: CommissionedArm, served: ServedDaemon
 ) -> None:
     command = [sys.executable, "-m", "daemon.commands.contactd", "identify", "friction"]
     with subprocess.Popen(
@@ -103,14 +103,16 @@ def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
     assert recorded(part).duration_s > MOTION_S - 0.5
 
 
-def test_friction_goes_on_from_where_it_was_stopped(arm: Arm, served: ServedDaemon) -> None:
+def test_friction_goes_on_from_where_it_was_stopped(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
     """20 s are three periods of the excitation; of what remains after 5 s there are two. Before
     both there is the way to where it begins."""
     stopped(served, "friction", "--seconds", "20", after_s=5.0 + APPROACH_S)
     (part,) = (arm.folder / "identify").glob("friction*.mcap")
     already = recorded(part).duration_s - APPROACH_S
     assert 4.4 < already < 8.0  # Ctrl-C is heard when the machine has time for it
-    typed = Typed(served, "friction", "--seconds", "20")
+    typed = TypedCommand(served, "friction", "--seconds", "20")
     status, said = typed.ends()
     assert status == 0, said
     (measured,) = re.findall(r"part01\.mcap (\d+) s of 20 s are measured already", said)
@@ -149,27 +151,31 @@ def test_a_hand_goes_on_with_the_borders_that_it_met_before(
     assert (hands[0].done, hands[1].done) == (False, True)
 
 
-def test_a_refused_start_leaves_no_recording(arm: Arm) -> None:
+def test_a_refused_start_leaves_no_recording(arm: CommissionedArm) -> None:
     (arm.folder / "identified.yaml").unlink()
     with arm.served() as served:
         served.rig.enable()
-        status, said = Typed(served, "friction", "--seconds", "20").ends()
+        status, said = TypedCommand(served, "friction", "--seconds", "20").ends()
     assert status == 1
     assert "the wiring was not checked" in said
     assert list((arm.folder / "identify").iterdir()) == []
 
 
-def test_where_nothing_can_be_recorded_nothing_moves(arm: Arm, served: ServedDaemon) -> None:
+def test_where_nothing_can_be_recorded_nothing_moves(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
     (arm.folder / "identify").touch()
-    typed = Typed(served, "friction", "--seconds", "20")
+    typed = TypedCommand(served, "friction", "--seconds", "20")
     status, said = typed.ends()
     assert (status, typed.ticks_in_motion) == (65, 0)
     assert "cannot record in " in said
 
 
-def refused(arm: Arm, served: ServedDaemon, part: Path, step: str, live: str, log: str) -> None:
+def refused(
+    arm: CommissionedArm, served: ServedDaemon, part: Path, step: str, live: str, log: str
+) -> None:
     """A step is, on the arm before anything moves, and on a recording of it."""
-    typed = Typed(served, step)
+    typed = TypedCommand(served, step)
     status, said = typed.ends()
     assert (status, typed.ticks_in_motion) == (78, 0)
     assert live in said
@@ -179,7 +185,7 @@ def refused(arm: Arm, served: ServedDaemon, part: Path, step: str, live: str, lo
     assert log in result.output
 
 
-def test_samples_of_another_wiring_are_refused(arm: Arm, served: ServedDaemon) -> None:
+def test_samples_of_another_wiring_are_refused(arm: CommissionedArm, served: ServedDaemon) -> None:
     stopped(served, "friction", "--seconds", "20")
     (part,) = (arm.folder / "identify").glob("*.mcap")
     text = (arm.folder / "config.yaml").read_text()
@@ -190,7 +196,9 @@ def test_samples_of_another_wiring_are_refused(arm: Arm, served: ServedDaemon) -
         read_measured([part], load_robot(ROMEO).configuration)
 
 
-def test_thresholds_are_those_of_the_values_in_force(arm: Arm, served: ServedDaemon) -> None:
+def test_thresholds_are_those_of_the_values_in_force(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
     stopped(served, "thresholds")
     (part,) = (arm.folder / "identify").glob("*.mcap")
     gap = file.GapEntry(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
@@ -232,9 +240,11 @@ def test_how_a_motion_ends(
     assert len(saw) == seen
 
 
-def test_a_lost_drive_ends_the_step_and_is_named(arm: Arm, served: ServedDaemon) -> None:
+def test_a_lost_drive_ends_the_step_and_is_named(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
     before = (arm.folder / "identified.yaml").read_bytes()
-    typed = Typed(served, "friction", "--seconds", "20")
+    typed = TypedCommand(served, "friction", "--seconds", "20")
     typed.moves()
     served.rig.arm.drives[0].transmit = lambda: None  # type: ignore[method-assign]
     status, said = typed.ends()
@@ -244,8 +254,8 @@ def test_a_lost_drive_ends_the_step_and_is_named(arm: Arm, served: ServedDaemon)
     assert (arm.folder / "identified.yaml").read_bytes() == before
 
 
-def test_a_touch_is_told_at_once_and_left_out(arm: Arm, served: ServedDaemon) -> None:
-    typed = Typed(served, "friction", "--seconds", "20")
+def test_a_touch_is_told_at_once_and_left_out(arm: CommissionedArm, served: ServedDaemon) -> None:
+    typed = TypedCommand(served, "friction", "--seconds", "20")
     typed.moves(8.0)
     served.rig.arm.external_torque[0] = 1.5
     typed.moves(8.5)

@@ -1,4 +1,4 @@
-"""Excitations stay within their bounds, begin and end at rest, and are better than the first."""
+"""Excitations: within their bounds, from rest to rest, and better conditioned than the first."""
 
 import numpy as np
 import pytest
