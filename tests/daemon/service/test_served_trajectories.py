@@ -135,7 +135,7 @@ def test_a_program_loads_and_starts(house: ServedDaemon, client: Client) -> None
 @pytest.mark.parametrize(
     ("positions", "row", "words"),
     [
-        ([[0.0], [0.1], [float("nan")]], 2, "cannot be followed"),
+        ([[0.0], [0.1], [float("nan")]], 2, "must be numbers of at most"),
         ([[0.0], [0.1], [9.0]], 2, "jumps"),
         ([[0.0], [0.1, 0.2], [0.3]], 1, "2 positions for 1 joints"),
     ],
