@@ -20,7 +20,6 @@ from drivers.settings import Settings
 from errors import ConfigurationError
 
 FILE = "identified.yaml"
-STEPS = ("wiring", "gap", "friction", "thresholds")
 NotNegative = Annotated[float, Meta(ge=0)]
 
 
