@@ -1,4 +1,4 @@
-"""`contactd check`: what follows from a configuration, before anything is on the bus."""
+"""`contactd check`: checks a configuration and prints what follows from it, without the bus."""
 
 import sys
 from pathlib import Path
@@ -29,17 +29,17 @@ QUANTITY_UNITS = {
     "max_motor_speed": "rad/s",
 }
 FORMULA = "value = sign * (offset + scale * counts); link_position at link, else at motor"
-# What is done where a drive profile does not have it.
+# Substitutes for quantities that a drive profile does not have.
 WITHOUT = {
     "motor_position": "integrated from the velocity",
     "max_motor_speed": "the drive's own speed limit is left as it is",
 }
 FOR_PIPES = 120
-FOLDED = "mapping"  # the column that needs not be on one line
+FOLDED = "mapping"  # the column that may wrap
 
 
 def print_check(config: Path) -> None:
-    """Check and describe. Raises ConfigurationError with everything that is wrong."""
+    """Check a configuration and describe it. Raises ConfigurationError with all that is wrong."""
     robot = load_robot(config)
     c = robot.configuration
     console = Console() if sys.stdout.isatty() else Console(width=FOR_PIPES)
@@ -73,7 +73,7 @@ def print_check(config: Path) -> None:
         f"one exchange takes {exchange_ms:.2f} of {c.period_ms} ms",
         highlight=False,
     )
-    # At the end, where nobody overlooks it.
+    # At the end, where it is not overlooked.
     for joint, asked in zip(c.joints, loads, strict=True):
         if asked.too_much:
             console.print(
@@ -86,7 +86,7 @@ def print_check(config: Path) -> None:
 
 
 def _remark(console: Console, text: str) -> None:
-    """Indented, however many lines it takes."""
+    """Print indented, over as many lines as it takes."""
     console.print(Padding(text, (0, 0, 0, 2), expand=False), highlight=False)
 
 
@@ -153,7 +153,7 @@ def _wiring(c: Configuration) -> Table:
 
 
 def _joints(c: Configuration, loads: list[Load]) -> Table:
-    """`gravity Nm`: at worst, of what the motor gives at its largest current."""
+    """Table of joints; `gravity Nm` is the worst case, of the motor's torque at largest current."""
     table = _table(
         "\njoints",
         *("joint", "half-gap mrad", "level Nm", "limits rad", "gravity Nm", "end"),

@@ -19,7 +19,6 @@ from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Leve
 from drivers.settings import Settings
 from errors import ConfigurationError
 
-STEPS = ("wiring", "gap", "friction", "thresholds")
 NotNegative = Annotated[float, Meta(ge=0)]
 
 

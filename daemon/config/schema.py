@@ -126,7 +126,7 @@ class Trajectory(Settings, frozen=True):
 
 
 class SupervisorSettings(Settings, frozen=True):
-    """Bounds beyond which a condition is a fault."""
+    """When doubt becomes a fault."""
 
     stale_ticks: Ticks = 3  # ticks without the TPDOs of a drive
     overrun_ticks: Ticks = 5  # deadlines missed in a row

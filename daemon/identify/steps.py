@@ -1,4 +1,4 @@
-"""One step each: from measurements to entries of `identified.yaml` and lines for a person."""
+"""Steps of the identification: from measurements to entries of `identified.yaml` and to text."""
 
 from dataclasses import dataclass, field
 
@@ -29,7 +29,7 @@ from estimator.model import Model
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """What is said of one joint."""
+    """Result of a step for one joint, for a person."""
 
     joint: str
     verdict: str
@@ -40,7 +40,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Lines for a person, entries for the file by joint, and what is worth a plot."""
+    """Result of a step: lines for a person, entries for the file by joint, and data for plots."""
 
     lines: list[Line]
     entries: dict[str, file.Entry]
@@ -50,7 +50,7 @@ class Outcome:
 
 
 def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> Outcome:
-    """Half-gaps of the named joints."""
+    """Identify the half-gaps of the named joints."""
     names = robot.configuration.joint_names
     constants = [joint.torque_constant for joint in robot.configuration.joints]
     lines, entries, gaps = [], dict[str, file.Entry](), []
@@ -78,7 +78,10 @@ def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> 
 
 
 def friction_step(robot: Robot, measured: Measured, date: str) -> Outcome:
-    """Friction and rotor inertia of all joints, from contact-free motion."""
+    """Identify friction and rotor inertia of all joints from contact-free motion.
+
+    Raises LogError for measurements that cannot be true.
+    """
     c = robot.configuration
     limit = np.array([joint.wiring.max_current_A for joint in c.joints])
     refuse_implausible(measured.log, limit)
@@ -132,7 +135,7 @@ def _friction_figures(fit: FrictionFit) -> str:
 
 
 def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str) -> Outcome:
-    """Two levels per joint from contact-free motion."""
+    """Identify two levels per joint from contact-free motion. Raises LogError without residuals."""
     c = robot.configuration
     r, raised, touched = measured.residual, measured.raised, measured.touched
     if r is None or raised is None or touched is None:
@@ -167,15 +170,15 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
 
 
 def _level_settings(c: Configuration, per_hour: float) -> LevelSettings:
-    """Floor: two counts of the current's noise cannot be a touch. Ceiling: a fifth of the torque
-    that the drive can give; a level above it protects nobody."""
+    """Floor and ceiling of the levels. Two counts of the current's noise, the floor, cannot be a
+    touch. The ceiling is a fifth of the drive's largest torque: a level above protects nobody."""
     strongest = np.array([j.torque_constant * j.wiring.max_current_A for j in c.joints])
     floor: Vector = 0.01 * strongest
     return LevelSettings(per_hour, per_hour / 100.0, floor, 0.2 * strongest)
 
 
 def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outcome:
-    """Signs and scales of joints that were moved one by one: the log of each."""
+    """Check signs and scales of joints that were moved one by one; `measured` has a log of each."""
     c = robot.configuration
     model = Model(robot.urdf, c.joint_names)
     lines, entries = [], dict[str, file.Entry]()
@@ -199,9 +202,9 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
 def merged(
     robot: Robot, step: str, entries: dict[str, file.Entry], serials: dict[str, int | None]
 ) -> file.Identified:
-    """The robot's file with the entries of one step in it.
+    """Content of the robot's file with the entries of one step in it.
 
-    What belongs to another configuration, or another drive, is dropped.
+    Entries that belong to another configuration, or another drive, are dropped.
     """
     mark = file.fingerprint(robot.configuration, robot.urdf)
     old = robot.identified

@@ -1,4 +1,4 @@
-"""docs/modes.md shows the table of `daemon.modes.table`, row by row, and nothing else."""
+"""Tables of docs/modes.md against `daemon.modes.table`, row by row, with nothing else."""
 
 import re
 from collections.abc import Iterable, Mapping

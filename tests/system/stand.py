@@ -1,4 +1,4 @@
-"""What the system tests stand on: the service, its journal, the simulated drives."""
+"""Stand of the system tests: the service, its journal, the simulated drives."""
 
 import contextlib
 import json

@@ -1,4 +1,4 @@
-"""Recordings: what went in comes out, and what is broken says so."""
+"""Recordings: they are read as written, and damage is reported."""
 
 import json
 import threading

@@ -1,4 +1,4 @@
-"""The demonstration's judgement: a story that went wrong must not pass."""
+"""Checks of the demonstration: a story that went wrong must not pass."""
 
 import msgspec
 import pytest

@@ -1,4 +1,4 @@
-"""Where the daemon's configuration is, for those who ask from another folder than its own."""
+"""Path of the daemon's configuration, asked for from other folders than its own."""
 
 import shutil
 from pathlib import Path

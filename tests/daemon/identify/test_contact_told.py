@@ -1,4 +1,4 @@
-"""What is said of a contact while a step of `contactd identify` moves the arm, or a hand does."""
+"""Warnings about a contact while a step of `contactd identify`, or a hand, moves the arm."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import pytest
 
 from bench.rigs.person import CommissionedArm
 from bench.rigs.typed_session import TypedCommand, wired_joint
-from daemon.identify.session import Told, alone, left_out, spoils_wiring_of
+from daemon.identify.session import ContactWarning, discarded, other_joint_touched, wiring_spoiled
 from daemon.protocol.messages import Contact, Notice
 
 
@@ -21,17 +21,17 @@ def contact(joint: str) -> Notice:
 
 
 @pytest.mark.parametrize(
-    ("told", "says"),
+    ("warning", "says"),
     [
-        (left_out, "elbow -0.35 Nm (contact): if that was you, hands off; it is discarded"),
-        (spoils_wiring_of("wrist"), "elbow -0.35 Nm (contact): if that was you, hands off, and "
+        (discarded, "elbow -0.35 Nm (contact): if that was you, hands off; it is discarded"),
+        (wiring_spoiled("wrist"), "elbow -0.35 Nm (contact): if that was you, hands off, and "
                                     "check the wiring of wrist again"),
-        (alone("wrist"), "elbow feels -0.35 Nm: move wrist alone"),
-        (alone("elbow"), ""),
+        (other_joint_touched("wrist"), "elbow feels -0.35 Nm: move wrist alone"),
+        (other_joint_touched("elbow"), ""),
     ],
 )  # fmt: skip
-def test_a_contact_is_what_the_step_makes_of_it(told: Told, says: str) -> None:
-    assert told(contact("elbow")) == says
+def test_a_contact_is_what_the_step_makes_of_it(warning: ContactWarning, says: str) -> None:
+    assert warning(contact("elbow")) == says
 
 
 def pushed(arm: CommissionedArm, *words: str) -> str:

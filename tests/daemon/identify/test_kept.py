@@ -1,4 +1,4 @@
-"""What a stopped step of `contactd identify` left behind: gone on with, or refused before anything
+"""Recordings left by a stopped step of `contactd identify`: continued, or refused before anything
 moves."""
 
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""A strong hand pushes every joint into its limit at once, in lockstep with the plant."""
+"""Joint limits under a strong hand that pushes every joint into its limit at once, in lockstep."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""No velocity beyond its bound, no change beyond the acceleration, no joint through its limit."""
+"""Limits of setpoints: velocity, acceleration, and no joint through its limit."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Cubic pieces between samples: what runs is what was judged, chunk by chunk."""
+"""Cubic pieces between samples: the path that runs is the one checked, chunk by chunk."""
 
 import json
 import math
