@@ -152,7 +152,7 @@ verify: $(STAMP)  ## compare our URDF with the public Romeo description (downloa
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps example-robot-data
 	$(BIN)/python -m pytest -q -m verify
 
-reference: $(STAMP)  ## write docs/configuration.md and docs/contactctl.md from the code
+reference: $(STAMP)  ## write the reference pages in docs from the code
 	$(BIN)/python docs/reference.py
 
 lock:  ## resolve the dependencies anew and write both lock files (names and versions)

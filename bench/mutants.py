@@ -35,6 +35,7 @@ PATIENCE_S: Final = 120.0
 
 TESTS: Final = {
     "daemon/faults/table.py": "tests/daemon/faults/test_table.py",
+    "daemon/faults/finding.py": "tests/daemon/faults/test_finding.py",
     "daemon/faults/detector.py": "tests/daemon/faults/test_detector.py",
     "daemon/faults/plausibility.py": "tests/daemon/faults/test_plausibility.py",
     "daemon/faults/following.py": "tests/daemon/faults/test_following.py",

@@ -11,7 +11,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from daemon.faults.table import Condition, Finding
+from daemon.faults.finding import Finding
+from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
 from daemon.tick.loop import Loop
 from daemon.tick.tick import Tick

@@ -1,14 +1,17 @@
-"""Writes the reference pages from the code: `python docs/reference.py`, or `make reference`.
+"""Writer of the reference pages from the code: `python docs/reference.py`, or `make reference`.
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
-`contactctl.md` from the commands' own help. tests/docs/test_reference.py says when to run it again.
+`contactctl.md` from the commands' own help. `faults.md` and `modes.md` are written by hand but for
+the parts between two markers, which come from the tables that the program runs on.
+tests/docs/test_reference.py says when to run it again.
 """
 
 import ast
 import inspect
 import io
+import re
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +21,9 @@ from msgspec import inspect as types
 
 from daemon.commands.contactctl import main
 from daemon.config.schema import Configuration
+from daemon.faults.table import TABLE, Condition, Response
+from daemon.modes.contact_reactions import EVENT_OF
+from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
 
 DOCS = Path(__file__).parent
 MADE = "<!-- Made from the code by `make reference`: change it there. -->\n"
@@ -49,6 +55,129 @@ def contactctl_page() -> str:
     for name, command in main.commands.items():
         parts.append(f"\n## {name}\n\n{_help(command, f'contactctl {name}')}")
     return "\n".join(parts)
+
+
+def faults_page() -> str:
+    """docs/faults.md, with its parts from the table of faults."""
+    page = (DOCS / "faults.md").read_text(encoding="utf-8")
+    return filled(page, {"overview": _overview(), "conditions": _conditions()})
+
+
+def modes_page() -> str:
+    """docs/modes.md, with its parts from the tables of modes and of reactions to contacts."""
+    page = (DOCS / "modes.md").read_text(encoding="utf-8")
+    parts = {
+        "diagram": _diagram(),
+        "modes": _modes(),
+        "events": _events(),
+        "reactions": _reactions(),
+        "no change": _no_change(),
+    }
+    return filled(page, parts)
+
+
+def filled(page: str, parts: Mapping[str, str]) -> str:
+    """The page with new text between the markers of each part.
+
+    Raises ValueError unless its markers are those of `parts`, in their order.
+    """
+    marked = re.compile(
+        r"(<!-- ([\w ]+): made by `make reference` -->\n).*?(<!-- end -->)", re.DOTALL
+    )
+    found = [match[2] for match in marked.finditer(page)]
+    if found != list(parts):
+        raise ValueError(f"the page has the parts {found}, not {list(parts)}")
+    return marked.sub(lambda match: f"{match[1]}\n{parts[match[2]]}\n\n{match[3]}", page)
+
+
+def _table(*rows: tuple[str, ...]) -> str:
+    """Of Markdown; the first row is the head."""
+    head, *others = ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join([head, "|---" * len(rows[0]) + "|", *others])
+
+
+# --- faults ---------------------------------------------------------------------------------------
+
+
+def _overview() -> str:
+    rows = [
+        (
+            f"[{condition}](#{condition.replace(' ', '-')})",
+            _in_words(row.response),
+            f"`{row.check}`",
+        )
+        for condition, row in TABLE.items()
+    ]
+    return _table(("condition", "response", "arming check"), *rows)
+
+
+def _conditions() -> str:
+    return "\n\n".join(_condition(condition) for condition in TABLE)
+
+
+def _condition(condition: Condition) -> str:
+    """A section to look up: the words of a fault, and all of its row."""
+    row = TABLE[condition]
+    return (
+        f"### {condition}\n\n"
+        f"**{_in_words(row.response).capitalize()}.** Arming check: `{row.check}`.\n\n"
+        f"- *Found when:* {row.when}.\n"
+        f"- *Why:* {row.why}.\n"
+        f"- *What to do:* {_linked(row.advice)}."
+    )
+
+
+def _linked(text: str) -> str:
+    """Other pages, which are paths on a terminal, as links."""
+    return re.sub(r"docs/(\w+)\.md", r"[\1](\1.md)", text)
+
+
+def _in_words(response: Response) -> str:
+    return response.name.lower().replace("_", " ")
+
+
+# --- modes ----------------------------------------------------------------------------------------
+
+
+def _diagram() -> str:
+    """Rows that change the mode, joined where they share both ends."""
+    arrows: dict[tuple[Mode, Mode], list[str]] = {}
+    for (mode, event), after in TRANSITIONS.items():
+        if after is not mode:
+            arrows.setdefault((mode, after), []).append(event)
+    lines = [f"    {a} --> {b} : {', '.join(events)}" for (a, b), events in arrows.items()]
+    return "\n".join(["```mermaid", "stateDiagram-v2", f"    [*] --> {Mode.OFF}", *lines, "```"])
+
+
+def _no_change() -> str:
+    """Rows that leave the mode as it is."""
+    events: dict[Mode, list[str]] = {}
+    for (mode, event), after in TRANSITIONS.items():
+        if after is mode:
+            events.setdefault(mode, []).append(f"`{event}`")
+    rows = [(f"`{mode}`", ", ".join(names)) for mode, names in events.items()]
+    return _table(("mode", "events"), *rows)
+
+
+def _modes() -> str:
+    said = _comments(Mode)
+    return _table(("mode", "what the arm does"), *[(f"`{m}`", said[m.name]) for m in Mode])
+
+
+def _events() -> str:
+    said = _comments(Event)
+    rows = [(f"`{e}`", said[e.name], "x" if e in DISARMING else "") for e in Event]
+    return _table(("event", "when", "disarms"), *rows)
+
+
+def _reactions() -> str:
+    rows = [
+        (f"`{reaction}`", f"`{event}`" if event else "none") for reaction, event in EVENT_OF.items()
+    ]
+    return _table(("reaction", "event"), *rows)
+
+
+# --- contactctl -----------------------------------------------------------------------------------
 
 
 def _help(command: click.Command, name: str) -> str:
@@ -92,15 +221,11 @@ def _inner(kind: types.Type) -> Iterator[type]:
 def _section(cls: type, fields: tuple[types.Field, ...]) -> str:
     said = _comments(cls)
     title = "The file" if cls is Configuration else cls.__name__
-    lines = [f"## {title}\n", inspect.getdoc(cls) or "", ""]
-    lines += ["| key | value | default | meaning |", "|---|---|---|---|"]
-    for field in fields:
-        default = _default(field)
-        lines.append(
-            f"| `{field.encode_name}` | {_words(field.type)} | {default} | "
-            f"{said.get(field.name, '')} |"
-        )
-    return "\n".join(lines) + "\n"
+    rows = [
+        (f"`{f.encode_name}`", _words(f.type), _default(f), said.get(f.name, "")) for f in fields
+    ]
+    table = _table(("key", "value", "default", "meaning"), *rows)
+    return f"## {title}\n\n{inspect.getdoc(cls) or ''}\n\n{table}\n"
 
 
 def _default(field: types.Field) -> str:
@@ -163,7 +288,7 @@ def _bounds(kind: types.IntType | types.FloatType) -> str:
 
 
 def _comments(cls: type) -> dict[str, str]:
-    """What stands beside or above each field in the code."""
+    """What stands beside or above each field, or member of an enum, in the code."""
     source = inspect.getsource(cls)
     tree = ast.parse(source).body[0]
     assert isinstance(tree, ast.ClassDef)
@@ -175,21 +300,32 @@ def _comments(cls: type) -> dict[str, str]:
             (above if alone else beside)[token.start[0]] = token.string.lstrip("# ")
     said: dict[str, str] = {}
     for node in tree.body:
-        if not isinstance(node, ast.AnnAssign) or not isinstance(node.target, ast.Name):
-            continue
+        match node:
+            case ast.AnnAssign(target=ast.Name(id=name)) | ast.Assign(targets=[ast.Name(id=name)]):
+                pass
+            case _:
+                continue
         words = [beside[n] for n in range(node.lineno, (node.end_lineno or 0) + 1) if n in beside]
         line, lead = node.lineno - 1, []
         while line in above:
             lead.insert(0, above[line])
             line -= 1
-        said[node.target.id] = " ".join([*lead, *words]).replace("|", "\\|")
+        said[name] = " ".join([*lead, *words]).replace("|", "\\|")
     return said
 
 
+PAGES = {
+    "configuration": configuration_page,
+    "contactctl": contactctl_page,
+    "faults": faults_page,
+    "modes": modes_page,
+}
+
+
 def write() -> None:
-    """Both pages."""
-    (DOCS / "configuration.md").write_text(configuration_page(), encoding="utf-8")
-    (DOCS / "contactctl.md").write_text(contactctl_page(), encoding="utf-8")
+    """All pages."""
+    for name, page in PAGES.items():
+        (DOCS / f"{name}.md").write_text(page(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Events on the bus beside the samples: typed facts, judged elsewhere.
 
-`str()` of one is what its type's name leaves to say, `told` puts the drive in front. Error codes of
-an EMCY message are put in words after CiA 301, 7.2.7.1, and CiA 402-2, annex of error codes.
+`str()` of one is its detail, without what its type's name says; `described` puts the drive in
+front. Error codes of an EMCY message are put in words after CiA 301, 7.2.7.1, and CiA 402-2, annex
+of error codes.
 """
 
 import errno
@@ -26,7 +27,7 @@ class Emergency:
 
 @dataclass(frozen=True, slots=True)
 class HeartbeatLost:
-    """No heartbeat of a drive for three of its periods; said once, until it is heard again."""
+    """No heartbeat of a drive for three of its periods; reported once, until it is heard again."""
 
     node: int
 
@@ -159,7 +160,7 @@ BusEvent = (
 )
 
 
-def told(event: BusEvent, joints: Mapping[int, str]) -> str:
+def described(event: BusEvent, joints: Mapping[int, str]) -> str:
     """An event in words, for people who know their drives by joint; `joints`: of each node."""
     node = getattr(event, "node", None)
     if node is None:
@@ -174,7 +175,7 @@ _GONE: Final = frozenset({errno.ENODEV, errno.ENXIO, errno.EBADF, errno.EIO, err
 
 
 def bus_failure(doing: str, error: Exception) -> AdapterGone | BusTrouble:
-    """What a failure of the bus means; `doing` is "sending" or "receiving"."""
+    """Event for a failure of the bus; `doing` is "sending" or "receiving"."""
     number = getattr(error, "errno", None) or getattr(error, "error_code", None)
     # ValueError is what select() says of a socket that was closed.
     gone = isinstance(error, ConnectionError | ValueError) or number in _GONE
@@ -200,8 +201,8 @@ _ERROR_CLASSES: Final = (
 
 
 def error_frame(error_class: int, data: bytes | bytearray) -> BusOff | ErrorPassive | BusTrouble:
-    """What an error frame means; `error_class` is its identifier. An adapter that reports trouble
-    of the controller without saying which (socketcand) is believed to mean error-passive."""
+    """Event for an error frame; `error_class` is its identifier. An adapter that reports trouble of
+    the controller without saying which (socketcand) is taken to mean error-passive."""
     if error_class & _BUS_OFF:
         return BusOff()
     if error_class & _CONTROLLER and (len(data) < 2 or data[1] & _PASSIVE):

@@ -1,4 +1,4 @@
-"""Every condition of the supervisor's table, made to happen in lockstep.
+"""Every condition of the table of faults, made to happen in lockstep.
 
 Faults of processes (SIGSTOP, SIGKILL, a second daemon) are no part of it.
 """

@@ -190,6 +190,8 @@ def status_view(status: Status) -> RenderableType:
     mode = Text(f" {status.mode.upper()} ", MODE_STYLES.get(status.mode, ""))
     table.add_row("mode", Text.assemble(mode, "  ", permission))
     table.add_row("cause", Text(status.cause))  # Text: brackets in it are no rich markup
+    if status.advice:
+        table.add_row("to do", Text(status.advice, "yellow"))
     table.add_row("arming needs", _checks(status.checks))
     table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
     table.add_row("trajectory", Text(_trajectory(status.trajectory)))

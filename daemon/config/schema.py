@@ -125,8 +125,8 @@ class Trajectory(Settings, frozen=True):
     ramp_s: Annotated[float, Meta(ge=0.1, le=30)] = 2.0  # from standstill to full speed
 
 
-class SupervisorSettings(Settings, frozen=True):
-    """When doubt becomes a fault."""
+class FaultSettings(Settings, frozen=True):
+    """Bounds and times beyond which something is a fault (faults.md)."""
 
     stale_ticks: Ticks = 3  # ticks without the TPDOs of a drive
     overrun_ticks: Ticks = 5  # deadlines missed in a row
@@ -162,7 +162,7 @@ class Configuration(Settings, frozen=True):
     admittance: Admittance = Admittance()
     reactions: ReactionSettings = ReactionSettings()
     trajectory: Trajectory = Trajectory()
-    supervisor: SupervisorSettings = SupervisorSettings()
+    supervisor: FaultSettings = FaultSettings()
 
     @property
     def period_s(self) -> float:

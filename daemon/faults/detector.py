@@ -1,4 +1,4 @@
-"""From one tick's samples and estimate to the supervisor's findings. No I/O."""
+"""Fault detector: from the samples and the estimate of one tick to its findings. No I/O."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,43 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Vector
+from daemon.faults.finding import Finding
 from daemon.faults.following import Following
 from daemon.faults.plausibility import Plausibility
-from daemon.faults.table import Condition, Finding
+from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import SENSING, Mode
 from drivers.answers import Samples
 from drivers.cia402 import FAULT_STATES, DriveState
-from drivers.events import (
-    AdapterGone,
-    BadSetpoint,
-    BusEvent,
-    BusOff,
-    BusTrouble,
-    Disobedient,
-    Emergency,
-    ErrorPassive,
-    ForeignMaster,
-    HeartbeatLost,
-    LateAnswer,
-    NotOperational,
-    Rebooted,
-    Unstoppable,
-    told,
-)
+from drivers.events import BusEvent, BusTrouble, Emergency, LateAnswer, described
 
-CONDITION_OF: dict[type[BusEvent], Condition] = {
-    HeartbeatLost: Condition.HEARTBEAT_LOST,
-    Emergency: Condition.EMERGENCY,
-    Rebooted: Condition.REBOOTED,
-    NotOperational: Condition.DRIVE_DROPPED,
-    Disobedient: Condition.DISOBEDIENT,
-    Unstoppable: Condition.UNSTOPPABLE,
-    ForeignMaster: Condition.FOREIGN_MASTER,
-    BadSetpoint: Condition.NOT_FINITE,
-    ErrorPassive: Condition.ERROR_PASSIVE,
-    BusOff: Condition.BUS_OFF,
-    AdapterGone: Condition.ADAPTER_GONE,
-}
+CONDITION_OF = {row.source: condition for condition, row in TABLE.items() if row.source}
 # These may be over at once: it counts how many ticks they last.
 DISTURBANCES = (BusTrouble, LateAnswer)
 # A late machine excuses stale samples for so many times `stale_ticks`; drives that fail in turn
@@ -53,7 +26,7 @@ STARVED_FACTOR = 3
 
 @dataclass(frozen=True, slots=True)
 class DetectorSettings:
-    """How long a nuisance may last before it becomes a doubt."""
+    """How long a nuisance may last before it becomes a fault."""
 
     stale_ticks: int
     overrun_ticks: int
@@ -61,22 +34,22 @@ class DetectorSettings:
 
 
 class FaultDetector:
-    """Names what holds; counts what takes several ticks to become a doubt."""
+    """Names the conditions that hold; counts what takes several ticks to become one."""
 
     def __init__(
         self,
         joints: Mapping[int, str],
-        patience: DetectorSettings,
+        settings: DetectorSettings,
         plausibility: Plausibility,
         following: Following,
     ) -> None:
         """joints: by node, in the order of the arm."""
         self._joints, self._names = dict(joints), tuple(joints.values())
-        self._patience = patience
+        self._settings = settings
         self._plausibility, self._following = plausibility, following
         self._missed_in_row = 0  # deadlines
         self._disturbed_in_row = 0
-        self._since_late = patience.stale_ticks  # ticks
+        self._since_late = settings.stale_ticks  # ticks
         # Ticks in which a sample was missing, less those since in which none was.
         self._incomplete = 0
         self._mode = Mode.OFF
@@ -97,7 +70,7 @@ class FaultDetector:
         """Every condition that holds in this tick; empty in an undisturbed one.
 
         lateness_s, left_out: how late the tick began, and the deadlines that this cost.
-        setpoint: what the drives were told in the tick before, (n,) [rad/s].
+        setpoint: what the drives got in the tick before, (n,) [rad/s].
         residual: the estimate's (n,) [Nm], None unless the samples are complete and were used;
         interval_s: since those before. finite: whether estimate and reference are.
         """
@@ -111,7 +84,7 @@ class FaultDetector:
         if mode not in SENSING:
             self._following.restart()
         elif setpoint is not None:
-            self._following.tell(setpoint)
+            self._following.record(setpoint)
         found: list[Finding] = []
         # First, as the first of equals is the cause: while we stood still, the drives complained.
         if left_out:
@@ -136,14 +109,14 @@ class FaultDetector:
             # Code 0 says that an earlier emergency is over.
             over = isinstance(event, Emergency) and event.code == 0
             if not over and (condition := CONDITION_OF.get(type(event))):
-                yield Finding(condition, told(event, self._joints))
+                yield Finding(condition, described(event, self._joints))
         if disturbances:
-            lasts = self._disturbed_in_row >= self._patience.stale_ticks
+            lasts = self._disturbed_in_row >= self._settings.stale_ticks
             condition = Condition.BUS_TROUBLE if lasts else Condition.BUS_DISTURBED
-            yield Finding(condition, told(disturbances[0], self._joints))
+            yield Finding(condition, described(disturbances[0], self._joints))
 
     def _of_samples(self, samples: Samples) -> Iterator[Finding]:
-        ticks = self._patience.stale_ticks
+        ticks = self._settings.stale_ticks
         longest = STARVED_FACTOR * ticks
         self._incomplete = min(self._incomplete + 1, longest)
         stale = samples.age_ticks >= ticks
@@ -174,9 +147,9 @@ class FaultDetector:
 
     def _of_time(self, lateness_s: float) -> Iterator[Finding]:
         figures = f"{1000 * lateness_s:.0f} ms late, {self._missed_in_row} deadlines missed"
-        if lateness_s >= self._patience.master_timeout_s:
+        if lateness_s >= self._settings.master_timeout_s:
             yield Finding(Condition.SUSPENDED, figures=figures)
-        elif self._missed_in_row >= self._patience.overrun_ticks:
+        elif self._missed_in_row >= self._settings.overrun_ticks:
             yield Finding(Condition.OVERRUN, figures=figures)
         else:
             yield Finding(Condition.LATE, figures=figures)

@@ -1,8 +1,9 @@
-"""Whether each motor does what its setpoints say. Pure; arrays of shape (n,), SI at the link side.
+"""Following check: does each motor do what its setpoints say? Pure; arrays of shape (n,), SI at the
+link side.
 
 A drive may send samples and hear no setpoint: it goes on at the last velocity that it heard. Its
-motor then differs from what it was told, and its current does nothing about it. A motor that is
-held up, or carried along, differs too, but its drive presses the way it was told.
+motor then differs from its setpoint, and its current does nothing about it. A motor that is held
+up, or carried along, differs too, but its drive presses towards the setpoint.
 """
 
 import math
@@ -25,7 +26,7 @@ LATENCY_TICKS: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class FollowingSettings:
-    """Arrays of shape (n,)."""
+    """Bounds of each joint, arrays of shape (n,)."""
 
     deviation: Vector  # of the motor's velocity from its setpoints [rad/s]
     current: Vector  # the drives' limit [A]
@@ -35,36 +36,36 @@ class FollowingSettings:
 class Following:
     """Compares velocities with all setpoints that a motor may still be obeying."""
 
-    def __init__(self, bounds: FollowingSettings, period_s: float) -> None:
-        self._bounds = bounds
-        self._pressing = PRESSING_SHARE * bounds.current
-        n = len(bounds.current)
-        ticks = LATENCY_TICKS + math.ceil(3.0 * bounds.lag_s / period_s)
-        self._told = np.zeros((ticks, n))
+    def __init__(self, settings: FollowingSettings, period_s: float) -> None:
+        self._settings = settings
+        self._pressing = PRESSING_SHARE * settings.current
+        n = len(settings.current)
+        ticks = LATENCY_TICKS + math.ceil(3.0 * settings.lag_s / period_s)
+        self._setpoints = np.zeros((ticks, n))
         self._next = 0
         self._in_row = np.zeros(n, dtype=np.int64)
         self._too_slow, self._too_fast = np.zeros((2, n), dtype=np.bool_)
         self._off = np.zeros(n)
 
     def restart(self) -> None:
-        """The motors stand, and were told to."""
-        self._told.fill(0.0)
+        """Forget the setpoints: the motors stand, and were to."""
+        self._setpoints.fill(0.0)
         self._in_row.fill(0)
 
-    def tell(self, setpoint: Vector) -> None:
-        """What the motors were told in the tick before [rad/s]."""
-        self._told[self._next] = setpoint
-        self._next = (self._next + 1) % len(self._told)
+    def record(self, setpoint: Vector) -> None:
+        """Keep the setpoints of the tick before (n,) [rad/s]."""
+        self._setpoints[self._next] = setpoint
+        self._next = (self._next + 1) % len(self._setpoints)
 
     def not_following(self, velocity: Vector, current: Vector) -> NDArray[np.bool_]:
-        """Joints whose drives do not follow: motor velocity [rad/s] and current [A] of a tick."""
-        deviation = self._bounds.deviation
-        if not np.count_nonzero(np.abs(velocity - self._told[self._next - 1]) > deviation):
-            # All do what was said last: the usual tick need not look for more.
+        """Mask (n,) of drives that do not follow, from motor velocity [rad/s] and current [A]."""
+        deviation = self._settings.deviation
+        if not np.count_nonzero(np.abs(velocity - self._setpoints[self._next - 1]) > deviation):
+            # All obey the last setpoint: the usual tick need not look for more.
             self._in_row.fill(0)
             return np.zeros(len(velocity), dtype=np.bool_)
-        slower = self._told.min(axis=0) - velocity
-        faster = velocity - self._told.max(axis=0)
+        slower = self._setpoints.min(axis=0) - velocity
+        faster = velocity - self._setpoints.max(axis=0)
         np.maximum(slower, faster, out=self._off)
         np.logical_and(slower > deviation, current < self._pressing, out=self._too_slow)
         np.logical_and(faster > deviation, current > -self._pressing, out=self._too_fast)
@@ -74,5 +75,5 @@ class Following:
         return not_following
 
     def figures(self, joint: int) -> str:
-        """By how much a joint that is astray differs from the nearest of its setpoints."""
-        return f"by {self._off[joint]:.3f} rad/s, at most {self._bounds.deviation[joint]:.3f}"
+        """Deviation of a joint from the nearest of its setpoints, and its bound, in words."""
+        return f"by {self._off[joint]:.3f} rad/s, at most {self._settings.deviation[joint]:.3f}"

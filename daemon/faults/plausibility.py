@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Vector
-from daemon.faults.table import Condition, Finding
+from daemon.faults.finding import Finding
+from daemon.faults.table import Condition
 
 # What a half-gap may be wider than it was identified.
 GAP_TOLERANCE: Final = 1.1

@@ -1,5 +1,7 @@
 """Motion modes and the one table of transitions between them. Pure data: no I/O, no time.
 
+docs/modes.md is written from this file by `make reference`, the comments on modes and events too.
+
 `armed` is a permission beside the mode: only when armed may a contact lead to admittance or make
 the arm retract.
 """
@@ -12,43 +14,54 @@ from typing import Literal
 class Mode(StrEnum):
     """Motion mode of the arm."""
 
-    OFF = "off"  # the daemon energises nothing; each drive ends as configured (`end`)
-    ENABLING = "enabling"  # drives are on their way to operation enabled, no motion
-    HOLDING = "holding"  # energised, standing where it stands
-    TRACKING = "tracking"  # the trajectory
-    ADMITTANCE = "admittance"  # yields to the residual, eq. (15)
-    RETRACTING = "retracting"  # backs away from what it met
-    RETURNING = "returning"  # goes back to where a contact took it from its trajectory
-    STOPPING = "stopping"  # decelerating
-    FAULTED = "faulted"  # all drives in quick stop, latched until `reset`
+    # The daemon energises nothing. A joint whose `end` is `hold` stays in quick stop, where its
+    # drive holds it; `brake` and `limp` have no torque.
+    OFF = "off"
+    # The drives are on their way to operation enabled. No motion.
+    ENABLING = "enabling"
+    # Energised; a position loop keeps the arm where it stood.
+    HOLDING = "holding"
+    # The trajectory, from where the arm stood.
+    TRACKING = "tracking"
+    # The arm moves the way it is pushed, eq. (15) of the paper, within bounds.
+    ADMITTANCE = "admittance"
+    # Backs away from what it met, by `reactions.retract_distance` the way it was pushed, and waits
+    # there until it is quiet.
+    RETRACTING = "retracting"
+    # Goes slowly, in a straight line through joint space, back to where a contact took it from its
+    # trajectory.
+    RETURNING = "returning"
+    # Decelerates within its limits.
+    STOPPING = "stopping"
+    # Quick stop of all drives, latched until `reset`.
+    FAULTED = "faulted"
 
 
 class Event(StrEnum):
-    """Event that may change the mode."""
+    """Event that may change the mode: a command of a person, or what happens to the arm."""
 
-    # commands of a person
-    ENABLE = "enable"
-    START = "start"
-    PAUSE = "pause"
-    STOP = "stop"
-    DISARM = "disarm"
-    DISABLE = "disable"
-    RESET = "reset"
-    # progress of the arm, contacts and faults
+    ENABLE = "enable"  # a person: energise the drives
+    START = "start"  # a person: run a trajectory, or go on with the paused one
+    PAUSE = "pause"  # a person: halt the trajectory; `start` goes on with it
+    STOP = "stop"  # a person: stop
+    DISARM = "disarm"  # a person: stop yielding
+    DISABLE = "disable"  # a person, or the end of the program: let go of the drives
+    RESET = "reset"  # a person: the fault was seen to
     ENERGISED = "energised"  # every drive reports operation enabled
-    STANDSTILL = "standstill"
+    STANDSTILL = "standstill"  # no joint moves, and no setpoint asks for it
     END = "end"  # the trajectory came to its end
     TOUCH = "touch"  # a contact to yield to
     RETRACT = "retract"  # a contact to back away from
-    HALT = "halt"  # a contact to stop at
-    RESUME = "resume"  # quiet, and the trajectory goes on from here
+    HALT = "halt"  # a contact to stop at; pushed against while retracting
+    RESUME = "resume"  # quiet, and the trajectory fits from here
     RETURN = "return"  # quiet, and the trajectory goes on where it was left
-    SETTLE = "settle"  # quiet, and nothing to go on with
+    # quiet, and nothing to go on with, or it would leave the joint limits from here
+    SETTLE = "settle"
     ARRIVED = "arrived"  # back where the trajectory was left
-    BOUND = "bound"  # contacts have led the arm for as long or as far as is allowed
+    BOUND = "bound"  # contacts led the arm for longer or further than allowed
     TIMEOUT = "timeout"  # enabling, stopping or returning took too long
-    DOUBT = "doubt"  # a fault asks the arm to stand still
-    FAULT = "fault"  # a fault asks for a quick stop
+    DOUBT = "doubt"  # a condition at which the arm holds
+    FAULT = "fault"  # a condition, or a contact, at which all drives quick-stop
 
 
 _M, _E = Mode, Event

@@ -234,6 +234,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     armed: bool
     permit: Permit | None  # while armed
     cause: str
+    advice: str = ""  # what to do about the cause, if that is a fault
     trajectory: Trajectory
     checks: list[Check]  # what arming needs
     ticks: int

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 
 from daemon.config.load import Robot
+from daemon.faults.finding import advice_on
 from daemon.protocol.messages import STATE_FORMAT, Grant, Permit, Snapshot, Status, Trajectory
 from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
@@ -39,6 +40,7 @@ def status_of(
         armed=machine.armed,
         permit=permit,
         cause=machine.cause,
+        advice="" if machine.armed else advice_on(machine.cause),
         trajectory=_trajectory(tick.controller),
         checks=tick.checks(),
         ticks=tick.number + 1,

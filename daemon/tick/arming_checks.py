@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.faults.table import Condition, Finding
+from daemon.faults.finding import Finding
+from daemon.faults.table import Condition
 from daemon.motion.limits import Limits
 from daemon.protocol.messages import Check
 from drivers.answers import Samples
 from drivers.cia402 import FAULT_STATES, DriveState
-from drivers.events import Emergency, Rebooted, told
+from drivers.events import Emergency, Rebooted, described
 from estimator.estimate import Estimate, Flag
 
 #: In the order in which they are shown, after the mode.
@@ -30,28 +31,8 @@ NAMES = (
     "residual",
     "limits",
     "loop",
-    "supervisor",
+    "faults",
 )
-
-# Which check fails with a finding; any other fails `supervisor`.
-CHECK_OF: dict[Condition, str] = {
-    Condition.DRIVE_FAULT: "drives",
-    Condition.DRIVE_DROPPED: "drives",
-    Condition.NOT_FOLLOWING: "drives",
-    Condition.DISOBEDIENT: "drives",
-    Condition.UNSTOPPABLE: "drives",
-    Condition.SAMPLE_MISSING: "samples",
-    Condition.STALE: "samples",
-    Condition.STARVED: "samples",
-    Condition.HEARTBEAT_LOST: "heartbeats",
-    Condition.EMERGENCY: "emergencies",
-    Condition.REBOOTED: "set-up",
-    Condition.RESIDUAL_LIMIT: "residual",
-    Condition.JOINT_LIMIT: "limits",
-    Condition.LATE: "loop",
-    Condition.OVERRUN: "loop",
-    Condition.SUSPENDED: "loop",
-}
 
 # A busy machine is late now and then, and one tick is made up for; a loop that is not on time is
 # late more than so often in so many seconds.
@@ -112,7 +93,7 @@ class PreArm:
                 self._in_fault.add(node)
             elif node in self._in_fault:
                 self._over(node)
-        if any(CHECK_OF.get(finding.condition) == "loop" for finding in findings):
+        if any(finding.check == "loop" for finding in findings):
             self._late_s.append(time_s)
 
     def renewed(self, joints: Sequence[int]) -> None:
@@ -137,7 +118,7 @@ class PreArm:
         """Every reason against arming now; `unheard` names the drives whose heartbeat is missing,
         `forgetful` those that restarted and were not set up again."""
         found = [
-            Objection(CHECK_OF.get(f.condition, "supervisor"), str(f))
+            Objection(f.check, str(f))
             for f in findings
             if f.condition is not Condition.LATE  # which is counted
         ]
@@ -145,7 +126,7 @@ class PreArm:
             found.append(Objection("heartbeats", f"not heard from {', '.join(silent)}"))
         for emergency in self._emergencies.values():
             check = "heartbeats" if emergency.code == MASTER_SILENT else "emergencies"
-            words = told(emergency, self._joint_of)
+            words = described(emergency, self._joint_of)
             found.append(Objection(check, f"emergency of {words}, and not over"))
         if restarted:
             reason = f"restarted, and without their set-up: {', '.join(restarted)}"

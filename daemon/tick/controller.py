@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from arrays import Vector
+from daemon.faults.finding import Finding, strongest
 from daemon.faults.plausibility import STANDSTILL_SPEED
-from daemon.faults.table import EVENT_OF, Condition, Finding, strongest
+from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import ATTENTIVE, AfterQuiet, Reactions
 from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, ModeMachine, refusal
 from daemon.motion.admittance import MAX_GAIN, Allowance, AllowanceSettings
@@ -190,14 +191,13 @@ class Controller:
         return Decision(self._power(), resetting, motion.velocity, motion.reference)
 
     def doubt(self, time_s: float, findings: tuple[Finding, ...]) -> None:
-        """React to what the supervisor found; also before there is anything to decide on."""
+        """React to findings; also before there is anything to decide on."""
         if not findings:
             return
         if self._resetting(time_s):
             findings = tuple(f for f in findings if f.condition is not Condition.DRIVE_FAULT)
         finding = strongest(findings)
-        event = finding and EVENT_OF[finding.response]
-        if event:
+        if finding and (event := finding.response.event):
             self._apply(event, str(finding), time_s)
 
     def _resetting(self, time_s: float) -> bool:

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from arrays import Vector
-from daemon.faults.table import Finding, Response
+from daemon.faults.finding import Finding
+from daemon.faults.table import Response
 from daemon.motion.limits import Limits
 from daemon.motion.path import Place
 
@@ -33,7 +34,7 @@ class Standing(Protocol):
 
     @property
     def findings(self) -> Sequence[Finding]:
-        """Of the supervisor."""
+        """Of the last tick."""
 
 
 def not_energisable(

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from daemon.faults.detector import FaultDetector
-from daemon.faults.table import Finding, Response
+from daemon.faults.finding import Finding
+from daemon.faults.table import Response
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.limits import all_finite
 from daemon.protocol.messages import Check, Contact, Notice, PerJoint, SideName, State, Timing

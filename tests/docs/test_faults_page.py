@@ -1,4 +1,4 @@
-"""docs/faults.md shows the table of `daemon.faults.table`, and the bounds that are in force."""
+"""docs/faults.md says of every condition all that the table does, and the bounds in force."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from daemon.config.schema import SupervisorSettings
+from daemon.config.schema import FaultSettings
 from daemon.faults import following, plausibility
 from daemon.faults.detector import STARVED_FACTOR
 from daemon.faults.table import TABLE, Condition, Response
@@ -27,28 +27,40 @@ def page() -> str:
     return PAGE.read_text(encoding="utf-8")
 
 
-def rows() -> list[str]:
-    """The table as it should be on the page."""
-    return [
-        f"| {condition} | {row.when} | **{WORDS[row.response]}** | {row.why} |"
+def test_every_condition_has_a_section_that_says_all(page: str) -> None:
+    sections = dict(
+        re.findall(r"^### (.+?)\n\n(.+?)(?=\n\n#|\n\n<)", page, re.MULTILINE | re.DOTALL)
+    )
+    assert list(sections) == list(Condition)
+    for name, text in sections.items():
+        row = TABLE[Condition(name)]
+        assert text.startswith(f"**{WORDS[row.response].capitalize()}.**"), name
+        advice = re.sub(r"docs/(\w+)\.md", r"[\1](\1.md)", row.advice)
+        assert all(words in text for words in (f"`{row.check}`", row.when, row.why, advice)), name
+
+
+def test_the_pages_that_advice_names_are_there(page: str) -> None:
+    named = [name for row in TABLE.values() for name in re.findall(r"docs/\w+\.md", row.advice)]
+    assert named
+    assert all((PAGE.parents[1] / name).is_file() for name in named)
+
+
+def test_the_overview_links_every_condition(page: str) -> None:
+    rows = re.findall(r"^\| \[(.+)\]\(#(.+)\) \| (.+) \| `(.+)` \|$", page, re.MULTILINE)
+    assert rows == [
+        (condition, condition.replace(" ", "-"), WORDS[row.response], row.check)
         for condition, row in TABLE.items()
     ]
 
 
-def test_the_table_is_the_one_the_program_runs_on(page: str) -> None:
-    shown = re.findall(r"^\| .+ \| .+ \| \*\*.+\*\* \| .+ \|$", page, re.MULTILINE)
-    assert shown == rows()
-    assert len(shown) == len(Condition)
-
-
-def test_every_reaction_is_explained(page: str) -> None:
+def test_every_response_is_explained(page: str) -> None:
     explained = re.findall(r"^- \*\*(.+?)\*\*:", page, re.MULTILINE)
     assert explained == list(WORDS.values())
 
 
 def test_every_bound_and_its_default(page: str) -> None:
     shown = re.findall(r"^\| `(\w+)` \| ([\d.]+) \|", page, re.MULTILINE)
-    defaults = msgspec.structs.asdict(SupervisorSettings())
+    defaults = msgspec.structs.asdict(FaultSettings())
     assert {name: float(value) for name, value in shown} == defaults
 
 

@@ -23,11 +23,28 @@ def reference() -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize("page", ["configuration", "contactctl"])
+@pytest.mark.parametrize("page", ["configuration", "contactctl", "faults", "modes"])
 def test_the_page_is_current(reference: ModuleType, page: str) -> None:
-    made = getattr(reference, f"{page}_page")()
+    made = reference.PAGES[page]()
     on_disk = (DOCS / f"{page}.md").read_text(encoding="utf-8")
     assert on_disk == made, f"docs/{page}.md is not what the code says: run `make reference`"
+
+
+def test_a_part_is_written_between_its_markers_and_nothing_else_is(reference: ModuleType) -> None:
+    page = "by hand\n<!-- a: made by `make reference` -->\nold\n<!-- end -->\nby hand, too\n"
+    made = reference.filled(page, {"a": "new"})
+    assert made == page.replace("old", "\nnew\n")
+    assert reference.filled(made, {"a": "new"}) == made
+
+
+@pytest.mark.parametrize("parts", [(), ("b",), ("a", "b")])
+def test_markers_that_are_not_those_of_the_parts_are_refused(
+    reference: ModuleType, parts: tuple[str, ...]
+) -> None:
+    with pytest.raises(ValueError, match="has the parts"):
+        reference.filled(
+            "<!-- a: made by `make reference` -->\n<!-- end -->\n", dict.fromkeys(parts, "")
+        )
 
 
 def test_every_key_and_every_link_is_there(reference: ModuleType) -> None:

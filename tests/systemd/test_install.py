@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from daemon.config.load import load_robot
-from daemon.config.schema import SupervisorSettings
+from daemon.config.schema import FaultSettings
 from daemon.ending import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -51,7 +51,7 @@ def test_the_example_arm_is_installed_on_can0(installed: Path) -> None:
 def test_the_end_of_the_daemon_fits_before_systemd_kills_it(installed: Path) -> None:
     unit = (installed / "usr/local/lib/systemd/system/contactd.service").read_text()
     (patience_s,) = re.findall(r"^TimeoutStopSec=(\d+)$", unit, re.MULTILINE)
-    fields = msgspec.inspect.type_info(SupervisorSettings).fields
+    fields = msgspec.inspect.type_info(FaultSettings).fields
     longest = next(field.type.le for field in fields if field.name == "stop_timeout_s")
     # Stopping, and the drives' states after it; what is left over is for telling them that we go.
     assert longest + 2 * PATIENCE_S < float(patience_s)

@@ -173,6 +173,17 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
     assert "operation enabled" in joint
 
 
+def test_status_report_says_what_to_do_about_a_fault(fake_daemon: Any) -> None:
+    def report(advice: str) -> list[str]:
+        status = msgspec.structs.replace(fake_daemon.status(), mode="faulted", advice=advice)
+        return [line.strip() for line in text_of(status_view(status), 100, 40)]
+
+    assert "to do         check the cable, then `contactctl reset`" in report(
+        "check the cable, then `contactctl reset`"
+    )
+    assert not [line for line in report("") if line.startswith("to do")]
+
+
 def test_status_report_before_the_first_samples(fake_daemon: Any) -> None:
     status = msgspec.structs.replace(fake_daemon.status(), drives=[], side=[], age_ticks=[])
     assert "7 joints, no samples from the drives yet" in "\n".join(

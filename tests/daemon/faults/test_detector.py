@@ -1,12 +1,15 @@
 """From samples to findings."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
-from daemon.faults.detector import DetectorSettings, FaultDetector
+from daemon.faults.detector import CONDITION_OF, DISTURBANCES, DetectorSettings, FaultDetector
+from daemon.faults.finding import Finding, strongest
 from daemon.faults.following import TICKS, Following, FollowingSettings
 from daemon.faults.plausibility import Plausibility, PlausibilitySettings
-from daemon.faults.table import Condition, Finding, Response, strongest
+from daemon.faults.table import Condition, Response
 from daemon.modes.table import SENSING, Mode
 from drivers.answers import Samples
 from drivers.cia402 import DriveState
@@ -53,14 +56,14 @@ def samples(
     )
 
 
-def observe(
-    observer: FaultDetector, taken: Samples, mode: Mode = Mode.TRACKING, **seen: object
+def detect(
+    detector: FaultDetector, taken: Samples, mode: Mode = Mode.TRACKING, **seen: object
 ) -> list[tuple[Condition, str]]:
-    return [(f.condition, f.text) for f in observer.findings(taken, mode, **seen)]
+    return [(f.condition, f.text) for f in detector.findings(taken, mode, **seen)]
 
 
 @pytest.fixture
-def observer() -> FaultDetector:
+def detector() -> FaultDetector:
     two = np.ones(2)
     bounds = PlausibilitySettings(
         lower=-2.0 * two,
@@ -74,16 +77,16 @@ def observer() -> FaultDetector:
         motor_drift=0.001,
         motor_scale_error=0.002,
     )
-    patience = DetectorSettings(stale_ticks=3, overrun_ticks=5, master_timeout_s=0.1)
+    settings = DetectorSettings(stale_ticks=3, overrun_ticks=5, master_timeout_s=0.1)
     following = FollowingSettings(deviation=0.2 * two, current=two, lag_s=0.01)
     plausibility = Plausibility(list(JOINTS.values()), bounds)
-    return FaultDetector(JOINTS, patience, plausibility, Following(following, T))
+    return FaultDetector(JOINTS, settings, plausibility, Following(following, T))
 
 
 @pytest.mark.parametrize("mode", sorted(SENSING))
-def test_an_undisturbed_tick_finds_nothing(observer: FaultDetector, mode: Mode) -> None:
+def test_an_undisturbed_tick_finds_nothing(detector: FaultDetector, mode: Mode) -> None:
     for _ in range(3):
-        assert observe(observer, samples(), mode, residual=np.zeros(2), interval_s=T) == []
+        assert detect(detector, samples(), mode, residual=np.zeros(2), interval_s=T) == []
 
 
 @pytest.mark.parametrize(
@@ -121,14 +124,19 @@ def test_an_undisturbed_tick_finds_nothing(observer: FaultDetector, mode: Mode) 
     ],
 )
 def test_an_event_of_the_bus_names_the_joint(
-    observer: FaultDetector, event: BusEvent, words: str
+    detector: FaultDetector, event: BusEvent, words: str
 ) -> None:
-    found = observer.findings(samples(event), Mode.TRACKING)
+    found = detector.findings(samples(event), Mode.TRACKING)
     assert [str(finding) for finding in found] == [words]
 
 
-def test_an_emergency_that_is_over_is_none(observer: FaultDetector) -> None:
-    assert observe(observer, samples(Emergency(3, 0, 0))) == []
+def test_every_event_of_the_bus_leads_to_a_condition() -> None:
+    assert set(CONDITION_OF) | set(DISTURBANCES) == set(get_args(BusEvent))
+    assert not set(CONDITION_OF) & set(DISTURBANCES)
+
+
+def test_an_emergency_that_is_over_is_none(detector: FaultDetector) -> None:
+    assert detect(detector, samples(Emergency(3, 0, 0))) == []
 
 
 @pytest.mark.parametrize(
@@ -139,44 +147,44 @@ def test_an_emergency_that_is_over_is_none(observer: FaultDetector) -> None:
     ],
 )
 def test_a_disturbance_counts_when_it_lasts(
-    observer: FaultDetector, event: BusEvent, words: str
+    detector: FaultDetector, event: BusEvent, words: str
 ) -> None:
     trouble = samples(event)
     for _ in range(2):
-        assert observe(observer, trouble) == [(Condition.BUS_DISTURBED, words)]
+        assert detect(detector, trouble) == [(Condition.BUS_DISTURBED, words)]
     for _ in range(2):
-        assert observe(observer, trouble) == [(Condition.BUS_TROUBLE, words)]
-    assert observe(observer, samples()) == []
+        assert detect(detector, trouble) == [(Condition.BUS_TROUBLE, words)]
+    assert detect(detector, samples()) == []
     for _ in range(2):  # counted anew
-        assert observe(observer, trouble)[0][0] is Condition.BUS_DISTURBED
+        assert detect(detector, trouble)[0][0] is Condition.BUS_DISTURBED
 
 
-def test_missing_samples_are_named_and_stale_after_a_while(observer: FaultDetector) -> None:
+def test_missing_samples_are_named_and_stale_after_a_while(detector: FaultDetector) -> None:
     missing = samples(fresh=(True, False), age=(0, 2))
-    assert observe(observer, missing) == [(Condition.SAMPLE_MISSING, "elbow")]
+    assert detect(detector, missing) == [(Condition.SAMPLE_MISSING, "elbow")]
     missing = samples(fresh=(False, False), age=(1, 2))
-    assert observe(observer, missing) == [(Condition.SAMPLE_MISSING, "shoulder, elbow")]
+    assert detect(detector, missing) == [(Condition.SAMPLE_MISSING, "shoulder, elbow")]
     stale = samples(fresh=(False, False), age=(1, 3))
-    assert observe(observer, stale) == [(Condition.STALE, "nothing from elbow for 3 ticks")]
+    assert detect(detector, stale) == [(Condition.STALE, "nothing from elbow for 3 ticks")]
 
 
 def in_turn(
-    observer: FaultDetector, ticks: int, mode: Mode = Mode.TRACKING, **how: object
+    detector: FaultDetector, ticks: int, mode: Mode = Mode.TRACKING, **how: object
 ) -> list[list[tuple[Condition, str]]]:
     """Each drive misses every other tick: none is stale, and no tick has all of them."""
     found = []
     for k in range(ticks):
         fresh = (k % 2 == 0, k % 2 == 1)
         taken = samples(fresh=fresh, age=(0, 1) if fresh[0] else (1, 0))
-        found.append(observe(observer, taken, mode, **how))
+        found.append(detect(detector, taken, mode, **how))
     return found
 
 
 @pytest.mark.parametrize("left_out", [0, 1])
 def test_drives_that_fail_in_turn_are_stale_however_late_the_machine(
-    observer: FaultDetector, left_out: int
+    detector: FaultDetector, left_out: int
 ) -> None:
-    found = in_turn(observer, 11, left_out=left_out)
+    found = in_turn(detector, 11, left_out=left_out)
     assert all(these[-1][0] is Condition.SAMPLE_MISSING for these in found[:8])
     text = "not all drives in most ticks, now without"
     assert [these[-1] for these in found[8:]] == [
@@ -186,29 +194,29 @@ def test_drives_that_fail_in_turn_are_stale_however_late_the_machine(
     ]
 
 
-def test_every_complete_tick_makes_up_for_one_that_is_not(observer: FaultDetector) -> None:
+def test_every_complete_tick_makes_up_for_one_that_is_not(detector: FaultDetector) -> None:
     for _ in range(50):  # the estimator bridges one
-        assert in_turn(observer, 1) == [[(Condition.SAMPLE_MISSING, "elbow")]]
-        assert observe(observer, samples()) == []
+        assert in_turn(detector, 1) == [[(Condition.SAMPLE_MISSING, "elbow")]]
+        assert detect(detector, samples()) == []
     for _ in range(7):  # two are too many for it
-        assert in_turn(observer, 2)[-1][0][0] is Condition.SAMPLE_MISSING
-        observe(observer, samples())
-    assert in_turn(observer, 2)[-1][0][0] is Condition.STALE
+        assert in_turn(detector, 2)[-1][0][0] is Condition.SAMPLE_MISSING
+        detect(detector, samples())
+    assert in_turn(detector, 2)[-1][0][0] is Condition.STALE
 
 
-def test_after_a_reset_incomplete_ticks_count_anew(observer: FaultDetector) -> None:
-    in_turn(observer, 9, Mode.FAULTED)
-    found = [these[0][0] for these in in_turn(observer, 9)]
+def test_after_a_reset_incomplete_ticks_count_anew(detector: FaultDetector) -> None:
+    in_turn(detector, 9, Mode.FAULTED)
+    found = [these[0][0] for these in in_turn(detector, 9)]
     assert found == [Condition.SAMPLE_MISSING] * 8 + [Condition.STALE]
 
 
-def test_a_late_machine_excuses_stale_samples_for_a_while(observer: FaultDetector) -> None:
+def test_a_late_machine_excuses_stale_samples_for_a_while(detector: FaultDetector) -> None:
     starved = (Condition.STARVED, "nothing from elbow for 3 ticks")
     stale = (Condition.STALE, "nothing from elbow for 3 ticks")
 
     def found(age: int, left_out: int = 0) -> tuple[Condition, str]:
         taken = samples(fresh=(True, False), age=(0, age))
-        return observe(observer, taken, left_out=left_out)[-1]
+        return detect(detector, taken, left_out=left_out)[-1]
 
     assert found(3, left_out=1) == starved
     assert found(4) == found(5) == starved  # it came late two ticks ago
@@ -218,10 +226,10 @@ def test_a_late_machine_excuses_stale_samples_for_a_while(observer: FaultDetecto
 
 
 @pytest.mark.parametrize("mode", Mode)
-def test_a_drive_in_fault_is_found_in_every_mode(observer: FaultDetector, mode: Mode) -> None:
+def test_a_drive_in_fault_is_found_in_every_mode(detector: FaultDetector, mode: Mode) -> None:
     for state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE):
         taken = samples(states=(ON, state))
-        assert observe(observer, taken, mode) == [(Condition.DRIVE_FAULT, "elbow")]
+        assert detect(detector, taken, mode) == [(Condition.DRIVE_FAULT, "elbow")]
 
 
 @pytest.mark.parametrize("mode", Mode)
@@ -229,91 +237,91 @@ def test_a_drive_in_fault_is_found_in_every_mode(observer: FaultDetector, mode: 
     "state", set(DriveState) - {ON, DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE}
 )
 def test_a_drive_that_drops_out_is_found_while_it_should_run(
-    observer: FaultDetector, mode: Mode, state: DriveState
+    detector: FaultDetector, mode: Mode, state: DriveState
 ) -> None:
     words = state.name.lower().replace("_", " ")
     expected = [(Condition.DRIVE_DROPPED, f"shoulder is in {words}")] if mode in SENSING else []
-    assert observe(observer, samples(states=(state, ON)), mode) == expected
+    assert detect(detector, samples(states=(state, ON)), mode) == expected
 
 
-def test_missed_deadlines_become_an_overrun_in_a_row(observer: FaultDetector) -> None:
+def test_missed_deadlines_become_an_overrun_in_a_row(detector: FaultDetector) -> None:
     late = {"lateness_s": 0.012, "left_out": 1}
     for _ in range(4):
-        assert observe(observer, samples(), **late) == [(Condition.LATE, "")]
+        assert detect(detector, samples(), **late) == [(Condition.LATE, "")]
     for _ in range(2):
-        assert observe(observer, samples(), **late) == [(Condition.OVERRUN, "")]
-    assert observe(observer, samples(), lateness_s=0.002) == []
+        assert detect(detector, samples(), **late) == [(Condition.OVERRUN, "")]
+    assert detect(detector, samples(), lateness_s=0.002) == []
     for _ in range(4):
-        assert observe(observer, samples(), **late) == [(Condition.LATE, "")]
+        assert detect(detector, samples(), **late) == [(Condition.LATE, "")]
 
 
-def test_deadlines_missed_at_once_are_an_overrun_too(observer: FaultDetector) -> None:
-    assert observe(observer, samples(), lateness_s=0.042, left_out=4) == [(Condition.LATE, "")]
-    assert observe(observer, samples()) == []
-    assert observe(observer, samples(), lateness_s=0.052, left_out=5) == [(Condition.OVERRUN, "")]
+def test_deadlines_missed_at_once_are_an_overrun_too(detector: FaultDetector) -> None:
+    assert detect(detector, samples(), lateness_s=0.042, left_out=4) == [(Condition.LATE, "")]
+    assert detect(detector, samples()) == []
+    assert detect(detector, samples(), lateness_s=0.052, left_out=5) == [(Condition.OVERRUN, "")]
 
 
-def test_a_daemon_that_stood_still_for_longer_than_the_drives_wait(observer: FaultDetector) -> None:
-    assert observe(observer, samples(), lateness_s=0.0999, left_out=10)[0][0] is Condition.OVERRUN
-    found = observer.findings(samples(), Mode.TRACKING, lateness_s=0.1, left_out=10)
+def test_a_daemon_that_stood_still_for_longer_than_the_drives_wait(detector: FaultDetector) -> None:
+    assert detect(detector, samples(), lateness_s=0.0999, left_out=10)[0][0] is Condition.OVERRUN
+    found = detector.findings(samples(), Mode.TRACKING, lateness_s=0.1, left_out=10)
     assert [str(f) for f in found] == ["the daemon stood still (100 ms late, 20 deadlines missed)"]
-    found = observer.findings(samples(), Mode.TRACKING, lateness_s=2.5, left_out=250)
+    found = detector.findings(samples(), Mode.TRACKING, lateness_s=2.5, left_out=250)
     assert str(found[0]) == "the daemon stood still (2500 ms late, 270 deadlines missed)"
 
 
 def test_a_daemon_that_stood_still_is_the_cause_of_what_waited_for_it(
-    observer: FaultDetector,
+    detector: FaultDetector,
 ) -> None:
     waited = samples(
         Emergency(1, 0x8130, 0x11), fresh=(False, True), age=(9, 0), states=(ON, DriveState.FAULT)
     )
-    found = observer.findings(waited, Mode.TRACKING, lateness_s=0.4, left_out=40, finite=False)
+    found = detector.findings(waited, Mode.TRACKING, lateness_s=0.4, left_out=40, finite=False)
     assert {f.response for f in found} == {Response.QUICK_STOP}
     assert strongest(found) == Finding(Condition.SUSPENDED)
     assert len(found) == 5
 
 
-def test_estimates_that_are_not_finite(observer: FaultDetector) -> None:
-    assert observe(observer, samples(), finite=False) == [(Condition.NOT_FINITE, "in the estimate")]
+def test_estimates_that_are_not_finite(detector: FaultDetector) -> None:
+    assert detect(detector, samples(), finite=False) == [(Condition.NOT_FINITE, "in the estimate")]
 
 
-def test_what_cannot_be_true_is_found_with_its_figures(observer: FaultDetector) -> None:
-    assert observe(observer, samples(), residual=np.zeros(2), interval_s=T) == []
-    found = observer.findings(
+def test_what_cannot_be_true_is_found_with_its_figures(detector: FaultDetector) -> None:
+    assert detect(detector, samples(), residual=np.zeros(2), interval_s=T) == []
+    found = detector.findings(
         samples(), Mode.TRACKING, residual=np.array([0.0, -5.5]), interval_s=T
     )
     assert found == (Finding(Condition.RESIDUAL_LIMIT, "elbow"),)
     assert str(found[0]) == "residual implausible: elbow (5.5 Nm, at most 5.0)"
 
 
-def test_samples_that_are_not_complete_are_not_compared(observer: FaultDetector) -> None:
-    assert observe(observer, samples(), residual=np.zeros(2), interval_s=T) == []
-    assert observe(observer, samples(q=(0.0, 1.0))) == []
+def test_samples_that_are_not_complete_are_not_compared(detector: FaultDetector) -> None:
+    assert detect(detector, samples(), residual=np.zeros(2), interval_s=T) == []
+    assert detect(detector, samples(q=(0.0, 1.0))) == []
 
 
-def test_a_hand_that_leads_the_arm_may_be_stronger_than_a_motor(observer: FaultDetector) -> None:
+def test_a_hand_that_leads_the_arm_may_be_stronger_than_a_motor(detector: FaultDetector) -> None:
     full = samples(current=(1.0, 0.0))
 
     def ticks(mode: Mode) -> list[tuple[Condition, str]]:
         for _ in range(5):
-            found = observe(observer, full, mode, residual=np.zeros(2), interval_s=T)
+            found = detect(detector, full, mode, residual=np.zeros(2), interval_s=T)
         return found
 
     assert ticks(Mode.ADMITTANCE) == []
     # Nor does it hide anything else.
     torques = np.array([0.0, 5.5])
-    found = observe(observer, full, Mode.ADMITTANCE, residual=torques, interval_s=T)
+    found = detect(detector, full, Mode.ADMITTANCE, residual=torques, interval_s=T)
     assert found == [(Condition.RESIDUAL_LIMIT, "elbow")]
     assert ticks(Mode.TRACKING) == [(Condition.TORQUE_SATURATED, "shoulder")]
 
 
-def test_a_motor_that_does_not_follow_is_named_where_it_should(observer: FaultDetector) -> None:
+def test_a_motor_that_does_not_follow_is_named_where_it_should(detector: FaultDetector) -> None:
     astray = (Condition.NOT_FOLLOWING, "elbow")
 
     def ticks(mode: Mode, count: int) -> list[tuple[Condition, str]]:
         for _ in range(count):
-            found = observe(
-                observer,
+            found = detect(
+                detector,
                 samples(),
                 mode,
                 setpoint=np.array([0.0, 0.5]),
@@ -332,10 +340,10 @@ def test_a_motor_that_does_not_follow_is_named_where_it_should(observer: FaultDe
 
 
 def test_every_motor_that_does_not_follow_is_named_with_its_figures(
-    observer: FaultDetector,
+    detector: FaultDetector,
 ) -> None:
     for _ in range(TICKS + 5):
-        found = observer.findings(
+        found = detector.findings(
             samples(),
             Mode.TRACKING,
             setpoint=np.array([0.3, -0.5]),
@@ -348,9 +356,9 @@ def test_every_motor_that_does_not_follow_is_named_with_its_figures(
     ]
 
 
-def test_after_a_reset_what_is_now_is_believed(observer: FaultDetector) -> None:
+def test_after_a_reset_what_is_now_is_believed(detector: FaultDetector) -> None:
     def at(q: float, mode: Mode) -> list[tuple[Condition, str]]:
-        return observe(observer, samples(q=(q, 0.0)), mode, residual=np.zeros(2), interval_s=T)
+        return detect(detector, samples(q=(q, 0.0)), mode, residual=np.zeros(2), interval_s=T)
 
     assert at(0.0, Mode.TRACKING) == []
     assert (Condition.APART, "shoulder") in at(1.0, Mode.TRACKING)
@@ -359,11 +367,11 @@ def test_after_a_reset_what_is_now_is_believed(observer: FaultDetector) -> None:
     assert at(1.0, Mode.OFF) == []
 
 
-def test_everything_at_once_is_listed(observer: FaultDetector) -> None:
+def test_everything_at_once_is_listed(detector: FaultDetector) -> None:
     taken = samples(
         HeartbeatLost(2), fresh=(True, False), age=(0, 9), states=(DriveState.FAULT, ON)
     )
-    findings = observer.findings(
+    findings = detector.findings(
         taken,
         Mode.TRACKING,
         lateness_s=0.012,

@@ -1,4 +1,4 @@
-"""Every row of the supervisor's table, by making that fault: found in time, the right reaction on
+"""Every row of the table of faults, by making that fault: found in time, the right reaction on
 the bus, and the way back. The faults are those of `bench.rigs.faults`."""
 
 from collections.abc import Iterator

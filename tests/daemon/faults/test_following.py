@@ -1,4 +1,4 @@
-"""Which motors are found not to do what they are told."""
+"""Motors that do not do what their setpoints say."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def ticks(
     """Whether the second joint is astray, tick by tick; the first does what it is told."""
     found = []
     for _ in range(count):
-        following.tell(np.array([told, told]))
+        following.record(np.array([told, told]))
         astray = following.not_following(
             np.array([told, velocity]), np.array([0.0, share * CURRENT[1]])
         )
@@ -62,7 +62,7 @@ def test_at_the_bounds_it_follows(following: Following, sign: int) -> None:
     assert not any(found)
     # Nor is it drawn into what another joint does.
     for _ in range(TICKS):
-        following.tell(np.zeros(2))
+        following.record(np.zeros(2))
         astray = following.not_following(np.array([0.5, sign * DEVIATION[1]]), np.zeros(2))
     assert astray.tolist() == [True, False]
 
@@ -106,7 +106,7 @@ def test_the_window_follows_from_lag_and_period(lag_s: float, period_s: float, w
 def test_every_joint_by_itself() -> None:
     following = Following(FollowingSettings(DEVIATION, CURRENT, LAG), T)
     for _ in range(TICKS):
-        following.tell(np.zeros(2))
+        following.record(np.zeros(2))
         astray = following.not_following(np.array([-0.21, 0.31]), np.zeros(2))
     assert astray.tolist() == [True, True]
     assert following.not_following(np.array([0.0, 0.31]), np.zeros(2)).tolist() == [False, True]
@@ -116,7 +116,7 @@ def test_every_joint_by_itself() -> None:
 def test_the_figures_are_from_the_nearest_setpoint_that_it_may_still_obey(sign: int) -> None:
     following = Following(FollowingSettings(DEVIATION, CURRENT, LAG), T)
     for told in (0.0, 0.05, 0.02):
-        following.tell(np.full(2, sign * told))
+        following.record(np.full(2, sign * told))
     following.not_following(np.array([sign * 0.3, -sign * 0.4]), np.zeros(2))
     assert following.figures(0) == "by 0.250 rad/s, at most 0.200"
     assert following.figures(1) == "by 0.400 rad/s, at most 0.300"

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from daemon.faults.finding import Finding
 from daemon.faults.plausibility import (
     GAP_TOLERANCE,
     OVERSPEED_TICKS,
@@ -13,7 +14,7 @@ from daemon.faults.plausibility import (
     Plausibility,
     PlausibilitySettings,
 )
-from daemon.faults.table import Condition, Finding
+from daemon.faults.table import Condition
 
 T = 0.01
 GAP, MARGIN, SPEED = 0.02, 0.05, 1.0  # half-gap, position margin, speed bound

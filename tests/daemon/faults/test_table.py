@@ -1,11 +1,12 @@
-"""Which condition leads to which reaction, and which of several wins."""
+"""Which condition leads to which response, and fails which arming check."""
 
-from itertools import permutations
+from typing import get_args
 
 import pytest
 
-from daemon.faults.table import EVENT_OF, TABLE, Condition, Finding, Response, strongest
+from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.table import Event
+from drivers.events import BusEvent
 
 # What one tick gets over; where what is measured can still be trusted; what ends the program.
 # Everything else stops all drives until a person has looked.
@@ -27,23 +28,62 @@ EXPECTED = {
 
 
 def expected(condition: Condition) -> Response:
-    found = [reaction for reaction, conditions in EXPECTED.items() if condition in conditions]
+    found = [response for response, conditions in EXPECTED.items() if condition in conditions]
     return found[0] if found else Response.QUICK_STOP
 
 
 @pytest.mark.parametrize("condition", Condition)
-def test_reaction(condition: Condition) -> None:
-    assert TABLE[condition].response is Finding(condition, "here").response
+def test_response(condition: Condition) -> None:
     assert TABLE[condition].response is expected(condition)
 
 
-def test_every_row_says_when_and_why() -> None:
+# All others fail the check that is called as the table is.
+CHECKS = {
+    "drives": {
+        Condition.DRIVE_FAULT,
+        Condition.DRIVE_DROPPED,
+        Condition.NOT_FOLLOWING,
+        Condition.DISOBEDIENT,
+        Condition.UNSTOPPABLE,
+    },
+    "samples": {Condition.SAMPLE_MISSING, Condition.STALE, Condition.STARVED},
+    "heartbeats": {Condition.HEARTBEAT_LOST},
+    "emergencies": {Condition.EMERGENCY},
+    "set-up": {Condition.REBOOTED},
+    "residual": {Condition.RESIDUAL_LIMIT},
+    "limits": {Condition.JOINT_LIMIT},
+    "loop": {Condition.LATE, Condition.OVERRUN, Condition.SUSPENDED},
+}
+
+
+@pytest.mark.parametrize("condition", Condition)
+def test_arming_check(condition: Condition) -> None:
+    named = [check for check, conditions in CHECKS.items() if condition in conditions]
+    assert TABLE[condition].check == (named[0] if named else "faults")
+
+
+def test_every_row_says_all() -> None:
     assert list(TABLE) == list(Condition)
-    assert all(row.when and row.why for row in TABLE.values())
+    assert all(row.when and row.why and row.advice for row in TABLE.values())
 
 
-def test_what_each_reaction_does_to_the_mode() -> None:
-    assert EVENT_OF == {
+def test_what_is_latched_takes_a_reset_and_what_is_not_does_not() -> None:
+    """No advice sends a person to a command that would be refused."""
+    for condition, row in TABLE.items():
+        reset = "`contactctl reset`" in row.advice
+        assert reset is (row.response is Response.QUICK_STOP), condition
+        arm = "`contactctl arm`" in row.advice
+        assert arm is (row.response is Response.HOLD), condition
+
+
+def test_a_source_belongs_to_one_condition() -> None:
+    sources = [row.source for row in TABLE.values() if row.source is not None]
+    assert len(set(sources)) == len(sources)
+    assert set(sources) <= set(get_args(BusEvent))
+
+
+def test_what_each_response_does_to_the_mode() -> None:
+    assert {response: response.event for response in Response} == {
         Response.CONTINUE: None,
         Response.HOLD: Event.DOUBT,
         Response.QUICK_STOP: Event.FAULT,
@@ -53,35 +93,3 @@ def test_what_each_reaction_does_to_the_mode() -> None:
 
 def test_the_order_of_strength() -> None:
     assert Response.CONTINUE < Response.HOLD < Response.QUICK_STOP < Response.FAULT_EXIT
-
-
-def test_the_strongest_wins_wherever_it_stands() -> None:
-    late, hold = Finding(Condition.LATE), Finding(Condition.OVERRUN)
-    fault = Finding(Condition.DRIVE_FAULT, "b")
-    for findings in permutations((late, hold, fault)):
-        assert strongest(findings) is fault
-    assert strongest((late, hold)) is strongest((hold, late)) is hold
-
-
-def test_the_first_of_equals_wins() -> None:
-    stale, fault = Finding(Condition.STALE, "a"), Finding(Condition.DRIVE_FAULT, "b")
-    assert strongest((stale, fault)) is stale
-    assert strongest((fault, stale)) is fault
-
-
-def test_nothing_found() -> None:
-    assert strongest(()) is None
-
-
-def test_words() -> None:
-    assert str(Finding(Condition.DRIVE_FAULT, "LElbowRoll")) == "drive fault: LElbowRoll"
-    assert str(Finding(Condition.LATE)) == "late tick"
-    assert str(Finding(Condition.LATE, "", "12 ms")) == "late tick (12 ms)"
-    assert str(Finding(Condition.JUMP, "elbow", "by 1 rad")) == "encoder jump: elbow (by 1 rad)"
-
-
-def test_figures_that_change_make_no_new_finding() -> None:
-    before, after = (Finding(Condition.JUMP, "elbow", figures) for figures in ("1", "2"))
-    assert before == after
-    assert len({before, after}) == 1
-    assert before != Finding(Condition.JUMP, "wrist", "1")

@@ -8,6 +8,7 @@ import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.clients.client import Client
+from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Request
 from daemon.protocol.socket_path import Peer
@@ -192,6 +193,23 @@ def test_disarm_works_in_every_mode(served: ServedDaemon) -> None:
     assert served.rig.mode is Mode.FAULTED
     enabled.append(served.contactctl("disarm").exit_code)
     assert enabled == [0] * 5
+
+
+def test_status_says_what_to_do_about_a_fault_until_it_is_reset(
+    house: ServedDaemon, client: Client
+) -> None:
+    def advice() -> str:
+        status = house.ask(client, "status").status
+        assert status is not None
+        return status.advice
+
+    house.rig.enable()
+    assert advice() == ""
+    house.rig.arm.drives[0].fault(0x2310, "injected by the test")
+    house.run(0.1)
+    assert advice() == TABLE[Condition.EMERGENCY].advice
+    house.ask(client, "reset")
+    assert advice() == ""
 
 
 def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(

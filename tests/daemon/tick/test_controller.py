@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bench.rigs.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
-from daemon.faults.table import Condition, Finding
+from daemon.faults.finding import Finding
+from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.sampled_path import PathBuilder, SampledPath

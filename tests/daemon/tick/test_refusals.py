@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from bench.rigs.ideal_arm import IdealArm, T, holding_arm, ideal_arm
-from daemon.faults.table import Condition, Finding
+from daemon.faults.finding import Finding
+from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import ADVICE, TRANSITIONS, Event, Mode, refusal
 from daemon.tick.arming_checks import Objection
