@@ -49,7 +49,7 @@ def session(rig: Rig) -> Iterator[bytes]:
     def during(seconds: float) -> Iterator[bytes]:
         for _ in range(round(seconds / rig.robot.configuration.period_s)):
             rig.step()
-            state = msgspec.to_builtins(rig.tick.state())
+            state = msgspec.to_builtins(rig.state())
             del state["timing"]
             yield msgspec.json.encode(state)
 

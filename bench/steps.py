@@ -35,8 +35,7 @@ def delay_of(rig: Rig, joint: int, torque: float) -> tuple[float | None, bool]:
     for _ in range(round(PATIENCE_S / period)):
         rig.step()
         crossed |= bool(np.sign(plant.phi[joint]) != side)
-        estimate = rig.tick.estimate
-        assert estimate is not None
+        estimate = rig.estimate
         if estimate.thresholded[joint] * torque > 0.0:
             felt = rig.arm.now - begun
             break

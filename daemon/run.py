@@ -70,7 +70,7 @@ def _serve(
     realtime = go_realtime()
     for grant in realtime:
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
-    loop = Loop(tick, Clock(time.monotonic, sleep_until), c.period_s)
+    loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)
     serials = [identity.serial for identity in boot.identities]
     heed_identification(tick, robot, serials)
     service = Service(

@@ -167,7 +167,7 @@ def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Record
 
         def each() -> None:
             recorder()
-            states.append(_clocked(rig.tick.state(), begin_s))
+            states.append(_clocked(rig.state(), begin_s))
 
         rig.run(seconds, each)
         ahead_s = rig.time_s - rig.arm.now - begin_s

@@ -15,7 +15,7 @@ from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.faults.detector import FAULT_STATES
 from daemon.modes.table import Event, Mode
-from daemon.tick.tick import ON_TIME, Wakeup
+from daemon.tick.record import ON_TIME, Wakeup
 from drivers.cia402 import QUICK_STOP
 from simulator.sensors import Readings
 

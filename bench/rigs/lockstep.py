@@ -18,8 +18,14 @@ from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import State
+from daemon.tick.controller import Decision
+from daemon.tick.loop import Clock
+from daemon.tick.record import TickRecord, Wakeup
+from daemon.tick.telemetry import state_of
 from daemon.tick.tick import Tick
+from drivers.answers import Samples
 from drivers.boot.boot_up import DriveBoot
+from estimator.estimate import Estimate
 from simulator.arm import SimulatedArm
 from simulator.description import SimulationSettings
 from simulator.events import Listener
@@ -29,6 +35,9 @@ from simulator.lockstep import Lockstep
 ROMEO = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
 SINGLE_JOINT = ROMEO.parent / "single_joint"
 DESK_ARM = ROMEO.parent / "desk_arm"
+
+#: Unix time of the first tick.
+WALL_S = 1.8e9
 
 _channels = itertools.count()
 
@@ -70,11 +79,13 @@ class Rig:
         """Of the next tick."""
         return self.ticks * self.robot.configuration.period_s
 
-    def step(self) -> None:
-        """SYNC, answers of the simulated drives, decision, setpoints."""
+    def step(self, wall_s: float | None = None) -> None:
+        """SYNC, answers of the simulated drives, decision, setpoints; `wall_s` is the Unix time,
+        which otherwise passes like the rig's."""
         self.tick.begin(self.time_s)
         self.lockstep.pump()
-        self.tick.finish(0.0)
+        wall_s = WALL_S + self.time_s if wall_s is None else wall_s
+        self.tick.finish(0.0, Wakeup(wall_s=wall_s))
         self.ticks += 1
 
     def run(self, seconds: float, each: Callable[[], None] = lambda: None) -> None:
@@ -86,7 +97,7 @@ class Rig:
     def states(self, seconds: float) -> list[State]:
         """Every State of the next `seconds`."""
         states: list[State] = []
-        self.run(seconds, lambda: states.append(self.tick.state()))
+        self.run(seconds, lambda: states.append(self.state()))
         return states
 
     def request(self, event: Event) -> None:
@@ -105,6 +116,37 @@ class Rig:
     def mode(self) -> Mode:
         """The controller's."""
         return self.tick.controller.machine.mode
+
+    @property
+    def last(self) -> TickRecord:
+        """The last tick; AssertionError before the first."""
+        assert self.tick.last is not None
+        return self.tick.last
+
+    @property
+    def samples(self) -> Samples:
+        """Of the last tick."""
+        return self.last.samples
+
+    @property
+    def estimate(self) -> Estimate:
+        """The newest; AssertionError before the first complete samples."""
+        assert self.last.estimate is not None
+        return self.last.estimate
+
+    @property
+    def decision(self) -> Decision:
+        """Of the last tick; AssertionError before the first complete samples."""
+        assert self.last.decision is not None
+        return self.last.decision
+
+    def state(self) -> State:
+        """As it is published of the last tick."""
+        return state_of(self.last)
+
+    def clock(self) -> Clock:
+        """For a loop around the tick: time passes by `step` alone."""
+        return Clock(lambda: self.time_s, lambda _: None, lambda: WALL_S + self.time_s)
 
 
 @contextmanager

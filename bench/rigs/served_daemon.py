@@ -18,7 +18,7 @@ from daemon.protocol.messages import Reply, State
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
-from daemon.tick.loop import Clock, Loop
+from daemon.tick.loop import Loop
 
 _PATIENCE_S = 5.0
 
@@ -116,7 +116,7 @@ def open_house(
         closing(Notifier()) as notifier,
     ):
         c = rig.robot.configuration
-        loop = Loop(rig.tick, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+        loop = Loop(rig.tick, rig.clock(), c.period_s)
         serials = [identity.serial for identity in rig.boot.identities]
         heed_identification(rig.tick, rig.robot, serials)
         rig.run(0.1)

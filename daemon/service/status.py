@@ -8,7 +8,8 @@ from daemon.config.load import Robot
 from daemon.protocol.messages import Grant, Permit, Snapshot, Status, Trajectory
 from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
-from daemon.tick.tick import DRIVE_STATE_NAMES, SIDE_NAMES, Tick, finite_list
+from daemon.tick.telemetry import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
+from daemon.tick.tick import Tick
 from errors import ControlError
 
 
@@ -27,7 +28,8 @@ def status_of(
     """Everything that a person asks for; `place` is that of config.yaml, whoever asks from where;
     `identities` and `serials` are the drives'."""
     c, tick = robot.configuration, loop.tick
-    samples, estimate = tick.samples, tick.estimate
+    last = tick.last
+    samples, estimate = (last.samples, last.estimate) if last else (None, None)
     zeros = [0.0] * len(c.joints)
     machine = tick.controller.machine
     return Status(
@@ -74,14 +76,15 @@ def _trajectory(controller: Controller) -> Trajectory:
 def snapshot_of(robot: Robot, tick: Tick) -> Snapshot:
     """What a reader needs beside the States. Raises ControlError before the first sample."""
     c = robot.configuration
-    if tick.decision is None:
+    last = tick.last
+    if last is None or last.decision is None:
         raise ControlError("the drives have not sent all their samples yet; try again")
     return Snapshot(
         joints=c.joint_names,
         half_gap=[joint.half_gap for joint in c.joints],
         thresholds=[joint.thresholds.contact for joint in c.joints],
         period_s=c.period_s,
-        tick=tick.number,
+        tick=last.number,
         memory=tick.estimator.memory(),
         configuration=robot.text,
         urdf=robot.urdf,

@@ -40,7 +40,7 @@ class Wound:
 
         self.rig.tick.begin = answered  # type: ignore[method-assign]
         period_s = self.rig.robot.configuration.period_s
-        self.loop = Loop(self.rig.tick, Clock(lambda: self.now_s, self.wait), period_s)
+        self.loop = Loop(self.rig.tick, Clock(lambda: self.now_s, self.wait, lambda: 0.0), period_s)
 
     def wait(self, until_s: float) -> None:
         self.now_s = max(self.now_s, until_s)

@@ -59,7 +59,7 @@ class Rig:
             self.tick.finish(0.0)
             self.drive.pump()
             self.drive.advance(T)
-            self.told += [event.text for event in self.tick.notices]
+            self.told += [event.text for event in self.tick.last.notices]
             self.ticks += 1
 
     def request(self, event: Event) -> list[str]:
@@ -123,7 +123,7 @@ def test_it_holds_follows_a_trajectory_and_feels_nothing(rig):
     assert not rig.request(Event.START)
     rig.run(4.0)
     assert rig.mode is Mode.TRACKING, rig.told
-    reference = rig.tick.decision.reference[0]
+    reference = rig.tick.last.decision.reference[0]
     assert abs(reference - start) > 0.05
     assert rig.drive.q == pytest.approx(reference, abs=0.03)
     assert not [line for line in rig.told if "Nm" in line], "nobody touches it"

@@ -44,7 +44,7 @@ def pushed(arm: Arm, *words: str) -> str:
         house.rig.arm.external_torque[0] = 1.5
         while typed.ticks_in_motion < 150:
             typed.tick()
-            felt += [event for event in house.rig.tick.notices if event.kind == "contact"]
+            felt += [event for event in house.rig.last.notices if event.kind == "contact"]
         house.rig.arm.external_torque[0] = 0.0
         typed.ctrl_c()
         said = typed.ends()[1]

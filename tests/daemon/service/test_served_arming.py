@@ -19,7 +19,7 @@ def armed(house: ServedDaemon) -> bool:
 
 
 def cause_of_disarming(house: ServedDaemon) -> str:
-    texts = [e.text for e in house.rig.tick.notices if e.text.startswith("disarmed")]
+    texts = [e.text for e in house.rig.last.notices if e.text.startswith("disarmed")]
     return texts[0] if texts else ""
 
 

@@ -18,8 +18,7 @@ from errors import ControlError, LogError, TrajectoryError
 
 
 def stands(house: ServedDaemon) -> float:
-    samples = house.rig.tick.samples
-    assert samples is not None
+    samples = house.rig.samples
     return float(samples.link_position[0])
 
 

@@ -10,7 +10,7 @@ from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.faults.table import Condition
 from daemon.protocol.messages import Check
 from daemon.tick.arming_checks import CHECK_OF, NAMES, Verdict
-from daemon.tick.tick import Wakeup
+from daemon.tick.record import Wakeup
 from drivers.cia402 import DriveState
 from drivers.events import Emergency, Rebooted
 
@@ -40,16 +40,13 @@ def failed(rig: Rig) -> list[str]:
 
 def objections(rig: Rig) -> set[str]:
     """Of the last samples, as they are now."""
-    samples, estimate = rig.tick.samples, rig.tick.estimate
-    assert samples is not None
-    assert estimate is not None
+    samples, estimate = rig.samples, rig.estimate
     return {o.check for o in rig.tick.prearm.objections(samples, estimate, (), (), ())}
 
 
 def watched(rig: Rig, *events: object) -> None:
     """As if these had come in the last tick; the supervisor has dealt with them since."""
-    samples = rig.tick.samples
-    assert samples is not None
+    samples = rig.samples
     rig.tick.prearm.watch(replace(samples, events=events), (), rig.time_s)
     rig.step()
 
@@ -158,8 +155,7 @@ def test_an_emergency_is_over_when_the_drive_restarts(calm: Rig) -> None:
 
 
 def test_an_emergency_after_one_that_was_taken_back_counts(calm: Rig) -> None:
-    samples = calm.tick.samples
-    assert samples is not None
+    samples = calm.samples
     for state, emergency in (
         (DriveState.FAULT, Emergency(1, 0x2310, 1)),
         (DriveState.OPERATION_ENABLED, Emergency(1, 0, 0)),
@@ -180,8 +176,7 @@ def test_a_drive_that_misses_our_heartbeat_fails_heartbeats(calm: Rig) -> None:
 
 def test_a_drive_that_left_its_fault_has_no_emergency(calm: Rig) -> None:
     """Although it never said that it was over."""
-    samples = calm.tick.samples
-    assert samples is not None
+    samples = calm.samples
     watch, time_s = calm.tick.prearm.watch, calm.time_s
     faulted = replace(samples, states=(DriveState.FAULT,))
     watch(replace(faulted, events=(Emergency(1, 0x2310, 1),)), (), time_s)
@@ -205,9 +200,7 @@ def test_a_restarted_drive_must_be_set_up_again_and_then_may_be_armed(rig: Rig) 
 
 
 def test_a_missing_heartbeat(calm: Rig) -> None:
-    arm, samples, estimate = calm.tick.drives, calm.tick.samples, calm.tick.estimate
-    assert samples is not None
-    assert estimate is not None
+    arm, samples, estimate = calm.tick.drives, calm.samples, calm.estimate
     assert arm.silent() == ()
     for flag, unheard in (("lost", True), ("operational", False)):
         setattr(arm._drives[0].watch, flag, unheard)
@@ -228,9 +221,7 @@ def test_the_identification_is_somebody_elses_verdict(calm: Rig) -> None:
 
 
 def test_a_joint_outside_its_limits(calm: Rig) -> None:
-    prearm, samples, estimate = calm.tick.prearm, calm.tick.samples, calm.tick.estimate
-    assert samples is not None
-    assert estimate is not None
+    prearm, samples, estimate = calm.tick.prearm, calm.samples, calm.estimate
     for q, inside in ((1.4, True), (1.449, True), (1.451, False), (-1.451, False)):
         there = replace(samples, link_position=np.array([q]))
         found = prearm.objections(there, estimate, (), (), ())

@@ -53,5 +53,4 @@ def test_it_closes_a_loop_over_its_links_only_as_they_were_checked(
 
 
 def setpoint(rig: Rig) -> float:
-    assert rig.tick.decision is not None
-    return float(rig.tick.decision.velocity[0])
+    return float(rig.decision.velocity[0])

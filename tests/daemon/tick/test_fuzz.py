@@ -14,6 +14,7 @@ from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, Levels
 from daemon.modes.table import Event, Mode
+from daemon.tick.telemetry import state_of
 from drivers.cia402 import ENABLE_OPERATION
 from drivers.codec import link_side, receive_pdos, transmit_pdos
 
@@ -140,8 +141,8 @@ def run(robot: Robot, harm, commands) -> tuple[FuzzedBus, list[Mode]]:
                 tick.controller.request(command, "fuzz", time_s)
         tick.begin(time_s)
         tick.finish(0.0)
-        if tick.decision is not None:
-            tick.state()
+        if tick.last.decision is not None:
+            state_of(tick.last)
         modes.append(tick.controller.machine.mode)
     return bus, modes
 
