@@ -59,7 +59,7 @@ def session(rig: Rig) -> Iterator[bytes]:
     yield from during(0.1)
     asked(Event.ENABLE)
     yield from during(0.6)
-    rig.tick.controller.arm("the oracle")
+    rig.permit("the oracle")
     asked(Event.START)
     yield from during(13.3)
     rig.arm.drives[1].fault(OVER_CURRENT, "over-current")

@@ -160,7 +160,7 @@ def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Record
     ) as rig:
         rig.enable()
         rig.run(SETTLE_S)
-        refused = rig.tick.controller.arm("the bench")
+        refused = rig.permit("the bench")
         assert not refused, refused
         rig.request(Event.START)
         begin_s, recorder, states = rig.time_s, Recorder(rig), []

@@ -17,7 +17,7 @@ from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import State
+from daemon.protocol.messages import Check, State
 from daemon.tick.controller import Decision
 from daemon.tick.loop import Clock
 from daemon.tick.record import TickRecord, Wakeup
@@ -36,6 +36,8 @@ ROMEO = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
 SINGLE_JOINT = ROMEO.parent / "single_joint"
 DESK_ARM = ROMEO.parent / "desk_arm"
 
+#: Of an arm whose configuration is right by construction.
+TRUSTED = Check(name="identification", passed=True, text="none; the configuration is trusted")
 #: Unix time of the first tick.
 WALL_S = 1.8e9
 
@@ -144,6 +146,11 @@ class Rig:
         """As it is published of the last tick."""
         return state_of(self.last)
 
+    def permit(self, who: str = "the bench") -> list[str]:
+        """Arm as the daemon does for a client; returns every reason why not."""
+        reasons = self.tick.check_arming(self.time_s).reasons
+        return list(reasons) or self.tick.controller.arm(who)
+
     def clock(self) -> Clock:
         """For a loop around the tick: time passes by `step` alone."""
         return Clock(lambda: self.time_s, lambda _: None, lambda: WALL_S + self.time_s)
@@ -159,10 +166,12 @@ def lockstep_rig(
     on_event: Listener = lambda _: None,
     bus: Callable[[can.BusABC], can.BusABC] = lambda near: near,
     truth: Path | None = None,
+    identification: Callable[[Robot, list[int | None]], Check] = lambda robot, serials: TRUSTED,
 ) -> Iterator[Rig]:
     """Boot the simulated arm of `folder` up; `configure` and `simulate` may change both ends, and
     `bus` what is between them once the drives are set up. `truth` is the folder whose arm is
-    simulated, where the daemon's own believes something else."""
+    simulated, where the daemon's own believes something else, and `identification` the arming check
+    for the robot and the drives' serial numbers."""
     robot = load_robot(folder)
     true = load_robot(truth) if truth else robot
     simulation = read_simulation(true)
@@ -179,10 +188,11 @@ def lockstep_rig(
         arm = SimulatedArm(description, settings, far.send, hand_script=hand, on_event=on_event)
         lockstep = Lockstep(arm, far)
         arm.power_on()
-        tick = build_tick(robot, bus(near), lambda: 0.0)
         boot = replace(build_boot(robot, near), listen_s=0.0)
         with lockstep.serving():
             boot.boot_up()
+        checked = identification(robot, [identity.serial for identity in boot.identities])
+        tick = build_tick(robot, bus(near), lambda: 0.0, checked)
         tick.drives.start(0.0)
         lockstep.pump()
         yield Rig(robot, tick, arm, lockstep, channel, near, boot)

@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, TRUSTED, lockstep_rig
 from daemon.assembly import build_tick
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
@@ -162,7 +162,7 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
         clock = Clock(time.monotonic, sleep_until, time.time) if waits else in_a_row()
         drives = RecordedDrives(near, answers, round(STEADY_S * hz), 1.0 / hz, clock.now)
         near.channel.append(drives)  # type: ignore[attr-defined]
-        tick = build_tick(robot, near, clock.now)
+        tick = build_tick(robot, near, clock.now, TRUSTED)
         if load:
             stack.enter_context(hogs(2 * (os.cpu_count() or 1)))
         cyclictest = Cyclictest(hz, seconds, folder / "cyclictest.json")

@@ -91,8 +91,7 @@ class Service:
         c = self.robot.configuration
         self.place = str(self.robot.place())
         self.dock = TrajectoryUpload(c.joint_names, limits_of(c), c.trajectory.ramp_s)
-        tick = self.loop.tick
-        self.permission = Permission(tick.controller, tick.checks)
+        self.permission = Permission(self.loop.tick)
         self.control.on_close = self._on_close
 
     # --- after every tick -------------------------------------------------------------------
@@ -246,7 +245,7 @@ class Service:
             return str(error).splitlines()
         else:
             tick.drives.start(self.loop.time_s)
-            tick.prearm.renewed(joints)
+            tick.arming_checks.renewed(joints)
             return []
         finally:
             self.loop.resume()

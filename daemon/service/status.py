@@ -42,7 +42,7 @@ def status_of(
         permit=permit,
         cause=machine.cause,
         trajectory=_trajectory(tick.controller),
-        checks=tick.checks(),
+        checks=list(tick.check_arming(loop.time_s).checks),
         ticks=tick.number + 1,
         missed=loop.missed,
         lateness_max_us=loop.lateness_max_s * 1e6,

@@ -5,11 +5,10 @@ from typing import Any
 import numpy as np
 
 from daemon.protocol.messages import Contact, Notice, PerJoint, SideName, State, Timing
-from daemon.tick.arming_checks import FLAG_NAMES
 from daemon.tick.record import TickRecord
 from drivers.cia402 import DriveState
 from estimator import contact as estimator_contact
-from estimator.estimate import Estimate
+from estimator.estimate import Estimate, Flag
 from estimator.motor_position import Side
 
 SIDE_NAMES: dict[int, SideName] = {
@@ -19,6 +18,7 @@ SIDE_NAMES: dict[int, SideName] = {
     Side.UNKNOWN: "unknown",
 }
 DRIVE_STATE_NAMES = {state: state.name.lower().replace("_", " ") for state in DriveState}
+FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
 
 
 def state_of(record: TickRecord) -> State:

@@ -10,8 +10,8 @@ from daemon.faults.detector import FaultDetector
 from daemon.faults.table import Finding, Response
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.limits import all_finite
-from daemon.protocol.messages import Check, Notice
-from daemon.tick.arming_checks import Objection, PreArm
+from daemon.protocol.messages import Notice
+from daemon.tick.arming_checks import ArmingChecks, ArmingResult
 from daemon.tick.controller import ControlInput, Controller, Decision
 from daemon.tick.record import ON_TIME, TickRecord, Wakeup
 from daemon.tick.telemetry import contact_notice
@@ -34,11 +34,11 @@ class Tick:
         estimator: Estimator,
         controller: Controller,
         detector: FaultDetector,
-        prearm: PreArm,
+        arming_checks: ArmingChecks,
         period_s: float,
     ) -> None:
         self.drives, self.estimator, self.controller = drives, estimator, controller
-        self.prearm = prearm
+        self.arming_checks = arming_checks
         self.number = -1
         self.last: TickRecord | None = None
         """None before the first."""
@@ -80,7 +80,7 @@ class Tick:
             interval_s=interval_s,
             finite=finite,
         )
-        self.prearm.watch(samples, findings, time_s)
+        self.arming_checks.watch(samples, findings, time_s)
         self.fatal = self.fatal or _fatal(findings)
         decision = self._decided(samples, estimate, findings, updated=updated)
         if mode is Mode.ENABLING and machine.mode is Mode.HOLDING:
@@ -167,7 +167,6 @@ class Tick:
             hit=hit,
             operating=tuple(state is DriveState.OPERATION_ENABLED for state in samples.states),
             findings=findings,
-            objections=self._objections,
             age_s=None if updated else np.multiply(samples.age_ticks, self._period_s),
             play=self.estimator.transmission.play(estimate.phi, estimate.phi_sigma),
         )
@@ -197,23 +196,15 @@ class Tick:
 
     # --- asked between two ticks ------------------------------------------------------------
 
-    def _objections(self) -> tuple[Objection, ...]:
-        """Why nobody should arm now, after the last tick."""
-        last = self.last
-        if last is None or last.estimate is None:
-            return ()
-        silent, restarted = self.drives.silent(), self.drives.restarted()
-        return self.prearm.objections(last.samples, last.estimate, last.findings, silent, restarted)
-
-    def checks(self) -> list[Check]:
-        """What arming needs, each passed or failed: the mode, and everything else by name."""
-        reason = self.controller.mode_refusal()
-        text = reason or self.controller.machine.mode.value
-        checks = [Check(name="mode", passed=not reason, text=text)]
-        if self.last is not None and self.last.estimate is not None:
-            objections = self.controller.objections
-            checks += self.prearm.checks(objections, self.last.samples, self.last.estimate)
-        return checks
+    def check_arming(self, time_s: float) -> ArmingResult:
+        """Run all arming checks at `time_s`, on the last tick and on what the drives are now."""
+        return self.arming_checks.run(
+            self.last,
+            self.controller.machine.mode,
+            self.drives.silent(),
+            self.drives.restarted(),
+            time_s,
+        )
 
 
 def _finite(estimate: Estimate | None, decision: Decision | None) -> bool:

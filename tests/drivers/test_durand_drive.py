@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bench.rigs.durand_drive import SERIAL, DurandDrive
-from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.lockstep import SINGLE_JOINT, TRUSTED
 from daemon.assembly import build_estimator, build_setups, build_tick
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
@@ -95,7 +95,7 @@ def rig(tmp_path) -> Iterator[Rig]:
         sheet = load_data_sheet(tmp_path / "drive.eds")
         setups = [dataclasses.replace(each, data_sheet=sheet) for each in build_setups(robot)]
         boot = DriveBoot(near, setups, c.period_ms, c.bus.master_node)
-        tick = build_tick(robot, near, lambda: 0.0)
+        tick = build_tick(robot, near, lambda: 0.0, TRUSTED)
         yield Rig(tick, boot, drive, [])
 
 

@@ -82,7 +82,7 @@ def test_a_nuisance_is_noted_and_the_arm_goes_on(on: BreakableArm, case: Case) -
     start(on, armed=True)
     fault = happen(on, case)
     assert not told(on)
-    reasons = on.rig.tick.controller.not_armable()
+    reasons = on.rig.tick.check_arming(on.rig.time_s).reasons
     once = case.condition is Condition.LATE  # arming stands one of these
     assert once or any(case.condition.value in reason for reason in reasons)
     for _ in fault:
@@ -116,7 +116,7 @@ def test_it_holds_disarmed_and_nothing_is_latched(on: BreakableArm, case: Case) 
     assert {drive.state for drive in on.rig.arm.drives} == {State.OPERATION_ENABLED}
     assert not machine.armed
     # A person may arm it and lead it off, or back; after late ticks, a little later.
-    assert all("late" in reason for reason in on.rig.tick.controller.arm("a person"))
+    assert all("late" in reason for reason in on.rig.permit("a person"))
     if case.condition is not Condition.JOINT_LIMIT:
         on.rig.request(Event.START)
         on.run(0.05)
@@ -157,6 +157,7 @@ def test_it_stops_all_drives_until_a_person_resets_it(on: BreakableArm, case: Ca
     controller = on.rig.tick.controller
     for event in (Event.START, Event.ENABLE, Event.DISABLE):
         assert "a fault is latched" in controller.request(event, "a person", on.rig.time_s)[0]
+    assert on.rig.permit("a person")
     assert controller.arm("a person")
     on.until(Mode.OFF, Event.RESET)
     on.until(Mode.HOLDING, Event.ENABLE)

@@ -27,7 +27,7 @@ def test_stop_ends_the_trajectory_and_the_permission(rig: Rig) -> None:
     rig.enable()
     rig.request(Event.START)
     rig.run(0.7)
-    assert rig.tick.controller.arm("the test") == []
+    assert rig.permit("the test") == []
     rig.run(0.01)
     rig.request(Event.STOP)
     states = rig.states(0.6)
@@ -84,7 +84,7 @@ def test_a_contact_while_not_armed_is_only_reported(rig: Rig) -> None:
     assert {state.mode for state in states} == {"holding"}
     contacts = [e.contact for s in states for e in s.notices if e.contact]
     assert [c.joint for c in contacts][:1] == ["LElbowRoll"]
-    reasons = rig.tick.controller.arm("the test")
+    reasons = rig.permit("the test")
     assert any("is somebody touching it" in reason for reason in reasons)
 
 
@@ -96,7 +96,7 @@ def test_debounced_a_contact_is_none_yet() -> None:
 
     with lockstep_rig(SINGLE_JOINT, configure=patient) as rig:
         rig.enable()
-        assert rig.tick.controller.arm("the test") == []
+        assert rig.permit("the test") == []
         rig.arm.external_torque[0] = 4.0
         states = rig.states(0.3)
     felt = [any(state.thresholded) for state in states]
@@ -125,7 +125,7 @@ def test_before_the_first_samples_there_is_no_state(rig: Rig) -> None:
     rig.tick.finish(0.0)
     with pytest.raises(RuntimeError, match="no complete samples"):
         rig.state()
-    assert rig.tick.controller.arm("the test") == ["no samples of the drives yet"]
+    assert rig.permit("the test") == ["no samples of the drives yet"]
     assert rig.tick.controller.request(Event.ENABLE, "the test", 0.0) == [
         "no samples of the drives yet"
     ]
@@ -176,7 +176,7 @@ def test_starting_moves_and_energises_nothing(rig: Rig) -> None:
 
 def test_a_touch_that_begins_while_the_arm_stops_is_yielded_to(rig: Rig) -> None:
     rig.enable()
-    assert rig.tick.controller.arm("the test") == []
+    assert rig.permit("the test") == []
     rig.request(Event.START)
     rig.run(4.3)
     rig.request(Event.PAUSE)
