@@ -81,8 +81,7 @@ def contact_free(seconds: float, seed: int, friction: str, motor_position: str) 
 
         def each() -> None:
             nonlocal phi_before, free_before
-            estimate = rig.tick.estimate
-            assert estimate is not None
+            estimate = rig.estimate
             # An estimate belongs to the middle between two samples, and so does this truth.
             phi, free = plant.phi.copy(), plant.in_gap
             phi_errors.append(np.abs(estimate.phi - 0.5 * (phi + phi_before)))

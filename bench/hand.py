@@ -47,7 +47,7 @@ def measure(
         rig.enable()
         rig.request(Event.START)
         rig.run(2.0)
-        if reasons := rig.tick.controller.arm("the bench"):
+        if reasons := rig.permit("the bench"):
             raise click.ClickException("; ".join(reasons))
         origin = rig.arm.plant.q.copy()
         k, _ = stiffness(rig.arm)

@@ -49,7 +49,7 @@ def session(rig: Rig) -> Iterator[bytes]:
     def during(seconds: float) -> Iterator[bytes]:
         for _ in range(round(seconds / rig.robot.configuration.period_s)):
             rig.step()
-            state = msgspec.to_builtins(rig.tick.state())
+            state = msgspec.to_builtins(rig.state())
             del state["timing"]
             yield msgspec.json.encode(state)
 
@@ -59,7 +59,7 @@ def session(rig: Rig) -> Iterator[bytes]:
     yield from during(0.1)
     asked(Event.ENABLE)
     yield from during(0.6)
-    rig.tick.controller.arm("the oracle")
+    rig.permit("the oracle")
     asked(Event.START)
     yield from during(13.3)
     rig.arm.drives[1].fault(OVER_CURRENT, "over-current")

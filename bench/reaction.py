@@ -59,7 +59,7 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
             on.silence()  # as after its end
         else:
             on.tick()
-        if found is None and any(f.condition is case.condition for f in on.rig.tick.findings):
+        if found is None and any(f.condition is case.condition for f in on.rig.last.findings):
             found = tick
         if found and obeyed and stopped is None:
             if stop_sent(on, reaction):

@@ -36,8 +36,7 @@ def delay_of(rig: Rig, joint: int, torque: float) -> tuple[float | None, bool]:
     for _ in range(round(PATIENCE_S / period)):
         rig.step()
         crossed |= bool(np.sign(plant.phi[joint]) != side)
-        estimate = rig.tick.estimate
-        assert estimate is not None
+        estimate = rig.estimate
         if estimate.thresholded[joint] * torque > 0.0:
             detected_s = rig.arm.now - begun
             break

@@ -159,14 +159,14 @@ def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Record
     ) as rig:
         rig.enable()
         rig.run(SETTLE_S)
-        refused = rig.tick.controller.arm("the bench")
+        refused = rig.permit("the bench")
         assert not refused, refused
         rig.request(Event.START)
         begin_s, recorder, states = rig.time_s, Recorder(rig), []
 
         def each() -> None:
             recorder()
-            states.append(_clocked(rig.tick.state(), begin_s))
+            states.append(_clocked(rig.state(), begin_s))
 
         rig.run(seconds, each)
         ahead_s = rig.time_s - rig.arm.now - begin_s

@@ -14,7 +14,7 @@ from bench.rigs.faulty_bus import FaultyBus
 from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
-from daemon.tick.tick import ON_TIME, Wakeup
+from daemon.tick.record import ON_TIME, Wakeup
 from drivers.cia402 import FAULT_STATES, QUICK_STOP
 from simulator.sensors import Readings
 

@@ -128,7 +128,7 @@ class CommissionedArm:
         with self.served() as served:
             served.rig.enable()
             served.run(0.5)
-            return list(served.rig.tick.controller.arm("the bench"))
+            return served.rig.permit()
 
     def found(self) -> list[IdentifiedJoint]:
         """Entries of each joint in identified.yaml."""

@@ -11,14 +11,14 @@ from typing import Any
 from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
-from daemon.assembly import heed_identification
+from daemon.assembly import check_identification
 from daemon.clients.client import Client
 from daemon.commands import contactctl, contactd
 from daemon.protocol.messages import Reply, State
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
-from daemon.tick.loop import Clock, Loop
+from daemon.tick.loop import Loop
 
 _PATIENCE_S = 5.0
 
@@ -111,13 +111,12 @@ def served_daemon(
     """The daemon of `robot`, off, with its control socket in `folder`; `both_ends` as of
     `lockstep_rig`."""
     with (
-        lockstep_rig(robot, **both_ends) as rig,
+        lockstep_rig(robot, identification=check_identification, **both_ends) as rig,
         PatientSocket(folder / "control") as control,
         closing(Notifier()) as notifier,
     ):
         c = rig.robot.configuration
-        loop = Loop(rig.tick, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+        loop = Loop(rig.tick, rig.clock(), c.period_s)
         serials = [identity.serial for identity in rig.boot.identities]
-        heed_identification(rig.tick, rig.robot, serials)
         rig.run(0.1)
         yield ServedDaemon(rig, Service(rig.robot, loop, control, [], 1, notifier, serials))

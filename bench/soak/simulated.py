@@ -37,7 +37,7 @@ from daemon.protocol.socket_path import Peer
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
-from daemon.tick.loop import Clock, Loop
+from daemon.tick.loop import Loop
 from drivers.boot.boot_up import DriveBoot
 from errors import ContactdError
 
@@ -135,7 +135,7 @@ class _Troublemaker:
     def after(self) -> None:
         """After it: was it noticed?"""
         if self._fault is not None:
-            findings = self._stage.rig.tick.findings
+            findings = self._stage.rig.last.findings
             self._found |= any(finding.condition is self._case.condition for finding in findings)
 
 
@@ -181,7 +181,7 @@ def _silent_log() -> Iterator[None]:
 
 def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
     c = rig.robot.configuration
-    loop = Loop(rig.tick, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+    loop = Loop(rig.tick, rig.clock(), c.period_s)
     # The clock of the rig starts at zero, as the loop's does.
     boot = _LockstepBoot(rig.bus, rig.boot.setups, c.period_ms, c.bus.master_node)
     boot.identities = rig.boot.identities
@@ -210,7 +210,7 @@ def _soak(
                 touches.append((now, now))
             touches[-1] = (touches[-1][0], now)
         trouble.after()
-        state, plant = rig.tick.state(), rig.arm.plant  # as it is published
+        state, plant = rig.state(), rig.arm.plant  # as it is published
         service.doors()
         watch.see(
             state,

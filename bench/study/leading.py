@@ -172,8 +172,7 @@ def lead(
     theta, q = arm.plant.theta.copy(), arm.plant.q.copy()
     while yields(rig):
         rig.step()
-        decision = rig.tick.decision
-        assert decision is not None
+        decision = rig.decision
         commanded += decision.velocity * rig.robot.configuration.period_s
         coast = max(coast, float(np.abs(arm.plant.theta - theta).max()))
         drift = max(drift, float(np.abs(arm.plant.q - q).max()))

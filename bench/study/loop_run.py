@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, TRUSTED, lockstep_rig
 from daemon.assembly import build_tick
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
@@ -147,7 +147,7 @@ def in_a_row() -> Clock:
         nonlocal now
         now = max(now, to)
 
-    return Clock(lambda: now, jump)
+    return Clock(lambda: now, jump, lambda: now)
 
 
 def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
@@ -160,10 +160,10 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
         logging.getLogger("contactd").setLevel(logging.ERROR)  # no group `contact` is no news here
         control = stack.enter_context(ControlSocket(folder / "control"))
         near = stack.enter_context(can.Bus(interface="virtual", channel="bench.loop"))
-        clock = Clock(time.monotonic, sleep_until) if waits else in_a_row()
+        clock = Clock(time.monotonic, sleep_until, time.time) if waits else in_a_row()
         drives = RecordedDrives(near, answers, round(STEADY_S * hz), 1.0 / hz, clock.now)
         near.channel.append(drives)  # type: ignore[attr-defined]
-        tick = build_tick(robot, near, clock.now)
+        tick = build_tick(robot, near, clock.now, TRUSTED)
         if load:
             stack.enter_context(hogs(2 * (os.cpu_count() or 1)))
         cyclictest = Cyclictest(hz, seconds, folder / "cyclictest.json")
@@ -179,7 +179,8 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
             nonlocal begun
             service.doors()
             number, now = tick.number, time.thread_time()
-            figures[number] = loop.wakeup.lateness_s, now - begun - drives.cpu_s, loop.work_s
+            assert tick.last is not None
+            figures[number] = tick.last.wakeup.lateness_s, now - begun - drives.cpu_s, loop.work_s
             begun, drives.cpu_s = now, 0.0
             if number in (round(ENABLE_S * hz), round(START_S * hz)):
                 event = Event.ENABLE if number < START_S * hz / 2 else Event.START

@@ -88,10 +88,7 @@ class Recorder:
 
     def __call__(self) -> None:
         rig, plant = self._rig, self._rig.arm.plant
-        samples, estimate, decision = rig.tick.samples, rig.tick.estimate, rig.tick.decision
-        assert samples is not None
-        assert estimate is not None
-        assert decision is not None
+        samples, estimate, decision = rig.samples, rig.estimate, rig.decision
         assert samples.fresh.all()
         now = rig.time_s
         self._begin_s = now if self._begin_s is None else self._begin_s

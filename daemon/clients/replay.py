@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from daemon.assembly import build_estimator
@@ -11,8 +10,7 @@ from daemon.clients.recorder import read_log
 from daemon.config.load import parse_configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State
-from daemon.tick.arming_checks import FLAG_NAMES
-from daemon.tick.tick import SIDE_NAMES
+from daemon.tick.telemetry import estimated
 from errors import LogError
 from estimator.estimate import Estimate
 from estimator.estimator import Estimator
@@ -110,22 +108,8 @@ class _Run:
 
 
 def _difference(state: State, estimate: Estimate) -> Difference | None:
-    replayed = {
-        "link_velocity": estimate.q_dot.tolist(),
-        "motor_estimate": estimate.theta.tolist(),
-        "phi": estimate.phi.tolist(),
-        "phi_sigma": estimate.phi_sigma.tolist(),
-        "side": [SIDE_NAMES[side] for side in estimate.side.tolist()],
-        "motor_torque": estimate.tau_M.tolist(),
-        "residual": estimate.residual.tolist(),
-        "threshold": estimate.threshold.tolist(),
-        "thresholded": estimate.thresholded.tolist(),
-        "touched_link": estimate.touched_link,
-        "beside": {name: values.tolist() for name, values in estimate.beside.items()},
-        "flags": [FLAG_NAMES[flag] for flag in estimate.flags],
-    }
-    recorded = msgspec.structs.asdict(state)
-    for field, value in replayed.items():
-        if recorded[field] != value:
-            return Difference(state.tick, field, recorded[field], value)
+    for field, value in estimated(estimate).items():
+        recorded = getattr(state, field)
+        if recorded != value:
+            return Difference(state.tick, field, recorded, value)
     return None

@@ -38,13 +38,16 @@ class Motion:
         law: AdmittanceLaw,
         gains: Gains,
         follower: Follower,
+        *,
+        blind: bool = False,
     ) -> None:
+        """blind: the links' signs were never checked: hold by the motors, close no loop over the
+        links."""
         self.velocity = np.zeros_like(limits.lower)
         """target velocity [rad/s]"""
         self.reference = np.zeros_like(limits.lower)
         """desired q [rad]"""
-        self.blind = False
-        """Signs of the links never checked: hold by the motors, close no loop over the links."""
+        self.blind = blind
         self.limits, self.gains, self.follower = limits, gains, follower
         self._manner, self._law = manner, law
         self._go(self.reference, self.reference, 1.0)

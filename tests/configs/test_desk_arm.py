@@ -16,7 +16,7 @@ from daemon.protocol.socket_path import Peer
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
-from daemon.tick.loop import Clock, Loop
+from daemon.tick.loop import Loop
 from drivers.boot.boot_up import DriveBoot
 from drivers.cia402 import DriveState
 from simulator.state_machine import State
@@ -50,7 +50,7 @@ def rig() -> Iterator[Rig]:
 @pytest.fixture
 def served(rig: Rig, tmp_path: Path) -> Iterator[ServedDeskArm]:
     c = rig.robot.configuration
-    loop = Loop(rig.tick, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+    loop = Loop(rig.tick, rig.clock(), c.period_s)
     with ControlSocket(tmp_path / "control") as control, closing(Notifier()) as notifier:
         yield ServedDeskArm(rig, Service(rig.robot, loop, control, [], 1, notifier, boot=rig.boot))
 
@@ -63,7 +63,7 @@ def test_it_measures_what_is_true(rig):
     positions = []
 
     def compare():
-        samples, arm = rig.tick.samples, rig.arm
+        samples, arm = rig.samples, rig.arm
         errors = (
             samples.link_position - arm.plant.q,
             samples.motor_velocity - arm.plant.theta_dot,
@@ -71,7 +71,7 @@ def test_it_measures_what_is_true(rig):
         )
         np.maximum(worst, [np.abs(error).max() for error in errors], out=worst)
         positions.append(samples.link_position[0])
-        np.maximum(residual, np.abs(rig.tick.estimate.residual), out=residual)
+        np.maximum(residual, np.abs(rig.estimate.residual), out=residual)
 
     rig.run(3.0, compare)
     assert rig.mode is Mode.TRACKING
@@ -88,7 +88,7 @@ def test_it_feels_a_hand(rig):
     rig.run(1.0)
     rig.arm.external_torque[0] = 1.5
     rig.run(0.3)
-    assert rig.tick.estimate.residual[0] == pytest.approx(1.5, abs=0.3)
+    assert rig.estimate.residual[0] == pytest.approx(1.5, abs=0.3)
 
 
 def test_left_over_pdos_are_off(rig):
@@ -130,7 +130,7 @@ def test_a_reset_sets_locked_drives_up_again(served):
     assert (reply.ok, reply.mode, reply.armed) == (True, "off", False)
     rig.run(0.6)
     assert rig.mode is Mode.OFF, rig.tick.controller.machine.cause
-    assert set(rig.tick.samples.states) == {DriveState.SWITCH_ON_DISABLED}
+    assert set(rig.samples.states) == {DriveState.SWITCH_ON_DISABLED}
     rig.enable()
     assert np.abs(rig.arm.plant.q - stood).max() < 0.05
     serials = [identity.serial for identity in served.service.boot.identities]
@@ -193,7 +193,7 @@ def test_while_it_waits_for_drives_the_watchdog_is_fed_and_nobody_else_is_missed
     assert len(fed) > 10
     assert set(fed) == {begun + 1.0}
     rig.step()
-    told = [str(event) for event in rig.tick.samples.events]
+    told = [str(event) for event in rig.samples.events]
     assert told == [], "the other drive's heartbeats of this second went to the SDO client"
     rig.run(0.3)
     rig.arm.drives[1].tick = lambda *_: None

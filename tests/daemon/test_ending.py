@@ -40,7 +40,7 @@ class Wound:
 
         self.rig.tick.begin = answered  # type: ignore[method-assign]
         period_s = self.rig.robot.configuration.period_s
-        self.loop = Loop(self.rig.tick, Clock(lambda: self.now_s, self.wait), period_s)
+        self.loop = Loop(self.rig.tick, Clock(lambda: self.now_s, self.wait, lambda: 0.0), period_s)
 
     def wait(self, until_s: float) -> None:
         self.now_s = max(self.now_s, until_s)
@@ -64,6 +64,7 @@ class Wound:
             self.request(Event.START)
             self.run(1.5)
         if mode is Mode.ADMITTANCE:
+            assert self.rig.tick.check_arming(self.loop.time_s).reasons == ()
             assert self.rig.tick.controller.arm("the test") == []
             self.rig.arm.external_torque[0] = 3.0
             self.run(0.3)

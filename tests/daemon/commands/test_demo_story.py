@@ -26,7 +26,7 @@ def played():
     with lockstep_rig(hand=HAND, on_event=events.append) as rig:
         rig.enable()
         rig.run(1.0)
-        assert not rig.tick.controller.arm("the test")
+        assert not rig.permit("the test")
         rig.request(Event.START)
         states = rig.states(9.0)
         offset = rig.time_s - rig.arm.now

@@ -44,7 +44,7 @@ def pushed(arm: CommissionedArm, *words: str) -> str:
         served.rig.arm.external_torque[0] = 1.5
         while typed.ticks_in_motion < 150:
             typed.tick()
-            felt += [event for event in served.rig.tick.notices if event.kind == "contact"]
+            felt += [event for event in served.rig.last.notices if event.kind == "contact"]
         served.rig.arm.external_torque[0] = 0.0
         typed.ctrl_c()
         said = typed.ends()[1]

@@ -19,7 +19,7 @@ from daemon.identify.measured import from_states, raised
 from daemon.identify.steps import friction_step, merged, thresholds_step
 from daemon.modes.table import Event, Mode
 from daemon.motion.sampled_path import PathBuilder
-from daemon.tick.arming_checks import Verdict
+from daemon.protocol.messages import Check
 from errors import ConfigurationError, LogError
 
 DAY = "2026-01-02T03:04:05+00:00"
@@ -277,14 +277,13 @@ def test_a_file_that_does_not_fit_is_refused(folder, text, says):
 
 
 def test_an_objection_keeps_the_arm_unarmed():
-    with lockstep_rig(SINGLE_JOINT) as rig:
-        rig.tick.prearm.identification = Verdict(False, "the wiring of joint was never checked")
-        rig.enable()
-        rig.run(1.0)
-        assert "the wiring of joint was never checked" in rig.tick.controller.arm("a test")
-        rig.tick.prearm.identification = Verdict(True, "")
-        rig.step()
-        assert rig.tick.controller.arm("a test") == []
+    never = "the wiring of joint was never checked"
+    for passed, reasons in ((False, [never]), (True, [])):
+        check = Check(name="identification", passed=passed, text=never)
+        with lockstep_rig(SINGLE_JOINT, identification=lambda *_, check=check: check) as rig:
+            rig.enable()
+            rig.run(1.0)
+            assert rig.permit("a test") == reasons
 
 
 def test_motors_alone_stand_while_a_hand_moves_the_link():

@@ -20,7 +20,7 @@ def armed(served: ServedDaemon) -> bool:
 
 
 def cause_of_disarming(served: ServedDaemon) -> str:
-    texts = [e.text for e in served.rig.tick.notices if e.text.startswith("disarmed")]
+    texts = [e.text for e in served.rig.last.notices if e.text.startswith("disarmed")]
     return texts[0] if texts else ""
 
 

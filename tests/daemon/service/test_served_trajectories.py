@@ -18,8 +18,7 @@ from errors import ControlError, LogError, TrajectoryError
 
 
 def stands(served: ServedDaemon) -> float:
-    samples = served.rig.tick.samples
-    assert samples is not None
+    samples = served.rig.samples
     return float(samples.link_position[0])
 
 

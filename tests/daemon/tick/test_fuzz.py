@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.rigs.lockstep import DESK_ARM
+from bench.rigs.lockstep import DESK_ARM, TRUSTED
 from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, JointLimits, Levels
 from daemon.modes.table import Event, Mode
+from daemon.tick.telemetry import state_of
 from drivers.cia402 import ENABLE_OPERATION
 from drivers.codec import link_side, receive_pdos, transmit_pdos
 from drivers.drive import Drive
@@ -131,20 +132,21 @@ def robot() -> Robot:
 def run(robot: Robot, harm, commands) -> tuple[FuzzedBus, list[Mode]]:
     """All ticks; the modes that there were."""
     bus = FuzzedBus(robot.configuration, harm)
-    tick = build_tick(robot, bus, lambda: 0.0)
+    tick = build_tick(robot, bus, lambda: 0.0, TRUSTED)
     tick.drives.start(0.0)
     modes = []
     for number in range(TICKS):
         time_s = number * bus.period_s
         for command in commands.get(number, ()):
             if command == "arm":
-                tick.controller.arm("fuzz")
+                if not tick.check_arming(time_s).reasons:
+                    tick.controller.arm("fuzz")
             else:
                 tick.controller.request(command, "fuzz", time_s)
         tick.begin(time_s)
         tick.finish(0.0)
-        if tick.decision is not None:
-            tick.state()
+        if tick.last.decision is not None:
+            state_of(tick.last)
         modes.append(tick.controller.machine.mode)
     return bus, modes
 

@@ -61,7 +61,7 @@ def touched_and_resumed() -> Run:
         states = rig.states(0.5)
         rig.request(Event.START)
         states += rig.states(1.0)
-        assert rig.tick.controller.arm("the test") == []
+        assert rig.permit("the test") == []
         states += rig.states(0.2)
         rig.arm.external_torque[ELBOW] = 1.5
         states += rig.states(1.0)
