@@ -65,9 +65,8 @@ class Ours:
     def __init__(
         self, bus: Any, setups: list[DriveSetup], period_s: float, ring: FrameRing
     ) -> None:
-        joints = [(setup.name, setup.wiring) for setup in setups]
-        profiles = {setup.wiring.profile: setup.profile for setup in setups}
-        self._drives = Drives(bus, joints, profiles, period_s, time.monotonic, ring=ring)
+        drives = [setup.drive for setup in setups]
+        self._drives = Drives(bus, drives, period_s, time.monotonic, ring=ring)
         self._tick, self._period_s = 0, period_s
 
     def request(self) -> None:
@@ -113,11 +112,12 @@ class Stock:
             self._add(setup)
 
     def _add(self, setup: DriveSetup) -> None:
-        node = self._network.add_node(setup.wiring.node, setup.data_sheet)
+        drive = setup.drive
+        node = self._network.add_node(drive.node, setup.data_sheet)
         found: dict[str, Any] = {}
         for kind, pdos in (
-            (node.tpdo, transmit_pdos(setup.profile, setup.wiring.node)),
-            (node.rpdo, receive_pdos(setup.profile, setup.wiring.node)),
+            (node.tpdo, transmit_pdos(drive)),
+            (node.rpdo, receive_pdos(drive)),
         ):
             for pdo in pdos:
                 stock = kind[pdo.number]
@@ -131,11 +131,9 @@ class Stock:
                     self._tpdos += 1
                 else:
                     self._rpdos.append(stock)
-        self._measured.append(
-            [(found[e], *link_side(setup.profile, setup.wiring, e)) for e in MEASURED]
-        )
+        self._measured.append([(found[e], *link_side(drive, e)) for e in MEASURED])
         self._statuswords.append(found["statusword"])
-        affine = link_side(setup.profile, setup.wiring, "target_velocity")
+        affine = link_side(drive, "target_velocity")
         self._targets.append((found["controlword"], found["target_velocity"], *affine))
 
     def _count(self, _: Any) -> None:
@@ -172,7 +170,7 @@ class FarEnd:
 
     def __init__(self, bus: can.BusABC, setups: list[DriveSetup]) -> None:
         self._bus = bus
-        self._pdos = [p for s in setups for p in transmit_pdos(s.profile, s.wiring.node)]
+        self._pdos = [p for s in setups for p in transmit_pdos(s.drive)]
         self.cpu_s = 0.0
 
     def answer(self, exchange: int) -> None:

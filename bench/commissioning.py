@@ -1,4 +1,4 @@
-"""From zero to armed: every step of `contactd identify` on the simulated arm, over the bus.
+"""Commissioning from zero to armed: every step of `contactd identify` on the simulated arm.
 
     python -m bench.commissioning [--seed N] [--json]
 
@@ -22,7 +22,7 @@ from arrays import Matrix, Vector
 from bench.contact_free import MOTION, moving
 from bench.report import Target, print_report
 from bench.rigs.lockstep import lockstep_rig
-from bench.rigs.person import Arm, Person, Written, poor_guesses
+from bench.rigs.person import CommissionedArm, Person, Written, poor_guesses
 from daemon.modes.table import Event
 from simulator.description import SimulationSettings
 
@@ -32,7 +32,7 @@ SIZES = ("largest", "rms", "largest beyond the raise near rest, of")
 
 
 def motion(turn: int) -> dict[str, tuple[float, float]]:
-    """That of `contact_free`, its frequencies dealt out anew and 0.6 rad/s nowhere exceeded."""
+    """Motion of `contact_free`, its frequencies dealt out anew and 0.6 rad/s nowhere exceeded."""
     frequencies = np.roll([f for _, f in MOTION.values()], turn).tolist()
     return {
         name: (min(amplitude, 0.6 / (2.0 * np.pi * frequency)), frequency)
@@ -66,25 +66,26 @@ def residuals(folder: Path, truth: Path, seed: int) -> Matrix:
 
 
 def inertias_of_the_model(settings: SimulationSettings) -> SimulationSettings:
-    """Friction, gaps and rotors remain as wrong as they are."""
+    """Leave masses as they are in the model; friction, gaps and rotors stay as wrong as they
+    are."""
     mismatch = msgspec.structs.replace(settings.mismatch, mass=0.0, center_of_mass=0.0)
     return msgspec.structs.replace(settings, mismatch=mismatch)
 
 
 def unfiltered(settings: SimulationSettings) -> SimulationSettings:
-    """The drives report current as they sample it."""
+    """Make drives report their current as they sample it."""
     return msgspec.structs.replace(settings, current_filter_ms=0.0)
 
 
 def no_delay(written: Written) -> None:
-    """As somebody writes whose drives do not filter their current."""
+    """Change a configuration to that of drives that do not filter their current."""
     poor_guesses(written)
     written["estimator"]["current_delay_ms"] = 0.0
 
 
-def of_gaps(arm: Arm) -> tuple[float, list[str]]:
-    """The worst error of alpha over what is allowed (5 %, or 0.5 mrad), and the joints that are
-    rightly said to have no dead zone."""
+def of_gaps(arm: CommissionedArm) -> tuple[float, list[str]]:
+    """Worst error of alpha over what is allowed (5 %, or 0.5 mrad), and the joints that rightly
+    have no dead zone."""
     assert arm.true is not None
     found = np.array([j.gap.half_gap if j.gap else np.nan for j in arm.found()])
     true = arm.true.half_gap
@@ -94,7 +95,7 @@ def of_gaps(arm: Arm) -> tuple[float, list[str]]:
     return float(np.where(np.isnan(share), np.inf, share).max()), rigid
 
 
-def of_friction(arm: Arm) -> dict[str, Vector]:
+def of_friction(arm: CommissionedArm) -> dict[str, Vector]:
     """Errors of what was found [%], per joint; infinite where nothing was."""
     assert arm.true is not None
     true, rows = arm.true, []
@@ -120,24 +121,24 @@ def of_friction(arm: Arm) -> dict[str, Vector]:
 def main(seed: int, as_json: bool) -> None:
     logging.getLogger("contactd").setLevel(logging.ERROR)
 
-    def tell(text: str) -> None:
+    def show(text: str) -> None:
         if not as_json:
             click.echo(text)
 
     with tempfile.TemporaryDirectory(prefix="commissioning-") as folder:
-        afternoon = Person(Path(folder), seed, tell)
-        arm = afternoon.arm
-        went = afternoon.from_zero_to_armed()
+        person = Person(Path(folder), seed, show)
+        arm = person.arm
+        went = person.from_zero_to_armed()
         gap_share, rigid = of_gaps(arm)
         errors, found = of_friction(arm), arm.found()
         by_identified = residuals(arm.folder, arm.truth, seed)
         by_hand = residuals(arm.truth, arm.truth, seed)
         exact = of_friction(
-            afternoon.friction_beside("the model's inertias", 60, simulate=inertias_of_the_model)
+            person.friction_beside("the model's inertias", 60, simulate=inertias_of_the_model)
         )
-        raw = afternoon.friction_beside("unfiltered", 20, change=no_delay, simulate=unfiltered)
+        raw = person.friction_beside("unfiltered", 20, change=no_delay, simulate=unfiltered)
         trusted = sum(1 for j in raw.found() if j.friction and j.friction.rotor_inertia is not None)
-        mistakes = afternoon.mistakes_found()
+        mistakes = person.mistakes_found()
     ratios = (by_identified / by_hand).max(axis=1).tolist()
     steps_failed = [step for step, well in went.items() if not well]
     targets = [

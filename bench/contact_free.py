@@ -60,9 +60,9 @@ def moving(motor_position: str, motion: Mapping[str, tuple[float, float]] = MOTI
 
 
 def contact_free(seconds: float, seed: int, friction: str, motor_position: str) -> dict[str, Any]:
-    """One run: largest |r| per joint and false contacts, by residual; the 99th percentile of the
-    error of phi [mrad], the share of samples that are in the gap, and that of samples said to be.
-    """
+    """Results of one run: largest |r| per joint and false contacts, by residual; the 99th
+    percentile of the error of phi [mrad], the share of samples that are in the gap, and that of
+    samples judged to be."""
     with lockstep_rig(
         configure=moving(motor_position),
         simulate=lambda s: msgspec.structs.replace(s, seed=seed, friction=friction),
@@ -81,8 +81,7 @@ def contact_free(seconds: float, seed: int, friction: str, motor_position: str) 
 
         def each() -> None:
             nonlocal phi_before, free_before
-            estimate = rig.tick.estimate
-            assert estimate is not None
+            estimate = rig.estimate
             # An estimate belongs to the middle between two samples, and so does this truth.
             phi, free = plant.phi.copy(), plant.in_gap
             phi_errors.append(np.abs(estimate.phi - 0.5 * (phi + phi_before)))

@@ -31,7 +31,7 @@ from bench.rigs.lockstep import ROMEO
 from bench.study.detection_report import joint_table, picture, table
 from bench.study.detection_score import Score, score
 from bench.study.monte_carlo import Job, Kind, Result, run, spread
-from bench.study.population import FRICTIONS, Friction
+from bench.study.population import FRICTION_MODELS, FrictionModel
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 
@@ -49,7 +49,7 @@ def jobs(
     minutes: float,
     step_minutes: float,
     seed: int,
-    frictions: Sequence[Friction],
+    frictions: Sequence[FrictionModel],
     motor_position: MotorPosition,
     stiction_share: float | None,
 ) -> list[Job]:
@@ -65,14 +65,14 @@ def jobs(
 
 
 def worth(deciding: Score, classical: Score, gaps: Sequence[int]) -> float:
-    """On the joints with a gap, how much smaller a step is felt in motion than by the classical
-    residual; the least of them, NaN where it is not known of one."""
+    """Ratio of the smallest steps that the classical residual and the one that decides detect in
+    motion, on the joints with a gap; the least of them, NaN where one is unknown."""
     ratios = [classical.smallest_moving_nm[i] / deciding.smallest_moving_nm[i] for i in gaps]
     return float(np.min(ratios)) if ratios else math.nan  # NaN of a joint is NaN of all
 
 
 def alarmed(results: Sequence[Result], joints: Sequence[str]) -> list[str]:
-    """Which joints of which arms raised false alarms of the residual that decides, how often."""
+    """Joints and arms that raised false alarms of the residual that decides, with their number."""
     return [
         f"{joint} of arm {result.job.seed} ({count})"
         for result in results
@@ -82,8 +82,8 @@ def alarmed(results: Sequence[Result], joints: Sequence[str]) -> list[str]:
     ]
 
 
-def targets(found: Mapping[Friction, dict[str, Score]], c: Configuration) -> list[Target]:
-    """Those of the project, for the residual that decides."""
+def targets(found: Mapping[FrictionModel, dict[str, Score]], c: Configuration) -> list[Target]:
+    """Targets of the project for the residual that decides."""
     deciding, limit = c.estimator.residual.name, 1000.0 * math.log(2.0) / c.estimator.gain
     gaps = [i for i, joint in enumerate(c.joints) if joint.half_gap > 0.0]
     rows = []
@@ -125,7 +125,7 @@ def plain(value: Any) -> Any:
 @click.option("--step-minutes", type=float, show_default="as --minutes", help="With steps.")
 @click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
 @click.option("--seed", default=1, show_default=True)
-@click.option("--friction", default="both", type=click.Choice([*FRICTIONS, "both"]))
+@click.option("--friction", default="both", type=click.Choice([*FRICTION_MODELS, "both"]))
 @click.option("--motor-position", default="measured", type=click.Choice(["measured", "integrated"]))
 @click.option("--stiction-share", type=float, help="In place of the configured one.")
 @click.option("--json", "as_json", is_flag=True)
@@ -134,12 +134,12 @@ def main(
     step_minutes: float | None,
     processes: int,
     seed: int,
-    friction: Friction | Literal["both"],
+    friction: FrictionModel | Literal["both"],
     motor_position: MotorPosition,
     stiction_share: float | None,
     as_json: bool,
 ) -> None:
-    frictions = FRICTIONS if friction == "both" else (friction,)
+    frictions = FRICTION_MODELS if friction == "both" else (friction,)
     c = load_robot(ROMEO).configuration
     step_minutes = minutes if step_minutes is None else step_minutes
     todo = jobs(minutes, step_minutes, seed, frictions, motor_position, stiction_share)
@@ -170,8 +170,8 @@ def main(
         for f, by_name in found.items():
             console.print(table(f, by_name, title))
             console.print(joint_table(f, by_name, c))
-            told = ", ".join(f"{count} {named}" for named, count in links[f].most_common())
-            click.echo(f"link touched, {links[f].total()} forces of 5 to 30 N: {told}")
+            verdicts = ", ".join(f"{count} {named}" for named, count in links[f].most_common())
+            click.echo(f"link touched, {links[f].total()} forces of 5 to 30 N: {verdicts}")
             click.echo(f"false alarms of {next(iter(by_name))}: {', '.join(alarms[f]) or 'none'}\n")
         click.echo(f"picture: {drawn}")
     data = {

@@ -1,5 +1,5 @@
-"""Clients that flood, babble, cut messages off, never read, or connect a thousand times: what do
-they cost the loop, and does `disarm` still come through?
+"""Cost of rude clients for the loop, and whether `disarm` still comes through: clients that flood,
+babble, cut messages off, never read, or connect a thousand times.
 
     python -m bench.flood [--seconds S] [--json]
 
@@ -35,7 +35,7 @@ PERSON_EVERY_S = 0.1
 
 @dataclass(slots=True)
 class Phase:
-    """What was seen during one phase."""
+    """Measurements of one phase."""
 
     name: str
     timings: list[Timing] = field(default_factory=list)

@@ -1,5 +1,5 @@
-"""Led by a hand of 1500 N/m from pose to pose, in lockstep: what torque and what work does that
-take, against the same arm with its drives off, weightless, where only friction resists?
+"""Torque and work of leading the arm by hand, in lockstep: a hand of 1500 N/m takes it from pose to
+pose, against the same arm with its drives off, weightless, where only friction resists.
 
     python -m bench.hand [--speed RAD_S] [--gain K_A]... [--mass S] [--seed N] [--json]
 
@@ -47,7 +47,7 @@ def measure(
         rig.enable()
         rig.request(Event.START)
         rig.run(2.0)
-        if reasons := rig.tick.controller.arm("the bench"):
+        if reasons := rig.permit("the bench"):
             raise click.ClickException("; ".join(reasons))
         origin = rig.arm.plant.q.copy()
         k, _ = stiffness(rig.arm)
@@ -69,7 +69,7 @@ def measure(
 
 
 def tuned(c: Configuration, gains: Mapping[str, float], mass_s: float | None) -> Configuration:
-    """With other gains K_a, or another virtual mass."""
+    """The robot with other gains K_a, or another virtual mass."""
     if strangers := set(gains) - set(c.joint_names):
         raise click.BadParameter(f"{', '.join(strangers)}: none of {', '.join(c.joint_names)}")
     joints = [
@@ -98,7 +98,7 @@ def print_rows(title: str, rows: Sequence[dict[str, Any]], off: Sequence[dict[st
 
 
 def after_release(row: dict[str, Any]) -> str:
-    """What happened when the hand let go."""
+    """Line about the arm after the hand let go."""
     return (
         f"told to go on {row['commanded_mrad']:.0f}, coasts {row['coast_mrad']:.0f}, "
         f"links drift {row['drift_mrad']:.0f} mrad, "
@@ -110,7 +110,7 @@ def targets_of(data: dict[str, Any]) -> list[Target]:
     """Held against what the prototype of this design showed."""
     alone = data["alone"]
     at_rest = [row["coast_mrad"] for rows in data["whole"] for row in rows]
-    told = [row["commanded_mrad"] for rows in data["whole"] for row in rows]
+    commanded = [row["commanded_mrad"] for rows in data["whole"] for row in rows]
     resumed = [row["resumed_s"] for row in alone]
     ratios = [
         row["work_j"] / limp["work_j"] for row, limp in zip(alone, data["alone_off"], strict=True)
@@ -120,7 +120,7 @@ def targets_of(data: dict[str, Any]) -> list[Target]:
         Target("tremble, joints alone", max(r["tremble"] for r in alone), 0.25, "", "lower"),
         Target("work, of that with drives off, median", float(np.median(ratios)), 5, "x", "lower"),
         Target("coasting, let go at rest", max(at_rest), 23, "mrad", "lower"),
-        Target("told to go on, let go at rest", max(told), 5, "mrad", "lower"),
+        Target("told to go on, let go at rest", max(commanded), 5, "mrad", "lower"),
         Target("let go in motion, soonest to go on", min(resumed), 2.0, "s", "higher"),
         Target("let go in motion, latest to go on", max(resumed), 2.1, "s", "lower"),
     ]

@@ -1,4 +1,4 @@
-"""How well friction, rotor inertia and half-gap of arms that nobody knows are found.
+"""Errors of the identified friction, rotor inertia and half-gap, over arms that are not the model.
 
     python -m bench.identification [--arms N] [--seconds S] [--jobs N] [--seed N] [--json]
 
@@ -163,7 +163,7 @@ class Study:
         return found / truth - 1.0, sum(fit.rotor_trusted for fit in fits)
 
     def half_gaps(self, log: MotionLog) -> list[float]:
-        """Of every joint [rad], NaN without an answer."""
+        """Half-gap of every joint [rad], NaN without an answer."""
         constants = self.transmission.torque_constant.tolist()
         return [identify_gap(log, i, constant).half_gap for i, constant in enumerate(constants)]
 
@@ -201,7 +201,7 @@ def joined(parts: Sequence[Found]) -> Found:
 
 
 def targets(found: Found) -> list[Target]:
-    """Those of the project."""
+    """Targets of the project."""
     usual, unfiltered = (
         next(name for name, case in cases(found.job.seconds).items()
              if case == (sensors, found.job.seconds))

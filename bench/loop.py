@@ -1,4 +1,4 @@
-"""How punctual the loop is, and what a tick costs: the daemon's real loop, tick and doors on
+"""Punctuality of the loop and cost of a tick: the daemon's real loop, tick and doors on
 python-can's virtual bus, in real time, with cyclictest beside it at the same interval.
 
     python -m bench.loop [--hz N] [--seconds S] [--load | --in-a-row] [--json]
@@ -10,7 +10,7 @@ lockstep just before: they answer each SYNC inside its sending, and their CPU ti
 when the processor's caches are warm. cyclictest comes with Debian's rt-tests; it and real-time
 priorities need root or a high `ulimit -r`.
 """
-# ruff: noqa: PLC0415 - numpy may be loaded only after it was told to start no threads
+# ruff: noqa: PLC0415 - numpy may be loaded only after its threads are switched off
 
 import click
 

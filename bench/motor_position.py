@@ -1,4 +1,4 @@
-"""How well the rotor is known in its gap: integrated theta against exact theta, without contact.
+"""Error of the rotor's place in its gap: integrated theta against exact theta, without contact.
 
     python -m bench.motor_position [--minutes N] [--arm-minutes N] [--jobs N] [--seed N]
                                    [--friction smooth|dahl|both] [--json]
@@ -35,7 +35,7 @@ from bench.rigs.lockstep import ROMEO
 from bench.study import population, scores
 from bench.study.estimates import Estimates, build, estimates
 from bench.study.monte_carlo import spread
-from bench.study.population import FRICTIONS, Friction
+from bench.study.population import FRICTION_MODELS, FrictionModel
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from estimator.motor_position import Side
@@ -53,7 +53,7 @@ class Job:
     """One arm."""
 
     robot: Path
-    friction: Friction
+    friction: FrictionModel
     seed: int
     seconds: float
 
@@ -76,7 +76,7 @@ class Tally:
     false_gap: NDArray[np.int64]
     """said to be in the gap while the gear carries more than half the threshold"""
     alarms: NDArray[np.int64]
-    """of the residual with integrated theta: false, as nobody touches the arm"""
+    """of the residual with integrated theta: false, as the motion is without contact"""
     unknown: NDArray[np.int64]
     overconfident: NDArray[np.int64]
     """error of phi beyond three times its stated uncertainty"""
@@ -123,7 +123,7 @@ def tally(recording: Recording, integrated: Estimates, exact: Estimates, contact
     )
 
 
-def run(job: Job) -> tuple[Friction, Tally]:
+def run(job: Job) -> tuple[FrictionModel, Tally]:
     """Simulate one arm, and estimate twice."""
     robot = load_robot(job.robot)
     c = robot.configuration
@@ -170,8 +170,8 @@ def recall(t: Tally, alpha: Vector) -> float:
     return float(t.recognised[wide].sum() / max(t.in_gap[wide].sum(), 1))
 
 
-def targets(arms: Mapping[Friction, Sequence[Tally]], c: Configuration) -> list[Target]:
-    """Those of the project, over all arms, and the first of them on the worst arm alone."""
+def targets(arms: Mapping[FrictionModel, Sequence[Tally]], c: Configuration) -> list[Target]:
+    """Targets of the project, over all arms, and the first of them on the worst arm alone."""
     contact = np.array([joint.thresholds.contact for joint in c.joints])
     alpha = np.array([joint.half_gap for joint in c.joints])
     rows = []
@@ -201,7 +201,7 @@ def targets(arms: Mapping[Friction, Sequence[Tally]], c: Configuration) -> list[
 
 
 def rows_of(t: Tally, c: Configuration) -> dict[str, list[float]]:
-    """What is shown per joint; of a joint without a gap, what it has none of is zero."""
+    """Figures per joint that are shown; zero where a joint without a gap has none."""
     contact = np.array([joint.thresholds.contact for joint in c.joints])
     has_gap = np.array([joint.half_gap > 0.0 for joint in c.joints])
     size, percent = np.abs(t.errors), 100.0 / t.samples
@@ -224,7 +224,7 @@ def rows_of(t: Tally, c: Configuration) -> dict[str, list[float]]:
 
 
 def table(title: str, rows: dict[str, list[float]]) -> Table:
-    """For people."""
+    """Table for people."""
     shown = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
     shown.add_column("joint", no_wrap=True)
     n = len(next(iter(rows.values())))
@@ -240,17 +240,17 @@ def table(title: str, rows: dict[str, list[float]]) -> Table:
 @click.option("--arm-minutes", default=2.0, show_default=True, help="Of one arm, in one piece.")
 @click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
 @click.option("--seed", default=1, show_default=True)
-@click.option("--friction", default="both", type=click.Choice([*FRICTIONS, "both"]))
+@click.option("--friction", default="both", type=click.Choice([*FRICTION_MODELS, "both"]))
 @click.option("--json", "as_json", is_flag=True)
 def main(
     minutes: float,
     arm_minutes: float,
     processes: int,
     seed: int,
-    friction: Friction | Literal["both"],
+    friction: FrictionModel | Literal["both"],
     as_json: bool,
 ) -> None:
-    frictions: Sequence[Friction] = FRICTIONS if friction == "both" else (friction,)
+    frictions: Sequence[FrictionModel] = FRICTION_MODELS if friction == "both" else (friction,)
     c = load_robot(ROMEO).configuration
     arm_minutes = min(arm_minutes, minutes)
     seeds = [1000 * seed + arm for arm in range(max(1, round(minutes / arm_minutes)))]

@@ -1,4 +1,4 @@
-"""Break the code on purpose, a little at a time, and see that a test fails.
+"""Mutation test: the code is broken on purpose, a little at a time, and a test must fail.
 
     python -m bench.mutants [NAME]... [--jobs N] [--python PROGRAM]     (make mutants)
 
@@ -72,7 +72,7 @@ def mutants(file: str, python: str) -> list[Mutant]:
 
 
 def survivors(found: list[Mutant], jobs: int) -> Iterator[Mutant]:
-    """Those that no test notices. Raises ClickException if the tests fail without any."""
+    """Mutants that no test notices. Raises ClickException if the tests fail without any."""
     places: queue.SimpleQueue[Path] = queue.SimpleQueue()
     for job in range(jobs):
         places.put(_copy(BUILD / f"tree-{job}"))
@@ -132,7 +132,7 @@ def _passes(place: Path, tests: str) -> bool:
 
 
 def equivalent(files: tuple[str, ...]) -> set[Mutant]:
-    """Those that are known to change nothing that matters."""
+    """Mutants that are known to change nothing that matters."""
     listed = yaml.safe_load(LISTED.read_text())
     return {
         Mutant(file, entry["was"], entry["became"])

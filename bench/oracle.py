@@ -1,4 +1,4 @@
-"""Behaviour oracle: the States of a scripted session in lockstep, and whether they changed.
+"""Behaviour oracle: the States of a scripted session in lockstep, compared with earlier ones.
 
 Each make of drive goes through 20 s: enable, arm, start, a push that is yielded to, the quiet time,
 a blow, a drive's fault, reset, a second start, stop, disable. One file per robot, one State per
@@ -49,7 +49,7 @@ def session(rig: Rig) -> Iterator[bytes]:
     def during(seconds: float) -> Iterator[bytes]:
         for _ in range(round(seconds / rig.robot.configuration.period_s)):
             rig.step()
-            state = msgspec.to_builtins(rig.tick.state())
+            state = msgspec.to_builtins(rig.state())
             del state["timing"]
             yield msgspec.json.encode(state)
 
@@ -59,7 +59,7 @@ def session(rig: Rig) -> Iterator[bytes]:
     yield from during(0.1)
     asked(Event.ENABLE)
     yield from during(0.6)
-    rig.tick.controller.arm("the oracle")
+    rig.permit("the oracle")
     asked(Event.START)
     yield from during(13.3)
     rig.arm.drives[1].fault(OVER_CURRENT, "over-current")
@@ -83,7 +83,7 @@ def renamed(line: bytes, names: dict[str, str]) -> bytes:
 
 
 def first_difference(before: list[bytes], after: list[bytes], names: dict[str, str]) -> str:
-    """Where the States begin to differ, in words; empty if they do not."""
+    """First difference between the States, in words; empty if there is none."""
     for number, (old, new) in enumerate(zip(before, after, strict=False), 1):
         old = renamed(old, names) if names else old  # noqa: PLW2901
         if old == new:

@@ -1,4 +1,4 @@
-"""Reaction to faults: how soon each is found, the stop command is on the bus, and the arm stands.
+"""Reaction to faults: ticks until each is found, the stop command is sent, and the arm stands.
 
 Every case of `bench.rigs.faults`, in lockstep, and what is none: an exception in the tick, and a
 daemon that dies.
@@ -6,9 +6,9 @@ daemon that dies.
     python -m bench.reaction [--json]
 
 Ticks count from the one in which the fault is made, which is the first. `found` is held against
-what the row of the table of faults says; the stop command against two ticks after that. Where
-the bus takes no frame, its ticks count from when it does. A fault exit is followed by silence, at
-which the drives stop by themselves. `stands` is when no motor moves any more.
+what the fault's row in `daemon.faults.table` says; the stop command against two ticks after that.
+Where the bus takes no frame, its ticks count from when it does. A fault exit is followed by
+silence, at which the drives stop by themselves. `stands` is when no motor moves any more.
 """
 
 import logging
@@ -39,8 +39,8 @@ WORDS = {
 }
 
 
-def told_to_stop(on: BreakableArm, reaction: Response) -> bool:
-    """Whether the stop command that belongs to a reaction was sent in this tick."""
+def stop_sent(on: BreakableArm, reaction: Response) -> bool:
+    """True where the stop command that belongs to a response was sent in this tick."""
     if reaction is Response.HOLD:
         return on.rig.mode is Mode.STOPPING and bool(on.setpoints())
     return on.stops
@@ -50,7 +50,7 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
     """Make the fault; None where something did not happen, or is not asked for."""
     reaction = TABLE[case.condition].response
     fault = case.fault(on)
-    found = told = stood = None
+    found = stopped = stood = None
     obeyed = reaction in (Response.HOLD, Response.QUICK_STOP)
     mute = 0  # ticks after it was found in which the bus took nothing
     for tick in range(1, case.ticks + PATIENCE_TICKS):
@@ -59,18 +59,18 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
             on.silence()  # as after its end
         else:
             on.tick()
-        if found is None and any(f.condition is case.condition for f in on.rig.tick.findings):
+        if found is None and any(f.condition is case.condition for f in on.rig.last.findings):
             found = tick
-        if found and obeyed and told is None:
-            if told_to_stop(on, reaction):
-                told = tick
+        if found and obeyed and stopped is None:
+            if stop_sent(on, reaction):
+                stopped = tick
             elif on.bus.sending:
                 mute += 1
         if on.speed >= STANDS:
             stood = None
         elif found and stood is None:
             stood = tick
-        if found and (reaction is Response.CONTINUE or (stood and (told or not obeyed))):
+        if found and (reaction is Response.CONTINUE or (stood and (stopped or not obeyed))):
             break
     if hasattr(fault, "close"):
         fault.close()
@@ -78,7 +78,7 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
     return row(
         case,
         found_tick=found,
-        stop_ticks_after_found=told - found - mute if found and told else None,
+        stop_ticks_after_found=stopped - found - mute if found and stopped else None,
         mute_ticks=mute,
         stands_tick=stood if stops else None,
     )
@@ -89,20 +89,20 @@ def program_error() -> dict[str, Any]:
     logging.getLogger("contactd").addHandler(logging.NullHandler())  # its traceback is no news here
     with stage() as on:
         start(on, armed=True)
-        told = []
+        stopped = []
 
         def sleep(_: float) -> None:
-            told.append(on.stops)
+            stopped.append(on.stops)
             on.silence()
 
         on.rig.tick.controller = cast(Any, None)
         with suppress(ProgramError), stop_on_error(on.rig.tick.drives, on.period_s, sleep):
             on.tick()
-        stands = 1 + len(told) + silent_ticks(on, lambda: on.speed < STANDS)
+        stands = 1 + len(stopped) + silent_ticks(on, lambda: on.speed < STANDS)
     return row(
         Case("exception in the tick", Condition.PROGRAM_ERROR, lambda _: iter(()), 1),
         found_tick=1,
-        stop_ticks_after_found=told.index(True),
+        stop_ticks_after_found=stopped.index(True),
         stands_tick=stands,
     )
 
@@ -138,7 +138,7 @@ def silent_ticks(on: BreakableArm, done: Callable[[], bool]) -> int:
 
 
 def row(case: Case, **measured: int | None) -> dict[str, Any]:
-    """What is printed and kept of one fault."""
+    """Results of one fault that are printed and kept."""
     reaction = WORDS[TABLE[case.condition].response]
     stated = {"fault": case.name, "condition": case.condition.value, "reaction": reaction}
     return {**stated, "stated_ticks": case.ticks, "mute_ticks": 0, **measured}

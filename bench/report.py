@@ -1,4 +1,4 @@
-"""What every bench prints: targets with their measured figures, as a table or as one JSON line."""
+"""Report of a bench: targets with their measured figures, as a table or as one JSON line."""
 
 import json
 import platform
@@ -21,7 +21,7 @@ class Target:
 
     @property
     def met(self) -> bool:
-        """Whether the figure is on the good side of its limit."""
+        """True where the figure is on the good side of its limit."""
         value = float(self.value)  # a numpy number would give a numpy bool, which JSON lacks
         return value <= self.limit if self.better == "lower" else value >= self.limit
 

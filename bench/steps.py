@@ -1,5 +1,5 @@
-"""Steps of external torque on each joint alone, in motion and at rest, in lockstep: is each felt,
-and how soon after its onset in the plant?
+"""Steps of external torque on each joint alone, in motion and at rest, in lockstep: the
+share that is detected, and the delay after the onset in the plant.
 
     python -m bench.steps [--seed N] [--friction smooth|dahl] [--json]
 
@@ -25,24 +25,24 @@ TRIALS_IN_MOTION = 6
 
 
 def delay_of(rig: Rig, joint: int, torque: float) -> tuple[float | None, bool]:
-    """Put `torque` [Nm] on one joint until it is felt; (delay [s] or None, the gap was crossed)."""
+    """Put `torque` [Nm] on one joint until the contact is detected; (delay [s] or None, the gap was
+    crossed)."""
     plant, period = rig.arm.plant, rig.robot.configuration.period_s
     begun = rig.arm.now
     side = np.sign(plant.phi[joint])
     rig.arm.external_torque[joint] = torque
-    felt: float | None = None
+    detected_s: float | None = None
     crossed = False
     for _ in range(round(PATIENCE_S / period)):
         rig.step()
         crossed |= bool(np.sign(plant.phi[joint]) != side)
-        estimate = rig.tick.estimate
-        assert estimate is not None
+        estimate = rig.estimate
         if estimate.thresholded[joint] * torque > 0.0:
-            felt = rig.arm.now - begun
+            detected_s = rig.arm.now - begun
             break
     rig.arm.external_torque[joint] = 0.0
     rig.run(REST_S)
-    return felt, crossed and plant.parameters.half_gap[joint] > 0.0
+    return detected_s, crossed and plant.parameters.half_gap[joint] > 0.0
 
 
 def steps(seed: int, friction: str, *, in_motion: bool) -> list[dict[str, Any]]:

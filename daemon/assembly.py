@@ -1,6 +1,6 @@
 """From a checked configuration to the parts of one arm. The only place that knows them all."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import can
 import numpy as np
@@ -16,7 +16,8 @@ from daemon.modes.contact_reactions import Reactions
 from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
 from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place
-from daemon.tick.arming_checks import PreArm, Verdict
+from daemon.protocol.messages import Check
+from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.controller import Controller, ControllerSettings
 from daemon.tick.tick import Tick
 from drivers.boot.boot_up import DriveBoot
@@ -31,38 +32,42 @@ from estimator.transmission import Transmission
 
 
 def build_tick(
-    robot: Robot, bus: can.BusABC, clock: Callable[[], float], ring: FrameRing | None = None
+    robot: Robot,
+    bus: can.BusABC,
+    clock: Callable[[], float],
+    identification: Check,
+    ring: FrameRing | None = None,
 ) -> Tick:
-    """The tick of `robot` on an open bus whose drives are set up; `ring` keeps its frames.
+    """The tick of `robot` on an open bus whose drives are set up; `ring` keeps its frames. Unless
+    the `identification` passes it does not arm, and closes no loop over the links.
 
     Raises ContactdError."""
     c = robot.configuration
     drives = Drives(
         bus,
-        [(joint.name, joint.wiring) for joint in c.joints],
-        c.drives,
+        c.joint_drives,
         c.period_s,
         clock,
         c.bus.master_node,
         ring,
     )
-    estimator, controller, observer = (
+    return Tick(
+        drives,
         build_estimator(c, robot.urdf),
-        build_controller(robot),
+        build_controller(robot, links_trusted=identification.passed),
         build_fault_detector(c),
+        ArmingChecks(drives.names, drives.nodes, limits_of(c), c.period_s, identification),
+        c.period_s,
     )
-    prearm = PreArm(drives.names, drives.nodes, controller.motion.limits)
-    return Tick(drives, estimator, controller, observer, prearm, c.period_s)
 
 
-def heed_identification(tick: Tick, robot: Robot, serials: list[int | None]) -> None:
-    """Let `tick` arm, and close loops over the links, only as far as `contactd identify` has shown
-    that it may. serials: of the drives that answered, in the order of the joints."""
+def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:
+    """The arming check of identified.yaml: of these drives and this configuration, and passed?
+    serials: of the drives that answered, in the order of the joints."""
     c, found = robot.configuration, robot.identified
     against = objections(found, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True)))
     text = "; ".join(against) or f"{c.identified} is of these drives"
-    tick.prearm.identification = Verdict(not against, text)
-    tick.controller.motion.blind = not tick.prearm.identification.passed
+    return Check(name="identification", passed=not against, text=text)
 
 
 def build_boot(robot: Robot, bus: can.BusABC, ring: FrameRing | None = None) -> DriveBoot:
@@ -80,14 +85,9 @@ def build_setups(robot: Robot) -> list[DriveSetup]:
     }
     return [
         DriveSetup(
-            joint.name,
-            joint.wiring,
-            c.drives[joint.wiring.profile],
-            sheets[joint.wiring.profile],
-            joint.limits.velocity,
-            joint.limits.quick_stop,
+            drive, sheets[drive.wiring.profile], joint.limits.velocity, joint.limits.quick_stop
         )
-        for joint in c.joints
+        for drive, joint in zip(c.joint_drives, c.joints, strict=True)
     ]
 
 
@@ -132,7 +132,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
     patience = DetectorSettings(
         s.stale_ticks,
         s.overrun_ticks,
-        min(c.drives[joint.wiring.profile].master_timeout_ms for joint in c.joints) / 1000.0,
+        min(drive.profile.master_timeout_ms for drive in c.joint_drives) / 1000.0,
     )
     bounds = PlausibilitySettings(
         lower=row(c, lambda j: j.limits.lower),
@@ -151,7 +151,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
         current=bounds.current,
         lag_s=c.control.drive_lag_ms / 1000.0,
     )
-    joints = {joint.wiring.node: joint.name for joint in c.joints}
+    joints = {drive.node: drive.name for drive in c.joint_drives}
     return FaultDetector(
         joints,
         patience,
@@ -160,7 +160,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
     )
 
 
-def build_controller(robot: Robot) -> Controller:
+def build_controller(robot: Robot, *, links_trusted: bool) -> Controller:
     """Modes and reactions over `build_motion`."""
     c = robot.configuration
     tuning = ControllerSettings(
@@ -173,11 +173,11 @@ def build_controller(robot: Robot) -> Controller:
         enable_timeout_s=c.supervisor.enable_timeout_s,
         stop_timeout_s=c.supervisor.stop_timeout_s,
     )
-    return Controller(tuning, build_motion(robot))
+    return Controller(tuning, build_motion(robot, links_trusted=links_trusted))
 
 
-def build_motion(robot: Robot) -> Motion:
-    """Trajectory, admittance and limits."""
+def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
+    """Trajectory, admittance and limits; position loops over links only where they are trusted."""
     c = robot.configuration
     manner = MotionSettings(
         position_gain=c.control.position_gain,
@@ -197,4 +197,5 @@ def build_motion(robot: Robot) -> Motion:
         law=law,
         gains=Gains(row(c, lambda j: j.admittance_gain)),
         follower=Follower(Place(path), c.trajectory.ramp_s),
+        blind=not links_trusted,
     )

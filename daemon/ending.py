@@ -56,9 +56,10 @@ def bring_to_rest(
 
 def _stragglers(tick: Tick) -> list[str]:
     """Drives that have not reached what was last asked of them."""
-    if tick.samples is None or tick.decision is None:
+    last = tick.last
+    if last is None or last.decision is None:
         return []
-    pairs = zip(tick.samples.states, tick.decision.power, strict=True)
+    pairs = zip(last.samples.states, last.decision.power, strict=True)
     wrong = np.flatnonzero([not reached(state, target) for state, target in pairs])
     return [tick.drives.names[i] for i in wrong]
 

@@ -1,4 +1,4 @@
-"""A file that somebody names for a recording: looked at before anything is recorded."""
+"""Checks of the file named for a recording, made before anything is recorded."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,13 +7,13 @@ from errors import LogError
 
 
 def refuse_suffix(path: Path, allowed: Sequence[str]) -> None:
-    """Raises LogError unless the name of `path` ends in one of `allowed`, in any case."""
+    """Raise LogError unless the name of `path` ends in one of `allowed`, in any case."""
     if path.suffix.lower() not in allowed:
         raise LogError(f"{path}: must end in {', '.join(allowed[:-1])} or {allowed[-1]}")
 
 
 def refuse_unless_new(path: Path) -> None:
-    """Raises LogError where there is something already, or where one may not even look."""
+    """Raise LogError if `path` exists, or if its folder may not be searched."""
     try:
         path.lstat()
     except (FileNotFoundError, NotADirectoryError):

@@ -10,7 +10,7 @@ from pathlib import Path
 import can
 import numpy as np
 
-from daemon.assembly import build_boot, build_estimator, build_tick, heed_identification
+from daemon.assembly import build_boot, build_estimator, build_tick, check_identification
 from daemon.config.load import Robot
 from daemon.ending import bring_to_rest, stop_on_error
 from daemon.modes.table import Mode
@@ -65,14 +65,14 @@ def _serve(
     boot.boot_up(progress)
     if signals.received:
         return
-    tick = build_tick(robot, bus, time.monotonic, black_box.ring)
+    serials = [identity.serial for identity in boot.identities]
+    identification = check_identification(robot, serials)
+    tick = build_tick(robot, bus, time.monotonic, identification, black_box.ring)
     _warm_up(robot)
     realtime = go_realtime()
     for grant in realtime:
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
-    loop = Loop(tick, Clock(time.monotonic, sleep_until), c.period_s)
-    serials = [identity.serial for identity in boot.identities]
-    heed_identification(tick, robot, serials)
+    loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)
     service = Service(
         robot, loop, control, realtime, os.getpid(), notifier, serials, boot, black_box.tell
     )
@@ -103,8 +103,7 @@ def _serve(
 
 def _black_box(robot: Robot, control: ControlSocket) -> BlackBox:
     c = robot.configuration
-    joints = [(joint.name, joint.wiring) for joint in c.joints]
-    rate_hz = frame_rate_hz(joints, c.drives, c.period_s)
+    rate_hz = frame_rate_hz(c.joint_drives, c.period_s)
     return BlackBox(ring_path(control.path), default_directory(), rate_hz)
 
 

@@ -1,25 +1,30 @@
 """Answers of the drives to SYNC: which TPDOs have come, and the samples that they make."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Vector
 from drivers.cia402 import DriveState, drive_state
-from drivers.codec import Joint, SampleDecoder
+from drivers.codec import SampleDecoder
+from drivers.drive import Drive
 from drivers.events import BusEvent, LateAnswer
-from drivers.settings import DriveProfile
+from drivers.ids import NODE
+
+T = TypeVar("T", bound=np.generic)
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Samples:
-    """Measurements, SI at the link side, one row per joint; states and events beside them.
+    """Measurements of one tick, SI at the link side, one row per joint; states and events beside
+    them. Nothing of it changes afterwards: the arrays, of shape (n,), are read-only.
 
-    Reused: the next `collect` overwrites the arrays and the lists. A joint is fresh when all its
-    TPDOs of this SYNC came in time; of any other the values are the last that came (NaN before
-    the first), not necessarily of one SYNC, and `age_ticks` says for how many ticks.
+    A joint is fresh when all its TPDOs of this SYNC came in time; of any other the values are the
+    last that came (NaN before the first), not necessarily of one SYNC, and `age_ticks` says for how
+    many ticks.
     """
 
     current: Vector  # A
@@ -28,8 +33,8 @@ class Samples:
     motor_position: Vector | None  # rad; None unless every drive sends it
     fresh: NDArray[np.bool_]
     age_ticks: NDArray[np.int64]
-    states: list[DriveState]
-    statuswords: list[int]  # -1 before the first
+    states: tuple[DriveState, ...]
+    statuswords: tuple[int, ...]  # -1 before the first
     events: tuple[BusEvent, ...] = ()
 
 
@@ -50,22 +55,18 @@ class Answers:
     """TPDOs in, samples out. Which are still awaited is one integer, a bit for each of them."""
 
     def __init__(
-        self,
-        joints: Sequence[Joint],
-        profiles: Mapping[str, DriveProfile],
-        counters: Counters,
-        tell: Callable[[BusEvent], None],
+        self, drives: Sequence[Drive], counters: Counters, tell: Callable[[BusEvent], None]
     ) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
         self._counters, self._tell = counters, tell
-        self._decoder = SampleDecoder(joints, profiles)
+        self._decoder = SampleDecoder(drives)
         self._raw = self._decoder.raw
         slots = self._decoder.slots
         self._tpdos = {
             cob_id: (1 << bit, start, stop, layout)
             for bit, (cob_id, (_, start, stop, layout)) in enumerate(slots.items())
         }
-        self._joint_bits = [0] * len(joints)
+        self._joint_bits = [0] * len(drives)
         for bit, (joint, *_) in enumerate(slots.values()):
             self._joint_bits[joint] |= 1 << bit
         self._all = (1 << len(self._tpdos)) - 1
@@ -75,17 +76,11 @@ class Answers:
         # the first was old.
         self._answered = 0
         self._all_fresh = False
-        n = len(joints)
-        self.samples = Samples(
-            current=self._decoder.current,
-            link_position=self._decoder.link_position,
-            motor_velocity=self._decoder.motor_velocity,
-            motor_position=self._decoder.motor_position,
-            fresh=np.zeros(n, dtype=np.bool_),
-            age_ticks=np.zeros(n, dtype=np.int64),
-            states=[DriveState.UNKNOWN] * n,
-            statuswords=self._decoder.statuswords,
-        )
+        n = len(drives)
+        self._fresh = np.zeros(n, dtype=np.bool_)
+        self.age_ticks = np.zeros(n, dtype=np.int64)
+        self.samples = self._samples(())
+        """Of the last tick; before the first, NaN and unknown states."""
 
     def expect_none(self) -> None:
         """Until the next SYNC, whatever comes is late."""
@@ -111,23 +106,45 @@ class Answers:
         else:
             self._counters.late_frames += 1
             if self._answered & bit:
-                self._tell(LateAnswer(cob_id & 0x7F))
+                self._tell(LateAnswer(cob_id & NODE))
         return True
 
-    def finish(self) -> Samples:
-        """What has come until now is this tick's; the same object and arrays every time."""
-        samples, missing = self.samples, self.missing
+    def finish(self, events: tuple[BusEvent, ...]) -> Samples:
+        """Make the samples of this tick of what has come until now, with `events` beside them."""
+        missing, fresh, age_ticks = self.missing, self._fresh, self.age_ticks
         self._answered = self._all & ~missing
         self._decoder.decode()
         if missing:
             self._counters.missing_frames += missing.bit_count()
             for i, bits in enumerate(self._joint_bits):
-                samples.fresh[i] = not missing & bits
-            np.add(samples.age_ticks, 1, out=samples.age_ticks)
-            samples.age_ticks[samples.fresh] = 0
+                fresh[i] = not missing & bits
+            np.add(age_ticks, 1, out=age_ticks)
+            age_ticks[fresh] = 0
         elif not self._all_fresh:
-            samples.fresh.fill(True)
-            samples.age_ticks.fill(0)
+            fresh.fill(True)
+            age_ticks.fill(0)
         self._all_fresh = not missing
-        samples.states[:] = map(drive_state, samples.statuswords)
-        return samples
+        self.samples = self._samples(events)
+        return self.samples
+
+    def _samples(self, events: tuple[BusEvent, ...]) -> Samples:
+        """Copies of the buffers, which the next tick overwrites."""
+        decoder = self._decoder
+        motor_position = decoder.motor_position
+        return Samples(
+            current=_frozen(decoder.current),
+            link_position=_frozen(decoder.link_position),
+            motor_velocity=_frozen(decoder.motor_velocity),
+            motor_position=None if motor_position is None else _frozen(motor_position),
+            fresh=_frozen(self._fresh),
+            age_ticks=_frozen(self.age_ticks),
+            states=tuple(map(drive_state, decoder.statuswords)),
+            statuswords=tuple(decoder.statuswords),
+            events=events,
+        )
+
+
+def _frozen(buffer: NDArray[T]) -> NDArray[T]:
+    copy = buffer.copy()
+    copy.setflags(write=False)
+    return copy

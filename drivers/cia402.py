@@ -77,6 +77,8 @@ UNPOWERED: Final = frozenset(
     }
 )
 
+FAULT_STATES: Final = frozenset({_S.FAULT_REACTION_ACTIVE, _S.FAULT})
+
 REACHED: Final = {
     PowerTarget.OFF: UNPOWERED - {_S.SWITCHED_ON},
     PowerTarget.ON: frozenset({_S.OPERATION_ENABLED}),

@@ -8,22 +8,22 @@ of the motor shaft, fraction of the rated current). At the link side:
     link_position  [rad]    link_sign * value + link_offset
 
 and a target velocity goes the same way backwards. All of it is affine, so that the whole arm is one
-multiplication and one addition. COB-IDs are CiA 301's predefined connection set.
+multiplication and one addition. COB-IDs are those of `drivers.ids`.
 """
 
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from arrays import Vector
-from drivers.settings import DriveProfile, JointWiring, PdoEntry, PdoLayout, Quantity
+from drivers.drive import Drive
+from drivers.ids import NEXT_PDO, RPDO, TPDO
+from drivers.settings import DriveProfile, PdoEntry, PdoLayout, Quantity
 from errors import ConfigurationError
-
-Joint = tuple[str, JointWiring]
 
 STRUCT_CODES: Final = {
     "INTEGER8": "b",
@@ -40,9 +40,6 @@ MEASURED: Final[tuple[PdoEntry, ...]] = (
     "motor_velocity",
     "motor_position",
 )
-
-TPDO_BASE: Final = 0x180
-RPDO_BASE: Final = 0x200
 
 
 def type_limits(type_name: str) -> tuple[int, int]:
@@ -77,10 +74,12 @@ class Pdo:
 
 
 def quantity(profile: DriveProfile, entry: PdoEntry) -> Quantity:
-    """Where `profile` says that `entry` is; ConfigurationError if it does not say."""
+    """Object of the profile that holds `entry`. Raises ConfigurationError if it defines none."""
     found = getattr(profile, entry)
     if not isinstance(found, Quantity):
-        raise ConfigurationError(f"a PDO carries {entry}, but the drive says not where it is")
+        raise ConfigurationError(
+            f"the PDO lists `{entry}`, but the drive profile does not define it"
+        )
     return found
 
 
@@ -91,16 +90,16 @@ def _field(profile: DriveProfile, entry: PdoEntry) -> PdoField:
     return PdoField(entry, where.object, where.subindex, where.type)
 
 
-def _pdos(profile: DriveProfile, node: int, layouts: PdoLayout, base: int) -> tuple[Pdo, ...]:
+def _pdos(drive: Drive, layouts: PdoLayout, base: int) -> tuple[Pdo, ...]:
     pdos = []
     for number, entries in sorted(layouts.items()):
-        fields = tuple(_field(profile, entry) for entry in entries)
+        fields = tuple(_field(drive.profile, entry) for entry in entries)
         layout = struct.Struct("<" + "".join(STRUCT_CODES[field.type] for field in fields))
         if layout.size > 8:
             raise ConfigurationError(
                 f"PDO {number} [{', '.join(entries)}] has {layout.size} bytes; 8 are allowed"
             )
-        cob_id = base + 0x100 * (int(number) - 1) + node
+        cob_id = base + NEXT_PDO * (int(number) - 1) + drive.node
         pdos.append(Pdo(int(number), cob_id, fields, layout))
     return tuple(pdos)
 
@@ -117,28 +116,28 @@ def _refuse_entries(pdos: Sequence[Pdo], kind: str, required: set[str], allowed:
         raise ConfigurationError(f"{kind}: {', '.join(missing)} missing")
 
 
-def transmit_pdos(profile: DriveProfile, node: int) -> tuple[Pdo, ...]:
-    """What drive `node` sends; ConfigurationError if a quantity is missing, double or too long."""
-    pdos = _pdos(profile, node, profile.tpdo, TPDO_BASE)
-    required = {"statusword", profile.effort, "link_position", "motor_velocity"}
+def transmit_pdos(drive: Drive) -> tuple[Pdo, ...]:
+    """PDOs that a drive sends; ConfigurationError if a quantity is missing, double or too long."""
+    pdos = _pdos(drive, drive.profile.tpdo, TPDO)
+    required = {"statusword", drive.profile.effort, "link_position", "motor_velocity"}
     _refuse_entries(pdos, "tpdo", required, required | {"motor_position"})
     return pdos
 
 
-def receive_pdos(profile: DriveProfile, node: int) -> tuple[Pdo, ...]:
-    """What drive `node` takes; ConfigurationError as for `transmit_pdos`."""
-    pdos = _pdos(profile, node, profile.rpdo, RPDO_BASE)
+def receive_pdos(drive: Drive) -> tuple[Pdo, ...]:
+    """PDOs that a drive takes; ConfigurationError as for `transmit_pdos`."""
+    pdos = _pdos(drive, drive.profile.rpdo, RPDO)
     entries = {"controlword", "target_velocity"}
     _refuse_entries(pdos, "rpdo", entries, entries)
     return pdos
 
 
-def link_side(profile: DriveProfile, wiring: JointWiring, entry: PdoEntry) -> tuple[float, float]:
+def link_side(drive: Drive, entry: PdoEntry) -> tuple[float, float]:
     """(gain, bias) such that the SI value at the link is gain * counts + bias.
 
     A drive's torque over its rated torque is its current over its rated current.
     """
-    where = quantity(profile, entry)
+    where, wiring = quantity(drive.profile, entry), drive.wiring
     if entry in ("current", "torque"):
         factor, bias = wiring.motor_sign * wiring.rated_current_A, 0.0
     elif entry == "link_position":
@@ -156,16 +155,16 @@ class SampleDecoder:
     unless every drive sends one.
     """
 
-    def __init__(self, joints: Sequence[Joint], profiles: Mapping[str, DriveProfile]) -> None:
-        n = len(joints)
+    def __init__(self, drives: Sequence[Drive]) -> None:
+        n = len(drives)
         self.statuswords = [-1] * n
         # Raw counts of every frame, one after the other, as `struct` leaves them.
         self.raw: list[float] = []
         #: COB-ID -> (joint, first slot, last slot + 1, layout)
         self.slots: dict[int, tuple[int, int, int, struct.Struct]] = {}
         place: dict[tuple[str, int], int] = {}
-        for i, (_, wiring) in enumerate(joints):
-            for pdo in transmit_pdos(profiles[wiring.profile], wiring.node):
+        for i, drive in enumerate(drives):
+            for pdo in transmit_pdos(drive):
                 start = len(self.raw)
                 for field in pdo.fields:
                     row = "current" if field.entry == "torque" else field.entry
@@ -176,10 +175,9 @@ class SampleDecoder:
         self._status_slots = [place["statusword", i] for i in range(n)]
         self._counts = np.empty(len(self.raw))
         self._order = np.array([[place[e, i] for i in range(n)] for e in entries])
-        drives = [(profiles[wiring.profile], wiring) for _, wiring in joints]
         affine = np.array(
             [
-                [link_side(p, w, p.effort if e == "current" else e) for p, w in drives]
+                [link_side(d, d.profile.effort if e == "current" else e) for d in drives]
                 for e in entries
             ]
         )
@@ -204,11 +202,10 @@ class SampleDecoder:
 class SetpointEncoder:
     """Target velocities of the whole arm [rad/s at the link] -> counts."""
 
-    def __init__(self, joints: Sequence[Joint], profiles: Mapping[str, DriveProfile]) -> None:
-        drives = [(profiles[wiring.profile], wiring) for _, wiring in joints]
-        affine = np.array([link_side(p, w, "target_velocity") for p, w in drives])
+    def __init__(self, drives: Sequence[Drive]) -> None:
+        affine = np.array([link_side(drive, "target_velocity") for drive in drives])
         self._gain, self._bias = affine[:, 0].copy(), affine[:, 1].copy()
-        limits = [type_limits(profile.target_velocity.type) for profile, _ in drives]
+        limits = [type_limits(drive.profile.target_velocity.type) for drive in drives]
         self._lowest = np.array([float(lowest) for lowest, _ in limits])
         self._highest = np.array([float(highest) for _, highest in limits])
         self._counts = np.zeros(len(drives))

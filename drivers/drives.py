@@ -5,7 +5,7 @@ much of its deadline is left. What happens beside the samples comes back as even
 arrives, and no failure of the bus, is an exception.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,7 +18,7 @@ from drivers.can.bus import BUS_FAILURES
 from drivers.can.frame_ring import FrameRing, RecordedWire
 from drivers.can.wire import ERROR, Frame, Wire, open_wire
 from drivers.cia402 import DriveState, PowerTarget
-from drivers.codec import Joint
+from drivers.drive import Drive
 from drivers.events import (
     BadSetpoint,
     BusEvent,
@@ -29,23 +29,24 @@ from drivers.events import (
     bus_failure,
     error_frame,
 )
+from drivers.ids import (
+    EMERGENCY,
+    ENTER_PRE_OPERATIONAL,
+    HEARTBEAT,
+    NMT,
+    NODE,
+    OPERATIONAL,
+    START_NODE,
+    STOP_NODE,
+    SYNC,
+)
 from drivers.setpoints import Setpoints
-from drivers.settings import DriveProfile
-from drivers.watches import HEARTBEATS_MISSED, OPERATIONAL, HeartbeatWatch, ObedienceWatch
-
-NMT: Final = 0x000
-SYNC: Final = 0x080
-EMERGENCY: Final = 0x080
-HEARTBEAT: Final = 0x700
+from drivers.watches import HEARTBEATS_MISSED, HeartbeatWatch, ObedienceWatch
 
 #: Kind of emergency codes after which some drives take a reset only when set up again.
 COMMUNICATION_ERROR: Final = 0x8100
 
 SYNC_FRAME: Final[Frame] = (SYNC, b"")
-
-START_NODE: Final = 1
-STOP_NODE: Final = 2
-ENTER_PRE_OPERATIONAL: Final = 128
 
 #: Bounds of one tick: a flooded bus must not hold the loop, nor its memory.
 FRAMES_PER_PASS: Final = 512
@@ -53,7 +54,7 @@ EVENTS_PER_TICK: Final = 32
 
 
 @dataclass(slots=True)
-class _Drive:
+class _WatchedDrive:
     watch: HeartbeatWatch
     obedience: ObedienceWatch
     emergency: int = 0  # code of the last one, 0 when it is over
@@ -69,8 +70,7 @@ class Drives:
     def __init__(
         self,
         bus: can.BusABC,
-        joints: Sequence[Joint],
-        profiles: Mapping[str, DriveProfile],
+        drives: Sequence[Drive],
         period_s: float,
         clock: Callable[[], float],
         master_node: int = 127,
@@ -78,28 +78,34 @@ class Drives:
     ) -> None:
         """`ring` keeps the frames of both directions. Raises ConfigurationError if a PDO layout
         does not fit."""
-        self.names = tuple(name for name, _ in joints)
-        self.nodes = tuple(wiring.node for _, wiring in joints)
+        self.names = tuple(drive.name for drive in drives)
+        self.nodes = tuple(drive.node for drive in drives)
         self.counters = Counters()
         wire = open_wire(bus)
         self._wire: Wire = RecordedWire(wire, ring) if ring else wire
         self._clock = clock
-        self._answers = Answers(joints, profiles, self.counters, self._tell)
-        self._setpoints = Setpoints(joints, profiles)
+        self._answers = Answers(drives, self.counters, self._tell)
+        self._setpoints = Setpoints(drives)
         self._quick_stops = [*self._setpoints.quick_stops, SYNC_FRAME]
-        self._heartbeats_s = [profiles[wiring.profile].heartbeat_ms / 1e3 for _, wiring in joints]
+        self._heartbeat_timeouts_s = [
+            HEARTBEATS_MISSED * (drive.profile.heartbeat_ms / 1e3) for drive in drives
+        ]
         self._watch_from(0.0)
         self._backlog = False
         self._heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
         setpoint_ids = {cob_id for cob_id, _ in self._setpoints.frames}
         self._masters_own = {NMT, SYNC, HEARTBEAT + master_node} | setpoint_ids
-        timeout_ms = min(profiles[wiring.profile].master_timeout_ms for _, wiring in joints)
+        timeout_ms = min(drive.profile.master_timeout_ms for drive in drives)
         # Sent when the tick after this one would be too late for a third of the drives' patience.
         self._heartbeat_every_s = max(timeout_ms / 3000.0 - period_s, 0.0)
         self._heartbeat_at = -np.inf
         self._now = 0.0
         self._events: list[BusEvent] = []
-        self.samples = self._answers.samples
+
+    @property
+    def samples(self) -> Samples:
+        """Of the last tick."""
+        return self._answers.samples
 
     def start(self, now: float) -> None:
         """NMT operational for every drive: PDOs flow, heartbeats are watched from `now` on.
@@ -110,14 +116,14 @@ class Drives:
         self._receive_queued()
         self._events.clear()
         self._heartbeat_at = now
-        self.samples.age_ticks.fill(0)
+        self._answers.age_ticks.fill(0)
         self._watch_from(now)
         self._send([self._heartbeat, *self._nmt(START_NODE)])
 
     def _watch_from(self, now: float) -> None:
         self._drives = [
-            _Drive(HeartbeatWatch(node, HEARTBEATS_MISSED * every_s, now), ObedienceWatch(node))
-            for node, every_s in zip(self.nodes, self._heartbeats_s, strict=True)
+            _WatchedDrive(HeartbeatWatch(node, timeout_s, now), ObedienceWatch(node))
+            for node, timeout_s in zip(self.nodes, self._heartbeat_timeouts_s, strict=True)
         ]
         self._by_node = dict(zip(self.nodes, self._drives, strict=True))
 
@@ -174,10 +180,9 @@ class Drives:
                 frames_left -= 1
         except BUS_FAILURES as error:
             self._tell(bus_failure("receiving", error))
-        samples = answers.finish()
-        samples.events = tuple(self._events)
+        events = tuple(self._events)
         self._events.clear()
-        return samples
+        return answers.finish(events)
 
     def command(
         self,
@@ -262,8 +267,8 @@ class Drives:
         return False
 
     def _take_other(self, can_id: int, data: bytes | bytearray) -> None:
-        drive = self._by_node.get(can_id & 0x7F)
-        service = can_id & ~0x7F  # 11-bit identifiers only: a flag makes it another number
+        drive = self._by_node.get(can_id & NODE)
+        service = can_id & ~NODE  # 11-bit identifiers only: a flag makes it another number
         if can_id & ERROR:
             self.counters.error_frames += 1
             self._tell(error_frame(can_id & ~ERROR, data))

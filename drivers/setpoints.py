@@ -1,14 +1,14 @@
 """RPDOs of all drives: controlwords and target velocities, written into frames that stay."""
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from arrays import Vector
 from drivers.can.wire import Frame
 from drivers.cia402 import QUICK_STOP, DriveState, PowerTarget, controlword
-from drivers.codec import Joint, SetpointEncoder, receive_pdos
-from drivers.settings import DriveProfile
+from drivers.codec import SetpointEncoder, receive_pdos
+from drivers.drive import Drive
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,18 +23,18 @@ class _Rpdo:
 class Setpoints:
     """What the drives are told in each tick; `frames` always holds the last `write`."""
 
-    def __init__(self, joints: Sequence[Joint], profiles: Mapping[str, DriveProfile]) -> None:
+    def __init__(self, drives: Sequence[Drive]) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
-        self._encoder = SetpointEncoder(joints, profiles)
-        self._controlwords = [0] * len(joints)
+        self._encoder = SetpointEncoder(drives)
+        self._controlwords = [0] * len(drives)
         self._rpdos: list[list[_Rpdo]] = []
         self.frames: list[Frame] = []
         self.quick_stops: list[Frame] = []
         """Stop each drive in any state; ready beforehand, so that nothing that breaks can be in
         their way."""
-        for (_, wiring), still in zip(joints, self._encoder.standstill, strict=True):
+        for drive, still in zip(drives, self._encoder.standstill, strict=True):
             self._rpdos.append([])
-            for pdo in receive_pdos(profiles[wiring.profile], wiring.node):
+            for pdo in receive_pdos(drive):
                 picks = tuple(0 if part.entry == "controlword" else 1 for part in pdo.fields)
                 rpdo = _Rpdo(bytearray(pdo.layout.size), pdo.layout, picks)
                 self._rpdos[-1].append(rpdo)

@@ -87,7 +87,7 @@ class DriveProfile(Settings, frozen=True):
     max_motor_speed: Quantity | None = None  # rad/s of the motor shaft: the drive's own limit
     heartbeat_ms: Milliseconds = 50  # of the drive; three that are missing are a fault
     master_timeout_ms: Milliseconds = 100  # without our heartbeat, and the drive quick-stops
-    # How long the drive may take to answer at boot-up; a third of it when it is set up again.
+    # How long the drive may take to answer at boot-up; 0.3 of it when it is set up again.
     sdo_timeout_ms: Annotated[int, Meta(ge=20, le=5000)] = 500
     fault_reaction: Annotated[int, Meta(ge=-32768, le=2)] = 2  # 0x605E; 2 is a quick stop
     write: list[ObjectValue] = []  # more objects to set at boot-up, none that contactd sets itself

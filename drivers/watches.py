@@ -13,9 +13,7 @@ from typing import Final
 
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.events import Disobedient, HeartbeatLost, NotOperational, Rebooted, Unstoppable
-
-BOOT_UP: Final = 0
-OPERATIONAL: Final = 5
+from drivers.ids import BOOT_UP, OPERATIONAL
 
 #: Heartbeats that may go missing.
 HEARTBEATS_MISSED: Final = 3

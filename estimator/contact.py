@@ -1,8 +1,8 @@
-"""Contact: the subtractive dead-band, debounce, events; and which link is touched.
+"""Contact detection: the subtractive dead-band, debounce and events, and the touched link.
 
-A force on a link turns its own joint and those before it; joints beyond the contact feel nothing.
-So the touched link is that of the last joint that feels something: at least this one, and one
-further out only if the force has no lever about the joints in between.
+A force on a link acts on its own joint and on those before it; the residuals of joints beyond the
+contact stay small. So the touched link is that of the last joint whose residual is clear: at least
+this one, and one further out only if the force has no lever about the joints in between.
 """
 
 import math
@@ -18,9 +18,9 @@ from errors import ModelError
 from estimator import memory
 from estimator.thresholds import LEVELS, Level, Thresholds
 
-FELT = 0.35
-"""Share of its contact level that a joint does not reach by the model's errors alone."""
-_UNSURE = 0.5 * FELT
+CLEAR = 0.35
+"""Share of its contact level that a residual does not reach by the model's errors alone."""
+_ABSENT = 0.5 * CLEAR
 
 
 def dead_band(residual: Vector, threshold: Vector) -> Vector:
@@ -30,7 +30,7 @@ def dead_band(residual: Vector, threshold: Vector) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """The residual of one joint stayed past a level for the debounce time."""
+    """Start of a contact: the residual of one joint stayed past a level for the debounce time."""
 
     joint: str
     torque: float
@@ -122,6 +122,7 @@ class ContactDetector:
         return touched
 
     def reset(self) -> None:
+        """Forget the raise and all contacts."""
         self.raised[:] = 0.0
         self.streak[:] = 0
 
@@ -136,12 +137,12 @@ def touched_link(residual: Vector, contact: Vector) -> int | None:
     """Index of the joint whose link is touched, for a residual (n,) [Nm] that is past the contact
     level (n,) [Nm] of at least one joint.
 
-    None where nobody can tell: no joint feels it clearly, or a joint further out neither feels
-    it clearly nor clearly feels nothing.
+    None where it cannot be decided: no residual is clear, or that of a joint further out is neither
+    clear nor clearly absent.
     """
     strength = np.abs(residual) / contact
-    felt = np.flatnonzero(strength > FELT)
-    if not felt.size:
+    clear = np.flatnonzero(strength > CLEAR)
+    if not clear.size:
         return None
-    last = int(felt[-1])
-    return None if np.any(strength[last + 1 :] > _UNSURE) else last
+    last = int(clear[-1])
+    return None if np.any(strength[last + 1 :] > _ABSENT) else last

@@ -1,4 +1,4 @@
-"""What the estimator says of one tick."""
+"""Result of the estimator for one tick."""
 
 from enum import IntFlag
 
@@ -11,7 +11,7 @@ from estimator.contact import Contact
 
 
 class Flag(IntFlag):
-    """What the estimator complains about in a tick."""
+    """Conditions that limit what a tick's estimate is worth."""
 
     INVALID = 1
     """A sample or dt was not a finite number: everything holds, the samples are not used."""
@@ -41,7 +41,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     tau_M: Vector
     """K_c * current [Nm]"""
     residual: Vector
-    """the residual that decides: estimate of the external torque [Nm]"""
+    """estimate of the external torque by the residual that decides [Nm]"""
     beside: dict[str, Vector]
     """other residuals on the same samples [Nm]"""
     threshold: Vector
@@ -51,5 +51,5 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     contacts: tuple[Contact, ...]
     """contacts that begin in this tick"""
     touched_link: str
-    """joint whose link is touched; empty while nothing is felt, and where nobody can tell"""
+    """joint whose link is touched; empty without a contact, and where it cannot be decided"""
     flags: Flag

@@ -1,4 +1,4 @@
-"""One tick of the mathematics: samples in, `Estimate` out.
+"""The estimator's chain for one tick: samples in, `Estimate` out.
 
 Samples are first brought to one common instant (`link_velocity`); everything after that, from the
 motor position to the residual, belongs to that instant, `Estimator.delay_s` before the samples.
@@ -16,7 +16,7 @@ from errors import ModelError
 from estimator import memory
 from estimator.contact import Contact, ContactDetector, dead_band, touched_link
 from estimator.estimate import Estimate, Flag
-from estimator.friction import FRICTIONS, Friction
+from estimator.friction import FRICTIONS, FrictionTerms
 from estimator.interval import ROW, Interval
 from estimator.link_velocity import ALIGNED, Alignment
 from estimator.model import Model
@@ -28,10 +28,12 @@ from estimator.thresholds import ThresholdRaise, Thresholds
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
-_TURNED = {"integrated": {"theta_dot": 1.0}, "measured": {"theta": 1.0}}
+_ADVANCE = {"integrated": {"theta_dot": 1.0}, "measured": {"theta": 1.0}}
 _ROTOR = {"rotor": 1.0}
 _TRANSMITTED = {"tau_M": 1.0, "rotor": -1.0, "motor_friction": -1.0}
-_OWN_FORMS = 3
+# Their rows among the impulses, in this order.
+_ADVANCE_ROW, _TORQUE_ROWS, _RESIDUAL_ROWS = 0, slice(1, 3), slice(3, None)
+_MEAN_TORQUES = slice(MOTION.index("rotor"), None)  # the same rows of MOTION, divided by dt
 _INPUTS = ("current", "link_position", "motor_velocity")
 
 
@@ -77,7 +79,7 @@ class Estimator:
         self.stiction = Stiction(n, settings.presliding)
         variants = (settings.residual, *settings.beside)
         self.residual = Residual(variants, settings.gain, period_s, n)
-        own = (_TURNED[settings.motor_position], _ROTOR, _TRANSMITTED)
+        own = (_ADVANCE[settings.motor_position], _ROTOR, _TRANSMITTED)
         self.interval = Interval([*own, *self.residual.forms()], n)
         self.detector = ContactDetector(
             model.names,
@@ -91,7 +93,7 @@ class Estimator:
         self._has_gap = t.half_gap > 0.0
         self._held = t.stiction * t.engaged_coulomb
         self._threshold_raise = ThresholdRaise(t, settings, thresholds.contact)
-        # What a fit adds to tau_M while engaged, for the variants that know of engagement.
+        # Variants whose tau_M a fit corrects while engaged: those with engagement.
         self._corrected = np.array([[v.kind == "backlash"] for v in variants], dtype=np.float64)
         self._correcting = bool(np.any(t.contact_stiffness) or np.any(t.contact_damping))
         self._shape = (n,)
@@ -100,7 +102,7 @@ class Estimator:
         self._ones = np.ones(4 * n)
         self._aligned: Matrix = np.zeros((len(ALIGNED), n))
         self._moved: Matrix = np.zeros((len(MOTION), n))
-        self._friction = Friction(t)
+        self._friction = FrictionTerms(t)
         self._shown: Matrix = np.zeros((4, n))  # q, q_dot, tau_M, threshold
         self._started = False
         self.elapsed = 0.0
@@ -109,7 +111,7 @@ class Estimator:
 
     @property
     def delay_s(self) -> float:
-        """The estimate belongs to this long before its samples; the residual adds ln 2 / K."""
+        """Age of the estimate when its samples arrive [s]; the residual adds ln 2 / K."""
         return self.alignment.delay
 
     def step(
@@ -140,7 +142,7 @@ class Estimator:
             if motor_position is not None:
                 self._check_shape("motor_position", motor_position)
             samples[2] = np.nan if motor_position is None else motor_position
-        # One sum tells: whatever is not finite makes it so.
+        # One sum is enough: any value that is not finite makes the sum so.
         if not (math.isfinite(samples.ravel() @ self._ones) and 0.0 < dt < math.inf):
             self.pending += dt if 0.0 < dt < math.inf else self.period_s
             return self._invalid()
@@ -156,7 +158,7 @@ class Estimator:
         if self.alignment.ready:
             made = self._advance(dt, flags, self.elapsed if time_s is None else time_s)
             if not self._is_finite(made):
-                # It would never become a number again.
+                # The state would never become finite again.
                 self.restart()
                 self._still(self._last.q, Flag.STARTING)
                 return self._invalid()
@@ -194,13 +196,14 @@ class Estimator:
         self._last = self._estimate((), Flag(0))
 
     def _check_shape(self, name: str, values: Vector) -> None:
-        """numpy would stretch one number over all joints."""
+        """Raise ModelError for another shape: numpy would stretch one number over all joints."""
         if getattr(values, "shape", None) != self._shape:
             given = getattr(values, "shape", type(values).__name__)
             raise ModelError(f"{name} is {given}; it must be an array of shape {self._shape}")
 
     def _is_finite(self, made: Estimate) -> bool:
-        """One sum tells, again; inf and -inf make NaN. phi is q and theta."""
+        """True where no value is infinite or NaN, by one sum: inf and -inf make NaN. phi stands for
+        q and theta."""
         shown = made.q_dot + made.tau_M
         shown += made.phi
         shown += made.phi_sigma
@@ -250,19 +253,19 @@ class Estimator:
         impulses = self.interval.step(dt)
         moved = self._moved
         moved[0], moved[1], moved[2], moved[3], moved[4] = q, q_dot, theta_dot, rest, tau_M
-        moved[5] = impulses[0]
-        np.divide(impulses[1:_OWN_FORMS], dt, out=moved[6:])
+        moved[5] = impulses[_ADVANCE_ROW]
+        np.divide(impulses[_TORQUE_ROWS], dt, out=moved[_MEAN_TORQUES])
         engaged = self.motor_position.step(moved, dt)
-        errors = impulses[_OWN_FORMS:]
+        errors = impulses[_RESIDUAL_ROWS]
         if self._correcting:
             t = self.transmission
             delta = penetration(q - self.motor_position.theta, t.half_gap)
             correction = t.contact_stiffness * delta + t.contact_damping * (q_dot - theta_dot)
-            errors[len(self._corrected) :] -= dt * self._corrected * correction
+            errors[self.residual.engaged] -= dt * self._corrected * correction
         self.residual.step(errors, engaged, dt)
 
     def _still(self, q: Vector, flags: Flag) -> Estimate:
-        """No velocity yet: no residual."""
+        """Estimate without a velocity yet: no residual."""
         zero = np.zeros(self.model.n)
         self.motor_position.start(q)
         threshold = self.detector.thresholds(self._threshold_raise.most, zero, self.period_s)
@@ -299,6 +302,6 @@ class Estimator:
         )
 
     def _touched_link(self, residual: Vector, threshold: Vector) -> str:
-        # What stiction may hide or pretend near rest is nothing that a joint feels.
+        # A residual that stiction may explain near rest is no sign of a touch.
         link = touched_link(dead_band(residual, threshold - self._contact), self._contact)
         return "" if link is None else self.model.names[link]

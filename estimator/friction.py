@@ -1,4 +1,4 @@
-"""Friction of every kind at its own velocity, (6), in one pass."""
+"""Coulomb and viscous friction of every kind at its own velocity, (6), in one pass."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ FRICTIONS = slice(ROW["motor_friction"], ROW["gap_friction"] + 1)
 """Rows of an interval's terms: motor, link together with the motor, link alone, gap."""
 
 
-class Friction:
+class FrictionTerms:
     """Coulomb and viscous friction of a transmission, one row per term of FRICTIONS."""
 
     def __init__(self, transmission: Transmission) -> None:
@@ -21,8 +21,8 @@ class Friction:
         self._velocities: Matrix = np.zeros((4, t.n))
 
     def at(self, q_dot: Vector, theta_dot: Vector, out: Matrix) -> None:
-        """Into out (4, n) [Nm], positive along the velocity: motor at theta_dot, link at
-        theta_dot, link at q_dot, gap at phi_dot; each (n,) [rad/s]."""
+        """Write friction into out (4, n) [Nm], positive along the velocity: motor at theta_dot,
+        link at theta_dot, link at q_dot, gap at phi_dot; each (n,) [rad/s]."""
         v = self._velocities
         v[:2] = theta_dot
         v[2] = q_dot

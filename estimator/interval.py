@@ -1,4 +1,4 @@
-"""What acts over one interval, from the values at both of its ends: one matrix product.
+"""Impulses over one interval, from the values at both of its ends, by one matrix product.
 
 Momenta change by an increment; torques and velocities are integrated by Tustin's rule, the mean of
 both ends. Every sum of such impulses is linear in the stacked values of both ends, so all of them
@@ -13,7 +13,7 @@ import numpy as np
 from arrays import Matrix
 from estimator import memory
 
-# What is known at an instant, one row each, in this order. Kinds of friction: see `residual`.
+# Values at an instant, one row each, in this order. Kinds of friction: see `residual`.
 TERMS = (
     "momentum",  # M q_dot [kg m2/s]
     "rotor",  # B theta_dot [kg m2/s]
@@ -57,7 +57,7 @@ class Interval:
                     per_second[[ROW[name], terms + ROW[name]]] = 0.5 * weight
 
     def begin(self) -> None:
-        """What was now becomes the other end."""
+        """Make the values of now those of the interval's beginning."""
         self.before[:] = self.now
 
     def step(self, dt: float) -> Matrix:

@@ -73,7 +73,7 @@ class Model:
 
 
 def _read(urdf: Path | str) -> pin.Model:
-    """Of a file, or of the text of one."""
+    """pinocchio's model of a file, or of the text of one."""
     where = "the URDF" if isinstance(urdf, str) else str(urdf)
     try:
         text = urdf if isinstance(urdf, str) else urdf.read_text(encoding="utf-8")

@@ -1,16 +1,16 @@
-"""Where the rotor is in the gap: theta, how well it is known, and which side is engaged.
+"""Motor position in the gap: theta, its uncertainty, and the side that is engaged.
 
 Theta is the integral of the motor velocity, or follows the drive's motor position; in both cases
 its offset to the link is found, and drift taken out, by the geometry of the gap:
 
 - |phi| never exceeds alpha and the gear's deflection;
-- a torque transmitted for some ticks tells the side: phi < 0 pushes the link up, phi > 0 down;
-- at standstill theta is held; a link that creeps meanwhile makes phi uncertain, as nobody knows
-  whether its rotor goes along.
+- a torque transmitted for some ticks shows the side: phi < 0 pushes the link up, phi > 0 down;
+- at standstill theta is held; a link that creeps meanwhile makes phi uncertain, as its rotor may
+  or may not go along.
 
 The side comes from the motor's side of the gear alone (current, friction, rotor inertia), never
-from the residual: a hand that moves the link to the other border of its gap is seen to do so,
-and is not explained away.
+from the residual: a hand that moves the link to the other border of its gap is seen to do so, and
+is not explained away.
 """
 
 from enum import IntEnum
@@ -36,7 +36,7 @@ class Side(IntEnum):
 
 
 class GapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How far to trust motor velocity and torque. The defaults suit drives of two encoders."""
+    """Allowed errors of motor velocity and torque. The defaults suit drives of two encoders."""
 
     velocity_scale_error: Annotated[float, Meta(ge=0, le=0.1)] = 0.002
     velocity_bias: Annotated[float, Meta(ge=0, le=0.1)] = 0.001  # [rad/s]
@@ -72,7 +72,7 @@ MOTION = (
     "rotor",  # mean B theta_ddot [Nm]
     "transmitted",  # mean torque that the rotor gives to the link [Nm]
 )
-"""What one joint does in one interval, at the link side."""
+"""Motion and torques of one joint in one interval, at the link side."""
 
 
 class JointGap:
@@ -103,7 +103,7 @@ class JointGap:
         self.start(0.0)
 
     def start(self, q: float) -> None:
-        """Nothing is known but that phi is somewhere in the gap."""
+        """Forget everything but that phi is somewhere in the gap."""
         self.theta = q
         self.sigma = self._alpha
         self.side = _UNKNOWN
@@ -141,7 +141,7 @@ class JointGap:
         self.q = q
 
         # How wrong the transmitted torque may be; near rest friction may have any value. A torque
-        # that may be friction tells nothing: neither the side, nor that there is a load.
+        # that may be friction shows nothing: neither the side, nor that there is a load.
         doubt = self._doubt_coulomb + self._doubt_viscous * speed + self._coulomb * resting
         doubt += self._doubt_rotor * abs(rotor) + self._doubt_current * abs(tau_M)
         sign = 0
@@ -158,7 +158,7 @@ class JointGap:
         self.rested_s += dt
         clearance = _CLEAR_AT_REST if self.rested_s > _RESTS_S else _CLEAR
         border = alpha - max(self._margin, clearance * self.sigma)
-        # Whoever is in the gap is so up to the border; the way in leads further.
+        # Inside the gap the border itself counts; to enter it phi must go further.
         clear = abs(phi) < (border if self.gap else border - self._hysteresis)
         self.gap = clear and load < doubt and not engaged
         if self.gap:
@@ -171,8 +171,8 @@ class JointGap:
             self.side = _LEFT if towards < 0.0 else _RIGHT
 
     def _hold(self, moved: float) -> None:
-        """At standstill theta is held. A link that creeps may take its rotor along, or be moved by
-        a hand while the rotor stands: phi is as uncertain as the link has crept. Back and forth, as
+        """Hold theta at standstill. A link that creeps may take its rotor along, or be moved by a
+        hand while the rotor stands: phi is as uncertain as the link has crept. Back and forth, as
         an encoder's counts do, it comes to nothing."""
         self.slipped += moved
         most = abs(self.slipped)
@@ -242,7 +242,7 @@ class MotorPosition:
         return np.array([joint.side for joint in self.joints], dtype=np.int8)
 
     def start(self, q: Vector) -> None:
-        """Link positions (n,) are all that is known."""
+        """Begin at the link positions (n,) [rad], with nothing else known."""
         for joint, x in zip(self.joints, q.tolist(), strict=True):
             joint.start(x)
 

@@ -31,7 +31,7 @@ Kind = Literal["classical", "backlash", "two_mass"]
 
 
 class Variant(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One residual: what it believes about the joint. Switch parts off to show their worth."""
+    """One residual; parts of the joint's dynamics can be left out, to show what they are worth."""
 
     kind: Kind = "backlash"
     friction: bool = True
@@ -40,7 +40,7 @@ class Variant(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     @property
     def name(self) -> str:
-        """The label, or what is unusual about the variant: `classical`, `backlash-rotor`."""
+        """The label, or the kind and what differs from it: `classical`, `backlash-rotor`."""
         if self.label:
             return self.label
         if self.kind == "classical":
@@ -55,8 +55,8 @@ class _Sides(NamedTuple):
     engaged: Form
 
 
-# What makes up e beside momentum and beta: drive, friction and rotor inertia, by kind.
-_BELIEFS: dict[Kind, tuple[_Sides, _Sides, _Sides]] = {
+# Terms of e beside momentum and beta: drive, friction and rotor inertia, by kind.
+_TERMS_OF: dict[Kind, tuple[_Sides, _Sides, _Sides]] = {
     "classical": (
         _Sides({"tau_M": -1.0}, {}),
         _Sides({"motor_friction": 1.0, "engaged_link_friction": 1.0, "stiction": 1.0}, {}),
@@ -83,11 +83,11 @@ _BELIEFS: dict[Kind, tuple[_Sides, _Sides, _Sides]] = {
 
 def forms(variant: Variant) -> tuple[Form, Form]:
     """e(k) of a variant: the sum of terms that always counts, and that while engaged."""
-    drive, friction, rotor = _BELIEFS[variant.kind]
-    believed = [drive, *[friction] * variant.friction, *[rotor] * variant.rotor_inertia]
+    drive, friction, rotor = _TERMS_OF[variant.kind]
+    parts = [drive, *[friction] * variant.friction, *[rotor] * variant.rotor_inertia]
     always: dict[str, float] = {"momentum": 1.0, "beta": -1.0}
     engaged: dict[str, float] = {}
-    for sides in believed:
+    for sides in parts:
         always.update(sides.always)
         engaged.update(sides.engaged)
     return always, engaged
@@ -114,10 +114,12 @@ class Residual:
         self.variants = tuple(variants)
         self.gain = gain
         self.values: Matrix = np.zeros((len(variants), n))
+        # Rows of `forms`: the parts that always act, then those that act while engaged.
+        self.always, self.engaged = slice(len(variants)), slice(len(variants), None)
         self._error = np.zeros_like(self.values)
 
     def forms(self) -> list[Form]:
-        """What an `Interval` must sum for `step`: every variant's part that always acts, then
+        """The sums that an `Interval` makes for `step`: every variant's part that always acts, then
         every variant's part that acts while engaged."""
         always, engaged = zip(*map(forms, self.variants), strict=True)
         return [*always, *engaged]
@@ -129,9 +131,9 @@ class Residual:
         rotor and link touched, 0 where they were apart. With dt beyond 2 / gain the pole is
         clamped at zero: the residual is then the mean external torque of the interval.
         """
-        variants, error, TK = len(self.variants), self._error, self.gain * dt
-        np.multiply(impulses[variants:], engaged, out=error)
-        np.add(error, impulses[:variants], out=error)
+        error, TK = self._error, self.gain * dt
+        np.multiply(impulses[self.engaged], engaged, out=error)
+        np.add(error, impulses[self.always], out=error)
         if TK < 2.0:
             self.values *= (2.0 - TK) / (2.0 + TK)
             error *= 2.0 * self.gain / (2.0 + TK)

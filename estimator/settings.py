@@ -1,4 +1,4 @@
-"""What the configuration may say about the estimator; bounds where it is read."""
+"""Settings of the estimator, with their bounds."""
 
 from typing import Annotated, Literal
 

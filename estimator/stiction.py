@@ -1,4 +1,4 @@
-"""Friction of a joint that hardly moves, of which its velocity tells too little.
+"""Stiction: friction near rest, which the velocity does not determine.
 
 Smooth friction vanishes with the velocity. Stiction keeps what the last motion left, and changes
 only as the joint is displaced by some thousandths of a radian: its pre-sliding. Real friction lies
@@ -27,9 +27,9 @@ CREEP = 0.003
 def displacement(
     theta_dot: Vector, q_dot: Vector, moved: Vector, has_gap: NDArray[np.bool_], dt: float
 ) -> Vector:
-    """Of rotors whose position is not measured (n,) [rad], over dt seconds; `moved`: that of their
-    links. Where both creep, rotor and link are taken for one, as they are where there is no gap: a
-    link's encoder does not drift."""
+    """Displacement (n,) [rad] over dt seconds of rotors whose position is not measured; `moved` is
+    that of their links. Where both creep, rotor and link are taken for one, as they are where there
+    is no gap: a link's encoder does not drift."""
     alone = (np.abs(theta_dot) > CREEP) | (np.abs(q_dot) > LINK_REST)
     turned: Vector = np.where(alone & has_gap, theta_dot * dt, moved)
     return turned
@@ -53,7 +53,7 @@ class Stiction:
         self.ends[0], self.ends[1] = -1.0, 1.0
 
     def step(self, displacement: Vector) -> None:
-        """The rotor was displaced by this much (n,) [rad]."""
+        """Move on by the rotor's displacement (n,) [rad]."""
         ends = self.ends
         ends += displacement * self._per_presliding
         np.minimum(np.maximum(ends, -1.0, out=ends), 1.0, out=ends)
@@ -66,7 +66,7 @@ class Stiction:
 
     @property
     def unknown(self) -> Vector:
-        """How far z may be off: 1 where nothing is known, 0 after a motion."""
+        """Largest error of z: 1 where nothing is known, 0 after a motion."""
         half: Vector = 0.5 * (self.ends[1] - self.ends[0])
         return half
 

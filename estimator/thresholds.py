@@ -1,6 +1,7 @@
 """Thresholds on the residual: the configured levels, and their raise.
 
-They are raised near rest and while the side of a joint's gap is unknown: by what no residual shows.
+They are raised near rest and while the side of a joint's gap is unknown, by the torque that the
+residual cannot show then.
 """
 
 from dataclasses import dataclass, field
@@ -66,13 +67,16 @@ class ThresholdRaise:
 
     @property
     def most(self) -> Vector:
-        """At rest, with nothing known."""
+        """The raise (n,) [Nm] at rest with nothing known."""
         most: Vector = self._always + self._held + self._unsure
         return most
 
     def at(self, rest: Vector, unknown: Vector, side: NDArray[np.int8]) -> Vector:
-        """rest: `transmission.resting`; unknown: share of the stiction that may be anything;
-        side: `Side`; each (n,)."""
+        """The raise (n,) [Nm] in one tick.
+
+        rest: `transmission.resting`; unknown: share of the stiction that may be anything; side:
+        `Side`; each (n,).
+        """
         hidden = self._held * unknown
         hidden += self._always
         hidden *= rest

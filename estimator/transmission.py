@@ -14,7 +14,7 @@ from errors import ModelError
 
 REST_VELOCITY = 0.05  # [rad/s]
 STICTION = 0.4
-"""Where nobody knows it: alike bad for smooth friction and for stiction."""
+"""Default where it was not identified: as far off for smooth friction as for stiction."""
 
 _SCALARS = ("joints", "sign_width")
 _SIGNED = ("contact_stiffness", "contact_damping")
@@ -78,7 +78,7 @@ class Transmission:
         return self.motor_coulomb + self.link_coulomb
 
     def play(self, phi: Vector, sigma: Vector) -> Vector:
-        """How far each link may fall downwards and upwards while its motor stands, (2, n) [rad]:
+        """Way that each link may fall downwards and upwards while its motor stands, (2, n) [rad]:
         alpha + phi and alpha - phi, and phi's uncertainty `sigma`, never more than the gap."""
         way = np.array((phi, -phi))
         way += self.half_gap + sigma

@@ -1,7 +1,8 @@
-"""What a URDF says of masses, checked before pinocchio reads it.
+"""Check of the masses and inertias of a URDF before pinocchio reads it.
 
-pinocchio's parser takes a link whose <inertial> it cannot read for a link without one, and tells
-only stderr. Gravity would lack that link, and the arm would take its own weight for a contact.
+pinocchio's parser takes a link whose <inertial> it cannot read for a link without one, and reports
+it on stderr only. Gravity would lack that link, and the arm would take its own weight for a
+contact.
 """
 
 import math
@@ -23,11 +24,11 @@ _Lines = dict[ET.Element, int]
 
 
 def moved_mass(text: str) -> float:
-    """Of all links that movable joints carry, on a chain of `fixed` joints, too [kg].
+    """Mass [kg] of all links that movable joints carry, on a chain of `fixed` joints, too.
 
     Raises ModelError for a text that is not XML, and for an <inertial> of such a link that lacks
-    mass or inertia, says them in anything but finite numbers, or is of no body that can be. A link
-    may be without one: a frame, or what others weigh for it.
+    mass or inertia, gives them as anything but finite numbers, or is that of no possible body. A
+    link may be without one: a frame, or one whose mass others include.
     """
     root, lines = _parsed(text)
     moved = _moved(root)
@@ -44,7 +45,7 @@ def moved_mass(text: str) -> float:
 
 
 def _parsed(text: str) -> tuple[ET.Element, _Lines]:
-    """Elements, and the line of each. Without namespaces, of which pinocchio knows nothing."""
+    """Elements, and the line of each, without namespaces, which pinocchio does not read."""
     builder, parser = ET.TreeBuilder(), expat.ParserCreate()
     lines: _Lines = {}
 
@@ -78,7 +79,7 @@ def _link(joint: ET.Element, role: str) -> str:
 
 
 def _mass(inertial: ET.Element, lines: _Lines) -> float:
-    """Of one link, its centre checked. Raises ModelError that begins with the line."""
+    """Mass of one link [kg], its centre checked. Raises ModelError that begins with the line."""
     origin = inertial.find("origin")
     for attribute in ("xyz", "rpy"):
         if origin is not None and attribute in origin.attrib:

@@ -1,4 +1,4 @@
-"""The arm as the bus sees it: plant, sensors, drives and a hand, moved on by `advance`."""
+"""Simulated arm as the bus sees it: plant, sensors, drives and a hand, moved on by `advance`."""
 
 from collections.abc import Callable, Sequence
 
@@ -22,10 +22,11 @@ SDO_REQUEST, HEARTBEAT = 0x600, 0x700
 
 
 class SimulatedArm:
-    """Frames in by `receive`, frames out by `send`; time moves only in `advance`.
+    """Arm whose drives take frames by `receive` and give frames by `send`; time moves only in
+    `advance`.
 
-    A SYNC makes every drive sample and send its TPDOs and then latch the RPDOs that came before,
-    so that between two SYNCs the arm obeys what was latched at the first.
+    A SYNC makes every drive sample and send its TPDOs and then latch the RPDOs that came before, so
+    that between two SYNCs the arm obeys what was latched at the first.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class SimulatedArm:
             self.plant,
             self._put,
             self._sample_if_moved,
-            self._tell_drive,
+            self._report_drive,
         )
         self.drives = tuple(Drive(joint, wired) for joint in range(n))
         self._by_node = {drive.node: drive for drive in self.drives}
@@ -93,12 +94,12 @@ class SimulatedArm:
         return self.plant.external_torque
 
     def power_on(self) -> None:
-        """All drives send their boot-up message."""
+        """Have all drives send their boot-up message."""
         for drive in self.drives:
             drive.boot()
 
     def advance(self, t: float) -> None:
-        """Let the arm live until simulated time t [s], rounded down to whole steps."""
+        """Simulate up to time t [s], rounded down to whole steps."""
         target = int(t / self.settings.step_s + 1e-6)
         while self._steps < target:
             phase = self._steps % self._per_period
@@ -114,7 +115,7 @@ class SimulatedArm:
         self._steps = max(self._steps, target - target % self._per_period)
 
     def receive(self, message: can.Message) -> None:
-        """A frame from the bus, at the present simulated time."""
+        """Take a frame from the bus, at the present simulated time."""
         cob, data = message.arbitration_id, bytes(message.data)
         if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
             return
@@ -190,5 +191,5 @@ class SimulatedArm:
     def _put(self, cob_id: int, data: bytes) -> None:
         self._send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
 
-    def _tell_drive(self, text: str) -> None:
+    def _report_drive(self, text: str) -> None:
         self._on_event(Happening(self.now, "drive", text))

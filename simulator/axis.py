@@ -18,9 +18,10 @@ MODE, MODE_DISPLAY = key(0x6060), key(0x6061)
 
 
 class Axis:
-    """Reads its objects, writes its entries of the servo; knows nothing of frames or time.
+    """Power side of one drive. It reads the drive's objects and writes its entries of the servo;
+    frames and time are the drive's.
 
-    `tell` hears in one sentence when a stop is over.
+    `report` gets one sentence when a stop is over.
     """
 
     def __init__(
@@ -31,10 +32,10 @@ class Axis:
         objects: Objects,
         servo: Servo,
         plant: Plant,
-        tell: Callable[[str], None],
+        report: Callable[[str], None],
     ) -> None:
         self._joint, self._about, self._objects = joint, about, objects
-        self._servo, self._plant, self._tell = servo, plant, tell
+        self._servo, self._plant, self._report = servo, plant, report
         self._profile = profile
         self.unit = profile.velocity_unit / about.gear
         """One count of 60FF at the link side [rad/s]."""
@@ -80,7 +81,7 @@ class Axis:
         return word
 
     def on_controlword(self) -> None:
-        """6040 was written."""
+        """Act on 6040, which was written."""
         previous, self._controlword = self._controlword, self._objects.number(0x6040)
         option = self._objects.number(0x605A)
         after = on_controlword(self.state, previous, self._controlword, option)
@@ -88,25 +89,25 @@ class Axis:
             self._enter(after)
 
     def on_mode(self) -> None:
-        """6060 was written."""
+        """Act on 6060, which was written."""
         self._objects.show(MODE_DISPLAY, self._objects.number(0x6060))
         self.on_target()
 
     def on_target(self) -> None:
-        """60FF was written: head for it over the interpolation period of 60C2."""
+        """Head for 60FF, which was written, over the interpolation period of 60C2."""
         if self.state is State.OPERATION_ENABLED and self._objects.values[MODE] == CSV:
             velocity = self._objects.number(0x60FF) * self.unit
             velocity = min(max(velocity, -self._fastest), self._fastest)
             self._servo.follow(self._joint, velocity, self._interpolation_s)
 
     def happen(self, event: Trigger) -> None:
-        """Something inside the drive, not a controlword."""
+        """Take an event inside the drive, as opposed to a controlword."""
         after = step(self.state, event, self._objects.number(0x605A))
         if after is not self.state:
             self._enter(after)
 
     def stop_further(self) -> None:
-        """The ramp of a quick stop or fault reaction may be over."""
+        """End a quick stop or fault reaction whose ramp is over."""
         energised = self._servo.energised(self._joint)
         if energised and not self._servo.arrived(self._joint):
             return
@@ -116,7 +117,7 @@ class Axis:
         elif not energised:
             self.happen(Trigger.DISABLE_VOLTAGE)
         elif self._objects.number(0x605A) in HOLDING_OPTIONS:
-            self._tell("standing, holding")
+            self._report("standing, holding")
         else:
             self.happen(Trigger.QUICK_STOP_DONE)
 

@@ -12,21 +12,21 @@ FAILURES = (can.CanError, OSError, ValueError)
 REOPEN_S = 0.2
 
 
-class Link:
-    """Sends and receives as long as there is a bus, and waits for it while there is none.
+class BusEnd:
+    """Connection to a bus that is waited for while there is none.
 
     Raises BusError if there is none at the beginning.
     """
 
-    def __init__(self, interface: str, channel: str, tell: Callable[[str], None]) -> None:
+    def __init__(self, interface: str, channel: str, report: Callable[[str], None]) -> None:
         self._name, self._open = f"{interface} {channel}", (interface, channel)
-        self._tell = tell
+        self._report = report
         self._tried_s = 0.0
         try:
             self._bus: can.BusABC | None = can.Bus(interface=interface, channel=channel)
         except FAILURES as error:
             raise BusError(f"no CAN bus {self._name}: {error}") from error
-        tell(f"on {self._name}")
+        report(f"on {self._name}")
 
     def send(self, message: can.Message) -> None:
         """Put a frame on the bus; it is lost where there is none, or no room on it."""
@@ -58,7 +58,7 @@ class Link:
 
     def _lose(self, error: Exception) -> None:
         self.close()
-        self._tell(f"bus lost: {error}")
+        self._report(f"bus lost: {error}")
 
     def _reopen(self) -> None:
         now = time.monotonic()
@@ -75,4 +75,4 @@ class Link:
                 bus.shutdown()
             return
         self._bus = bus
-        self._tell(f"on {self._name} again")
+        self._report(f"on {self._name} again")

@@ -1,4 +1,4 @@
-"""What is simulated: the nominal arm, and how far the true one is off."""
+"""Description of a simulated arm: the nominal one, and the errors of the true one."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,7 +73,7 @@ class ArmDescription:
 
 
 class Mismatch(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How far the true arm is off the nominal one [percent]; see `simulator.mismatch`."""
+    """Errors of the true arm against the nominal one [percent]; see `simulator.mismatch`."""
 
     mass: Percent = 3.0
     center_of_mass: Percent = 3.0
@@ -84,7 +84,7 @@ class Mismatch(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class SimulationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Everything of the simulation that no real configuration would know."""
+    """Settings of the simulation, none of which has a counterpart on a real robot."""
 
     seed: Annotated[int, Meta(ge=0)] = 1
     mismatch: Mismatch = Mismatch()

@@ -33,7 +33,7 @@ CONNECTION_LOST: tuple[tuple[str, Trigger | None], ...] = (
 
 
 class Nmt(IntEnum):
-    """NMT states; the value is what the heartbeat carries."""
+    """NMT states by the value that the heartbeat carries."""
 
     BOOT = 0
     STOPPED = 4
@@ -43,7 +43,7 @@ class Nmt(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What a drive is wired to."""
+    """Parts of the simulated arm that a drive is connected to."""
 
     description: ArmDescription
     profile: SimulatedMake
@@ -53,11 +53,11 @@ class Surroundings:
     """(cob_id, data): put a frame on the bus."""
     sample: Callable[[], None]
     """Have the sensors measure, if time has passed since they did."""
-    tell: Callable[[str], None]
+    report: Callable[[str], None]
 
 
 class Drive:
-    """Frames in, frames out. Time is an argument [s]; `tick` is owed from `due` on."""
+    """One drive: frames in, frames out. Time is an argument [s]; `tick` is due from `due` on."""
 
     def __init__(self, joint: int, wired: Surroundings) -> None:
         about = wired.description.joints[joint]
@@ -78,7 +78,7 @@ class Drive:
         self.objects.written = self._on_write
         self._sdo = sdo_server(self.node, self.objects, wired.send)
         self.axis = Axis(
-            joint, about, wired.profile, self.objects, wired.servo, wired.plant, self._tell
+            joint, about, wired.profile, self.objects, wired.servo, wired.plant, self._report
         )
         self.receive_pdos = [ReceivePdo(self.objects, n) for n in pdo_numbers(self.objects, 0x1400)]
         self.transmit_pdos = [
@@ -96,7 +96,7 @@ class Drive:
 
     @property
     def state(self) -> State:
-        """Of the power state machine."""
+        """State of the power state machine."""
         return self.axis.state
 
     # -- network management ----------------------------------------------------------------------
@@ -115,7 +115,7 @@ class Drive:
         self._wired.send(0x700 + self.node, bytes([Nmt.BOOT]))
 
     def on_nmt(self, command: int) -> None:
-        """An NMT command for this node or for all."""
+        """Act on an NMT command for this node or for all."""
         self.due = 0.0
         if command == 1:
             self.nmt = Nmt.OPERATIONAL
@@ -135,7 +135,7 @@ class Drive:
             self._boot_up()
 
     def on_heartbeat(self, node: int, now: float) -> None:
-        """Somebody's heartbeat: the watch starts with the first one of the node in 1016."""
+        """Take a node's heartbeat: the watch starts with the first one of the node in 1016."""
         watched = self.objects.number(0x1016, 1)
         if watched >> 16 != node or not watched & 0xFFFF:
             return
@@ -144,7 +144,7 @@ class Drive:
             self._emergencies.clear_error()
 
     def tick(self, now: float) -> None:
-        """Ramps that end, heartbeats due, TPDOs on change; sets `due`."""
+        """Do what is due: ramps that end, heartbeats, TPDOs on change; set `due` anew."""
         if self.axis.stopping:
             self.axis.stop_further()
         self.due = float("inf")
@@ -170,18 +170,18 @@ class Drive:
     # -- SDO and PDO -----------------------------------------------------------------------------
 
     def on_sdo(self, data: bytes) -> None:
-        """A request to this node's SDO server; answered before this returns."""
+        """Take a request to this node's SDO server; answered before this returns."""
         if self.nmt is not Nmt.STOPPED and len(data) == 8:
             self._wired.sample()
             self._show_state()
             self._sdo.on_request(self._sdo.rx_cobid, data, 0.0)
 
     def listens(self, cob_id: int) -> bool:
-        """Whether one of its RPDOs has this identifier, as configured now."""
+        """True where one of its RPDOs has this identifier, as configured now."""
         return any(pdo.cob_id == cob_id for pdo in self.receive_pdos)
 
     def on_pdo(self, cob_id: int, data: bytes) -> None:
-        """A frame that may be one of this drive's RPDOs."""
+        """Take a frame that may be one of this drive's RPDOs."""
         if self.nmt is not Nmt.OPERATIONAL:
             return
         for pdo in self.receive_pdos:
@@ -192,7 +192,7 @@ class Drive:
                     pdo.receive(data, self._apply)
 
     def transmit(self) -> None:
-        """SYNC, first half: send what was sampled."""
+        """First half of a SYNC: send what was sampled."""
         if self.nmt is Nmt.OPERATIONAL:
             self._show_state()
             for pdo in self.transmit_pdos:
@@ -201,7 +201,7 @@ class Drive:
                     self._wired.send(pdo.cob_id, data)
 
     def latch(self) -> None:
-        """SYNC, second half: act on the RPDOs that came since the last one."""
+        """Second half of a SYNC: act on the RPDOs that came since the last one."""
         if self.nmt is Nmt.OPERATIONAL:
             for pdo in self.receive_pdos:
                 pdo.latch(self._apply)
@@ -217,7 +217,7 @@ class Drive:
     # -- objects ---------------------------------------------------------------------------------
 
     def measure(self, link: int, motor: int, velocity: int, current: int) -> None:
-        """Counts that the sensors have sampled."""
+        """Take the counts that the sensors have sampled."""
         values, profile = self.objects.values, self._wired.profile
         values[profile.link_position], values[profile.motor_velocity] = link, velocity
         if profile.motor_position is not None:
@@ -226,7 +226,7 @@ class Drive:
             values[effort] = current
 
     def _reload_pdos(self, number: int | None = None) -> None:
-        """Take over what the objects say of all PDOs, or of those with one number."""
+        """Take over the objects of all PDOs, or of those with one number."""
         for receive_pdo in self.receive_pdos:
             if number in (None, receive_pdo.number):
                 receive_pdo.reload()
@@ -238,7 +238,7 @@ class Drive:
         self.objects.values[STATUSWORD] = self.axis.statusword(self.nmt is Nmt.OPERATIONAL)
 
     def _on_write(self, where: int) -> None:
-        """An object was written, by SDO or by RPDO: let it take effect."""
+        """Let an object take effect that was written by SDO or by RPDO."""
         if where == CONTROLWORD:
             faulty = self.state is State.FAULT
             if faulty and self._locked:
@@ -266,7 +266,7 @@ class Drive:
             self.axis.configure()
 
     def _apply(self, keys: tuple[int, ...], values: tuple[int, ...]) -> None:
-        """Values of an RPDO: what is out of range is left alone, as there is nobody to tell."""
+        """Write the values of an RPDO; those out of range are ignored, as a PDO has no answer."""
         for where, value in zip(keys, values, strict=True):
             if self.objects.accepts(where, value):
                 self.objects.values[where] = value
@@ -275,8 +275,8 @@ class Drive:
     # -- errors ----------------------------------------------------------------------------------
 
     def fault(self, code: int, reason: str) -> None:
-        """Something broke: EMCY with `code`, fault reaction by 605E."""
-        self._tell(reason)
+        """Raise an error: EMCY with `code`, fault reaction by 605E."""
+        self._report(reason)
         self._emergencies.raise_error(code, GENERIC_ERROR)
         self.axis.happen(Trigger.FAULT_DETECTED)
         self.due = 0.0
@@ -285,7 +285,7 @@ class Drive:
         reason = "heartbeat of the master lost"
         self._emergencies.raise_error(HEARTBEAT_LOST, COMMUNICATION_ERROR)
         if self._wired.profile.locks:
-            self._tell(f"{reason}, fault, locked")
+            self._report(f"{reason}, fault, locked")
             self._locked = True
             self.axis.happen(Trigger.FAULT_DETECTED)
         else:
@@ -297,10 +297,10 @@ class Drive:
             self.nmt = Nmt.PRE_OPERATIONAL
 
     def _lose_connection(self, reason: str) -> None:
-        """Act by 6007, if the drive is enabled, and tell why."""
+        """Act by 6007, if the drive is enabled, and report why."""
         if self.state is State.OPERATION_ENABLED:
             words, event = CONNECTION_LOST[self.objects.number(0x6007)]
-            self._tell(f"{reason}, {words}")
+            self._report(f"{reason}, {words}")
             if event is not None:
                 self.axis.happen(event)
 
@@ -308,6 +308,6 @@ class Drive:
         if self.nmt is not Nmt.STOPPED:
             self._wired.send(0x80 + self.node, data)
 
-    def _tell(self, reason: str) -> None:
+    def _report(self, reason: str) -> None:
         self.why = reason
-        self._wired.tell(f"node {self.node}: {reason}")
+        self._wired.report(f"node {self.node}: {reason}")

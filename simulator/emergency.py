@@ -13,7 +13,8 @@ LONGEST_HISTORY = 8
 
 
 class Emergencies:
-    """`send(data)` puts an EMCY frame on the bus, as far as the drive's NMT state lets it."""
+    """Present error and history of a drive; `send(data)` puts an EMCY frame on the bus, as far as
+    the drive's NMT state lets it."""
 
     def __init__(self, objects: Objects, send: Callable[[bytes], None]) -> None:
         self._objects, self._send = objects, send
@@ -21,20 +22,20 @@ class Emergencies:
 
     @property
     def present(self) -> int:
-        """Code of the error that is there now; 0 for none."""
+        """Code of the error that is present; 0 for none."""
         return self._objects.number(ERROR_CODE >> 8)
 
     def raise_error(self, code: int, register: int) -> None:
-        """An error has come: shown, remembered and sent."""
+        """Show, remember and send a new error."""
         self._show(code, register)
         self._errors.appendleft(code)
         self.show_history()
-        self._tell(code, register)
+        self._transmit(code, register)
 
     def clear_error(self) -> None:
-        """The error is gone; the history stays."""
+        """End the error; the history stays."""
         self._show(0, 0)
-        self._tell(0, 0)
+        self._transmit(0, 0)
 
     def forget(self) -> None:
         """Empty the history."""
@@ -52,5 +53,5 @@ class Emergencies:
         self._objects.show(ERROR_REGISTER, register)
         self._objects.show(ERROR_CODE, code)
 
-    def _tell(self, code: int, register: int) -> None:
+    def _transmit(self, code: int, register: int) -> None:
         self._send(code.to_bytes(2, "little") + bytes([register, 0, 0, 0, 0, 0]))

@@ -1,4 +1,4 @@
-"""What an onlooker would notice: a drive that faults, a hand that pushes."""
+"""Events of the simulation that a person beside the arm would notice."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,9 +7,10 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class Happening:
-    """`at_s` in simulated time; `text` is one sentence for people."""
+    """One event: a drive that faults, a hand that pushes; `text` is one sentence for people."""
 
     at_s: float
+    """simulated time [s]"""
     kind: Literal["drive", "hand", "server"]
     text: str
 

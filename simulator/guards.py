@@ -1,4 +1,4 @@
-"""What a drive refuses to have written beyond what its EDS can express."""
+"""Guards of a drive's objects: values refused beyond what its EDS can express."""
 
 import struct
 

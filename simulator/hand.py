@@ -16,7 +16,7 @@ NotNegative = Annotated[float, Meta(ge=0.0)]
 
 
 class Act(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="act"):
-    """Something a hand does, `at_s` seconds after the arm first moved."""
+    """One act of the hand, `at_s` seconds after the arm first moved."""
 
     at_s: NotNegative
 
@@ -69,10 +69,11 @@ def read_script(path: Path) -> Script:
 
 
 class Hand:
-    """Plays a script. `update` once per millisecond, `torque` at every step of the plant.
+    """Player of a script. `update` is called once per millisecond, `torque` at every step of the
+    plant.
 
-    `damping_limit` (n,): a damper on a light link beyond what the plant's step resolves would
-    shake by itself, so it is softened to that.
+    `damping_limit` (n,): a damper on a light link beyond what the plant's step resolves would shake
+    by itself, so it is softened to that.
     """
 
     def __init__(
@@ -98,17 +99,17 @@ class Hand:
 
     @property
     def began(self) -> bool:
-        """Whether the script's clock runs."""
+        """True while the script's clock runs."""
         return self._began_at is not None
 
     @property
     def touching(self) -> bool:
-        """Whether there is any torque to ask for."""
+        """True while the hand gives any torque."""
         return self._holding or bool(self._pushes)
 
     @property
     def done(self) -> bool:
-        """Every act has begun, no push is left, and the hand is off."""
+        """True when every act has begun, no push is left, and the hand is off."""
         return self._next == len(self._script) and not self.touching
 
     def begin(self, t: float) -> None:
@@ -116,7 +117,7 @@ class Hand:
         self._began_at = t
 
     def update(self, t: float, q: Vector, period_s: float = 0.001) -> list[str]:
-        """Advance script and guided grip to time t; what began or ended, in words."""
+        """Advance script and guided grip to time t; returns what began or ended, in words."""
         if self._began_at is None:
             return []
         words: list[str] = []

@@ -1,4 +1,4 @@
-"""The arm on a bus of the same process, with the SYNC as its clock: deterministic."""
+"""Simulated arm on a bus of the same process, with the SYNC as its clock: deterministic."""
 
 import threading
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from simulator.arm import SYNC, SimulatedArm
 
 
 class Lockstep:
-    """Every SYNC moves the arm on by one period; nothing else moves it.
+    """Clock of the arm: every SYNC moves it on by one period; nothing else moves it.
 
     The owner of the other end calls `pump` after sending; the answers are then in its queue. For
     the SDO part of a boot-up, `serving` answers from a thread, while the plant stands still.
@@ -37,7 +37,7 @@ class Lockstep:
 
     @contextmanager
     def serving(self) -> Iterator[None]:
-        """A thread that pumps for as long as the block lasts; do not send a SYNC inside."""
+        """Pump in a thread for as long as the block lasts; do not send a SYNC inside."""
         self._serving = True
         thread = threading.Thread(target=self._serve, name="simulated arm", daemon=True)
         thread.start()

@@ -1,4 +1,4 @@
-"""From the nominal arm to the true one: pure and seeded."""
+"""True arm, made of the nominal one and its mismatch: pure and seeded."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from simulator.description import ArmDescription, SimulationSettings
 
 @dataclass(frozen=True, slots=True)
 class PlantParameters:
-    """The true arm. All vectors (n,) except where said, SI at the link side."""
+    """Parameters of the true arm; vectors (n,) unless stated otherwise, SI at the link side."""
 
     model: pin.Model
     half_gap: Vector

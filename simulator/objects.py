@@ -65,8 +65,8 @@ class Objects:
         """Told the key after a value was stored."""
 
     def set_default(self, where: int, value: int) -> None:
-        """A value that belongs to the device and not to its EDS, e.g. the serial number; nothing
-        where the EDS does not have the object."""
+        """Set a default that belongs to the device and not to its EDS, e.g. the serial number;
+        nothing where the EDS does not have the object."""
         old = self.entries.get(where)
         if old is None:
             return
@@ -81,7 +81,7 @@ class Objects:
             self.values[where] = value
 
     def restore(self, first: int, last: int) -> None:
-        """Defaults for all objects with first <= index <= last."""
+        """Set all objects with first <= index <= last to their defaults."""
         for k, entry in self.entries.items():
             if first <= k >> 8 <= last:
                 self.values[k] = entry.default
@@ -93,7 +93,7 @@ class Objects:
         return value
 
     def read(self, index: int, subindex: int) -> bytes:
-        """What an SDO upload returns. Raises SdoAbortedError."""
+        """Answer of an SDO upload. Raises SdoAbortedError."""
         entry = self._find(index, subindex)
         if not entry.readable:
             raise SdoAbortedError(WRITE_ONLY)
@@ -101,7 +101,7 @@ class Objects:
         return value if isinstance(value, bytes) else struct.pack("<" + entry.code, value)
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
-        """What an SDO download does. Raises SdoAbortedError."""
+        """Write by an SDO download. Raises SdoAbortedError."""
         entry = self._find(index, subindex)
         if not entry.writable:
             raise SdoAbortedError(READ_ONLY)
@@ -113,7 +113,7 @@ class Objects:
         self.written(key(index, subindex))
 
     def accepts(self, where: int, value: int) -> bool:
-        """Whether an RPDO may set the object to this value."""
+        """True where an RPDO may set the object to this value."""
         try:
             self._check(where, self.entries[where], value)
         except SdoAbortedError:

@@ -13,7 +13,7 @@ SYNCHRONOUS = 240
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """Which objects, in which order, and how they are packed."""
+    """Objects of a PDO, in their order, and the layout that packs them."""
 
     keys: tuple[int, ...]
     layout: struct.Struct
@@ -27,7 +27,7 @@ def mapping(objects: Objects, index: int) -> Mapping:
 
 
 def pdo_numbers(objects: Objects, communication: int) -> list[int]:
-    """Which PDOs the drive has, counted from 0; `communication` is 0x1400 or 0x1800."""
+    """Numbers of the drive's PDOs, from 0; `communication` is 0x1400 or 0x1800."""
     return [n for n in range(0x200) if key(communication + n, 1) in objects.entries]
 
 
@@ -40,7 +40,7 @@ class ReceivePdo:
         self.reload()
 
     def reload(self) -> None:
-        """Take over what 14xx and 16xx say."""
+        """Take over the values of 14xx and 16xx."""
         cob = self._objects.number(0x1400 + self.number, 1)
         self.cob_id = -1 if cob & INVALID else cob & 0x7FF
         self._waits = self._objects.number(0x1400 + self.number, 2) <= SYNCHRONOUS
@@ -76,7 +76,7 @@ class TransmitPdo:
         self.reload()
 
     def reload(self) -> None:
-        """Take over what 18xx and 1Axx say."""
+        """Take over the values of 18xx and 1Axx."""
         objects, index = self._objects, 0x1800 + self.number
         cob = objects.number(index, 1)
         self.cob_id = -1 if cob & INVALID else cob & 0x7FF
@@ -90,7 +90,7 @@ class TransmitPdo:
 
     @property
     def by_event(self) -> bool:
-        """Sent on its own initiative."""
+        """True where it is sent on its own initiative."""
         return self.cob_id >= 0 and self._type > SYNCHRONOUS
 
     def pack(self) -> bytes:
@@ -125,7 +125,7 @@ class TransmitPdo:
 
 
 def pdo_number(where: int) -> int | None:
-    """Which PDO (0 to 3) the object with this key configures, if any."""
+    """Number (0 to 3) of the PDO that the object with this key configures, if any."""
     index = where >> 8
     for base in (0x1400, 0x1600, 0x1800, 0x1A00):
         if base <= index < base + 0x200:

@@ -1,4 +1,4 @@
-"""Two masses per joint: the links by articulated bodies, the motors as reflected inertias."""
+"""Plant of two masses per joint: links by articulated bodies, motors as reflected inertias."""
 
 from collections.abc import Callable
 from typing import Literal
@@ -95,12 +95,12 @@ class Plant:
 
     @property
     def gear_torque(self) -> Vector:
-        """What the gear hands to the link (n,) [Nm], of the last step."""
+        """Torque of the gear on the link (n,) [Nm], of the last step."""
         return np.negative(self._torque[: self.n])
 
     @property
     def friction_torque(self) -> Vector:
-        """What friction takes (2n,) [Nm], link then motor, of the last step."""
+        """Torque of friction (2n,) [Nm], link then motor, of the last step."""
         return self._torque[2 * self.n : 4 * self.n].copy()
 
     @property
@@ -109,14 +109,14 @@ class Plant:
         return np.asarray(np.abs(self.phi) < self.parameters.half_gap)
 
     def brake(self, joint: int, closed: bool) -> None:
-        """A closed brake holds the motor where it is."""
+        """Close or open a joint's brake; a closed one holds the motor where it is."""
         self._closed[joint] = closed
         if closed:
             self.theta_dot[joint] = 0.0
         self._compose()
 
     def scale_friction(self, factor: Vector) -> None:
-        """From now on the friction of each joint, both sides, is `factor` (n,) times its own."""
+        """Make the friction of each joint, both sides, `factor` (n,) times its own from now on."""
         both, n = np.tile(factor, 2), self.n
         self._coulomb = self.parameters.coulomb * both
         self._minus_coulomb = -self._coulomb
@@ -173,11 +173,11 @@ class Plant:
             positive(state_after, state)
 
     def _compose(self) -> None:
-        """What is linear in a step, as two products.
+        """The linear part of a step, as two products.
 
-        `_flow` (10n, 6n): from the state and what pushes, the state after the step, and of that
-        the damping torques of all contacts and frictions, and the velocities as `slide` wants
-        them; `_derived` (6n, 4n): those from a state that somebody else has written.
+        `_flow` (10n, 6n): from the state and what pushes, the state after the step, and of that the
+        damping torques of all contacts and frictions, and the velocities as `slide` wants them;
+        `_derived` (6n, 4n): those from a state that was written from outside.
         """
         n, h, p = self.n, self.step_s, self.parameters
         phi, q, q_dot, theta_dot, q_dotdot, pushed = np.eye(6 * n).reshape(6, n, 6 * n)
@@ -195,7 +195,7 @@ class Plant:
         self._flow = np.vstack((phi, q, q_dot, theta_dot, derived(q_dot, theta_dot)))
 
     def _slide_smoothly(self, slip: Vector) -> None:
-        """tanh(velocity / width), what Coulomb's torque is to be multiplied by."""
+        """tanh(velocity / width), the factor of Coulomb's torque."""
         tanh(self._after[8 * self.n :], slip)
 
     def _slide_with_stiction(self, slip: Vector) -> None:

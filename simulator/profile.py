@@ -1,5 +1,5 @@
-"""Drives that can be simulated, as their makers fixed them: a wrong object, scale, sign or offset
-in a configuration shows here."""
+"""Simulated makes of drives, each as its maker fixed it: a wrong object, scale, sign or offset in a
+configuration shows here."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ RPM = TURN / 60.0
 
 @dataclass(frozen=True, slots=True)
 class SimulatedMake:
-    """Where a drive keeps each quantity, and what one count means. Motor quantities are before the
-    gear; objects are keys, see `objects.key`."""
+    """Objects that carry a drive's quantities, and the size of one count. Motor quantities are
+    before the gear; objects are keys, see `objects.key`."""
 
     link_position: int = key(0x60E4, 1)
     motor_position: int | None = key(0x6064)
@@ -74,7 +74,7 @@ _BY_PRODUCT = {0x402: PROFILE, 0x403: LOCKING}
 
 
 def _mapped(known: dict[int, Entry]) -> Iterator[int]:
-    """What the EDS maps before anybody changes it."""
+    """Objects that the EDS maps before any SDO changes it."""
     for index in (*range(0x1600, 0x1800), *range(0x1A00, 0x1C00)):
         count = known.get(key(index))
         for subindex in range(1, 1 + int(count.default) if count else 0):

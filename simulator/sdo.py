@@ -1,4 +1,4 @@
-"""The SDO server of one drive: canopen's, driven frame by frame and without a thread."""
+"""SDO server of one drive: canopen's, driven frame by frame and without a thread."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,7 +9,7 @@ from simulator.objects import Objects
 
 
 class _Wire:
-    """What canopen's SDO server takes for its network and its node."""
+    """Stand-in for the network and the node that canopen's SDO server expects."""
 
     def __init__(self, objects: Objects, send: Callable[[int, bytes], None]) -> None:
         self._objects, self._send = objects, send

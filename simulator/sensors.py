@@ -1,4 +1,5 @@
-"""What the drives measure: encoders, velocity and current, with their noise, delay and filters."""
+"""Sensors of the drives: encoders, motor velocity and current, with their noise, delay and
+filters."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -22,7 +23,8 @@ class Readings:
 
 
 class Sensors:
-    """`update` every millisecond, `read` whenever a drive samples. Noise comes from the seed.
+    """Sensors of all joints. `update` is called every millisecond, `read` whenever a drive samples.
+    Noise comes from the seed.
 
     The reported current is low-passed; the link encoder may be late.
     """
@@ -52,7 +54,7 @@ class Sensors:
         self._history = deque([q.copy() for _ in range(int(late) + 2)], maxlen=int(late) + 2)
 
     def update(self, q: Vector, current: Vector) -> None:
-        """Follow one servo period: link positions (n,), motor currents (n,) [A]."""
+        """Follow one servo period: link positions (n,) [rad], motor currents (n,) [A]."""
         np.subtract(current, self._current, out=self._scratch)
         np.multiply(self._scratch, self._gain, out=self._scratch)
         np.add(self._current, self._scratch, out=self._current)

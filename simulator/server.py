@@ -1,4 +1,4 @@
-"""The simulated arm in real time: over TCP for other processes, or as a node on a CAN bus."""
+"""Simulated arm in real time: over TCP for other processes, or as nodes on a CAN bus."""
 
 import selectors
 import signal
@@ -13,7 +13,7 @@ import msgspec
 
 from errors import BusError
 from simulator.arm import SimulatedArm
-from simulator.bus_end import Link
+from simulator.bus_end import BusEnd
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.events import Happening
 from simulator.hand import AnyAct
@@ -32,7 +32,7 @@ MOST_UNSENT = 1 << 20
 
 
 class RealTimeArm:
-    """A simulated arm bound to CLOCK_MONOTONIC; tells its events as JSON lines."""
+    """A simulated arm bound to CLOCK_MONOTONIC; it reports its events as JSON lines."""
 
     def __init__(
         self,
@@ -45,7 +45,7 @@ class RealTimeArm:
         self._events = events
         self._origin = time.monotonic()
         self.arm = SimulatedArm(
-            description, settings, send, hand_script=hand_script, on_event=self.tell
+            description, settings, send, hand_script=hand_script, on_event=self.report
         )
         self._origin = self._lived_s = time.monotonic()
         self._complained_s = 0.0
@@ -74,9 +74,9 @@ class RealTimeArm:
     def _complain(self, now: float, text: str) -> None:
         if now - self._complained_s > 1.0:
             self._complained_s = now
-            self.tell(Happening(self.arm.now, "server", text))
+            self.report(Happening(self.arm.now, "server", text))
 
-    def tell(self, event: Happening) -> None:
+    def report(self, event: Happening) -> None:
         """Write `{monotonic_s, simulated_s, kind, text}` as one line."""
         if self._events is not None:
             line = {
@@ -88,12 +88,12 @@ class RealTimeArm:
             try:
                 self._events.write(msgspec.json.encode(line) + b"\n")
                 self._events.flush()
-            except OSError:  # nobody listens any more; the arm lives on
+            except OSError:  # the reader is gone; the arm lives on
                 self._events = None
 
 
 class _Client:
-    """One TCP connection: what it said, and what it has not taken yet."""
+    """One TCP connection, with what it has not taken yet."""
 
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
@@ -150,7 +150,7 @@ class Server:
             self.close()
             raise
         self.arm = self._real_time.arm
-        self._real_time.tell(Happening(0.0, "server", f"listening on {host}:{self.port}"))
+        self._real_time.report(Happening(0.0, "server", f"listening on {host}:{self.port}"))
 
     def run(self, stop: threading.Event) -> None:
         """Serve until `stop` is set."""
@@ -249,23 +249,23 @@ def serve_on_bus(
     events: BinaryIO | None = None,
     stop: threading.Event | None = None,
 ) -> None:
-    """Be the nodes of the arm on a CAN bus until `stop`, SIGTERM or SIGINT; a bus that goes is
-    waited for. Raises BusError if there is none at the beginning."""
+    """Be the nodes of the arm on a CAN bus until `stop`, SIGTERM or SIGINT; wait for a bus that
+    goes. Raises BusError if there is none at the beginning."""
     stop = stop or _stop_on_signals()
-    told: list[str] = []
-    link = Link(interface, channel, told.append)
+    reports: list[str] = []
+    bus_end = BusEnd(interface, channel, reports.append)
     try:
-        real_time = RealTimeArm(description, settings, link.send, hand_script, events)
+        real_time = RealTimeArm(description, settings, bus_end.send, hand_script, events)
         while not stop.is_set():
-            message = link.receive(PULSE_S)
+            message = bus_end.receive(PULSE_S)
             real_time.live()
             while message is not None:
                 real_time.arm.receive(message)
-                message = link.receive(0.0)
-            while told:
-                real_time.tell(Happening(real_time.arm.now, "server", told.pop(0)))
+                message = bus_end.receive(0.0)
+            while reports:
+                real_time.report(Happening(real_time.arm.now, "server", reports.pop(0)))
     finally:
-        link.close()
+        bus_end.close()
 
 
 def _stop_on_signals() -> threading.Event:

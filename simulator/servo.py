@@ -1,4 +1,4 @@
-"""The inner velocity loops of all drives at 1 kHz, side by side in vectors."""
+"""Inner velocity loops of all drives at 1 kHz, side by side in vectors."""
 
 import numpy as np
 from numpy import add, maximum, minimum, multiply, negative, subtract
@@ -18,7 +18,7 @@ class Servo:
 
     A ramp serves the interpolation of setpoints over the SYNC period as well as a quick stop: the
     reference moves towards `target` by at most `rate` per period. Drives write single entries, the
-    arm calls `update` every millisecond. Tuned to nominal inertias: a maker does not know the rest.
+    arm calls `update` every millisecond. Tuned to nominal inertias, as a maker would.
     """
 
     def __init__(self, description: ArmDescription, link_inertia: Vector) -> None:
@@ -56,7 +56,7 @@ class Servo:
         self._highest[joint], self._lowest[joint] = current, -current
 
     def energised(self, joint: int) -> bool:
-        """Whether the joint's motor has current."""
+        """True while the joint's motor has current."""
         return bool(self._energised[joint])
 
     def follow(self, joint: int, velocity: float, over_s: float) -> None:
@@ -71,15 +71,16 @@ class Servo:
         self.rate[joint] = acceleration * SERVO_PERIOD_S
 
     def arrived(self, joint: int) -> bool:
-        """Whether the ramp is over."""
+        """True when the ramp is over."""
         return bool(self.reference[joint] == self.target[joint])
 
     def saturated(self, joint: int) -> bool:
-        """Whether the current limit is at work."""
+        """True while the current limit is at work."""
         return bool(self._wanted[joint] != self.current[joint])
 
     def update(self, velocity: Vector) -> None:
-        """One period: motor velocities (n,) in, motor currents in `current` (n,) [A]."""
+        """Advance by one period: motor velocities (n,) [rad/s] in, motor currents in `current` (n,)
+        [A]."""
         error, wanted, integral = self._error, self._wanted, self._integral
         reference, current, energised = self.reference, self.current, self._energised
         subtract(self.target, reference, error)

@@ -20,7 +20,7 @@ class Reply:
 
 
 class Conversation:
-    """The server's side with one client: bytes in, replies and frames out."""
+    """Server's side of one client's connection: bytes in, replies and frames out."""
 
     def __init__(self) -> None:
         self._buffer = b""
@@ -73,7 +73,7 @@ def _frame(words: list[bytes]) -> can.Message | None:
 
 
 def frame_line(message: can.Message, timestamp: float) -> bytes:
-    """A frame as the server tells it to its clients; `timestamp` in s."""
+    """A frame as the server sends it to its clients; `timestamp` in s."""
     width = 8 if message.is_extended_id else 3
     text = f"< frame {message.arbitration_id:0{width}X} {timestamp:.6f} {message.data.hex()} >"
     return text.encode("ascii")

@@ -1,4 +1,4 @@
-"""The CiA 402 power state machine as two tables: what a controlword asks, and what follows."""
+"""CiA 402 power state machine as two tables: commands of a controlword, and transitions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class State(Enum):
 
 
 class Trigger(Enum):
-    """Commands of the controlword, and what happens inside the drive."""
+    """Commands of the controlword, and events inside the drive."""
 
     SHUTDOWN = "shutdown"
     SWITCH_ON = "switch on"

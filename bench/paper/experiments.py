@@ -3,24 +3,22 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import cycle
-from typing import Literal
 
 import msgspec
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
+from bench.study.population import FrictionModel
 from bench.study.recording import Recorder, Recording
 from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.commands.demo_story import Story, touch_of
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
 from estimator.residual import Variant
 from simulator.description import Mismatch, SimulationSettings
 from simulator.events import Happening
 from simulator.hand import Push, read_script
-
-Friction = Literal["smooth", "dahl"]
 
 CLASSICAL = Variant(kind="classical", friction=False, rotor_inertia=False, label="classical")
 BESIDE = (
@@ -45,10 +43,10 @@ SETTLE_S = 1.0  # after the drives are enabled, before anything is recorded
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What the plant is like: the default mismatch, and a motor velocity that is a little off."""
+    """Conditions of the plant: the default mismatch, and a motor velocity that is a little off."""
 
     seed: int = 1
-    friction: Friction = "smooth"
+    friction: FrictionModel = "smooth"
     exact: bool = False
     """the plant is what the model believes, and nothing is noisy"""
 
@@ -81,14 +79,14 @@ def with_rivals(waves: Mapping[str, Sinusoid] | None = None) -> Callable[..., Co
 
 
 def with_kalman(recording: Recording) -> Recording:
-    """The Kalman observer beside the residuals, from the same samples."""
+    """Recording with the Kalman observer beside the residuals, from the same samples."""
     c = recording.configuration
     values = kalman(recording.residuals[KALMAN_BELIEF], c.estimator.gain, c.period_s)
     return recording.with_residual(KALMAN, values)
 
 
 def single_joint(conditions: Conditions, seconds: float = 20.0) -> Recording:
-    """Fig. 2: one joint with a gap of 0.1 rad in its sinusoid, nobody near."""
+    """Fig. 2: one joint with a gap of 0.1 rad in its sinusoid, without contact."""
     with lockstep_rig(SINGLE_JOINT, configure=with_rivals(), simulate=conditions) as rig:
         rig.enable()
         rig.run(SETTLE_S)
@@ -97,7 +95,7 @@ def single_joint(conditions: Conditions, seconds: float = 20.0) -> Recording:
 
 
 def contact_free(conditions: Conditions, seconds: float = 30.0) -> Recording:
-    """Fig. 8: the first joint in its sinusoid, all others hold, nobody near."""
+    """Fig. 8: the first joint in its sinusoid, all others hold, without contact."""
     with lockstep_rig(configure=with_rivals(FIRST_JOINT), simulate=conditions) as rig:
         rig.enable()
         rig.run(SETTLE_S)
@@ -145,7 +143,8 @@ def pushes(c: Configuration) -> tuple[Push, ...]:
 
 
 def least_at_rest(joint: Joint) -> float:
-    """What a joint at rest must feel [Nm]: twice the threshold, and beyond half the stiction."""
+    """Least torque [Nm] that must be detected on a joint at rest: twice the threshold, and beyond
+    half the stiction."""
     stuck = joint.friction.motor_coulomb + joint.friction.link_coulomb
     contact = joint.thresholds.contact
     return max(2.0 * contact, contact + 0.5 * stuck)
@@ -160,14 +159,14 @@ def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Record
     ) as rig:
         rig.enable()
         rig.run(SETTLE_S)
-        refused = rig.tick.controller.arm("the bench")
+        refused = rig.permit("the bench")
         assert not refused, refused
         rig.request(Event.START)
         begin_s, recorder, states = rig.time_s, Recorder(rig), []
 
         def each() -> None:
             recorder()
-            states.append(_clocked(rig.tick.state(), begin_s))
+            states.append(_clocked(rig.state(), begin_s))
 
         rig.run(seconds, each)
         ahead_s = rig.time_s - rig.arm.now - begin_s
@@ -177,16 +176,17 @@ def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Record
 
 
 def _clocked(state: State, begin_s: float) -> State:
-    """With the recording's clock for all others."""
+    """Recorder that also sets the time."""
     time_s = state.time_s - begin_s
     timing = msgspec.structs.replace(state.timing, monotonic_s=time_s)
     return msgspec.structs.replace(state, time_s=time_s, timing=timing)
 
 
 def _snapshot(recording: Recording) -> Snapshot:
-    """What a Story wants to know of the arm."""
+    """Snapshot of the arm as a Story takes it."""
     c = recording.configuration
     return Snapshot(
+        format=STATE_FORMAT,
         joints=c.joint_names,
         half_gap=[joint.half_gap for joint in c.joints],
         thresholds=[joint.thresholds.contact for joint in c.joints],
@@ -210,6 +210,7 @@ def _record(rig: Rig, seconds: float) -> Recording:
 
 
 def _finished(rig: Rig, recorder: Recorder) -> Recording:
-    """With the rival. A fault on the way would have stopped the arm and spoilt the figure."""
+    """The recording with the rival. A fault on the way would have stopped the arm and spoilt the
+    figure."""
     assert rig.mode is Mode.TRACKING, (rig.mode, rig.tick.controller.machine.cause)
     return with_kalman(recorder.recording())

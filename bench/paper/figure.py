@@ -1,4 +1,4 @@
-"""What each figure gives: pictures, a table of numbers, targets; and how all of them are drawn."""
+"""Parts that all figures share: pictures, a table of numbers, targets; and their drawing."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ def canvas(width: float, height: float, title: str) -> Figure:
 
 
 def save(figure: Figure, path: Path | BinaryIO) -> None:
-    """As PNG, the same bytes for the same picture."""
+    """Write a picture as PNG, the same bytes for the same picture."""
     compact = {"compress_level": 9}
     figure.savefig(path, format="png", metadata={"Software": None}, pil_kwargs=compact)
 
@@ -79,7 +79,8 @@ def draw_residual(axes: Axes, recording: Recording, name: str, joint: int, **sty
 
 
 def crossings(recording: Recording, joint: int) -> list[tuple[float, float]]:
-    """From where to when [s] the link was free, in truth; with the bounces after an impact."""
+    """Beginning and end [s] of each time that the link was free, in truth; with the bounces after
+    an impact."""
     free: list[tuple[float, float]] = []
     for in_gap, begin, end in runs(recording.true_in_gap[:, joint], recording.time_s):
         if in_gap and free and begin - free[-1][1] < BOUNCE_S:
@@ -104,7 +105,7 @@ def runs(rows: NDArray[Any], time_s: NDArray[np.float64]) -> Iterator[tuple[Any,
 
 
 def residual_table(recording: Recording, levels: list[float]) -> dict[str, dict[str, Any]]:
-    """By residual: largest |r| and contacts per joint, against the plant's true torque.
+    """Largest |r| and contacts per joint, by residual, against the plant's true torque.
 
     levels: torque [Nm] per joint that a contact must reach to be missed.
     """

@@ -1,4 +1,4 @@
-"""Fig. 2: one joint with a gap of 0.1 rad. What the classical residual makes of its crossings."""
+"""Fig. 2: the classical residual on one joint with a gap of 0.1 rad."""
 
 from typing import Any
 
@@ -50,10 +50,8 @@ def make(seed: int) -> Made:
 
 
 def numbers(recording: Recording) -> dict[str, Any]:
-    """Largest |r| while the gap is crossed and elsewhere, from the second crossing on.
-
-    The first one is from the middle of the gap, where nobody knows yet where the rotor is.
-    """
+    """Largest |r| while the gap is crossed and elsewhere, from the second crossing on. The first
+    one is from the middle of the gap, where the rotor's place is still unknown."""
     crossing = _lasting(recording.true_in_gap[:, 0], AFTER_S, recording)
     all_crossings = crossings(recording, 0)
     known = recording.time_s > all_crossings[0][1] + AFTER_S

@@ -1,4 +1,4 @@
-"""Fig. 8: the first joint in motion without contact. Classical residual against backlash."""
+"""Fig. 8: the first joint in motion without contact, classical residual against backlash."""
 
 from typing import Any
 
@@ -28,7 +28,7 @@ SHOWN_S = (5.0, 30.0)
 
 
 def make(seed: int) -> Made:
-    """With smooth friction and with stiction; the pictures show stiction."""
+    """Figure 8 with smooth friction and with stiction; the pictures show stiction."""
     table, targets = {}, []
     for friction in ("smooth", "dahl"):
         recording = contact_free(Conditions(seed, friction))

@@ -18,14 +18,14 @@ TIMING = ("ticks", "missed", "lateness_us", "tick_us")  # of the machine, not of
 
 
 def make(seed: int) -> Made:
-    """With stiction, as the paper's arm has it."""
+    """Figure 13 with stiction, as the paper's arm has it."""
     recording, story = collaboration(Conditions(seed, "dahl"))
     table = numbers(recording, story)
     return Made(table, held_against(table), {"figure_13": picture(recording)})
 
 
 def numbers(recording: Recording, story: Story) -> dict[str, Any]:
-    """What happened when, and how far the arm was led and drifted."""
+    """Times of the story, and how far the arm was led and drifted."""
     report = story.report(ended_well=True)
     led = recording.mode == Mode.ADMITTANCE
     touched = np.any(recording.true_torque, axis=1)

@@ -21,13 +21,13 @@ from bench.study.recording import Recording
 
 
 def make(seed: int) -> Made:
-    """With smooth friction and with stiction; the pictures show stiction."""
+    """Figures 9 and 11 with smooth friction and with stiction; the pictures show stiction."""
     table, targets = {}, []
     for friction in ("smooth", "dahl"):
         recording = contacts(Conditions(seed, friction))
         table[friction] = numbers(recording)
         targets += held_against(table[friction], friction, recording.configuration.estimator.gain)
-    pictures = {"figure_09": trajectory(recording), "figure_11": felt(recording)}
+    pictures = {"figure_09": trajectory(recording), "figure_11": detected(recording)}
     return Made(table, targets, pictures)
 
 
@@ -81,7 +81,7 @@ def trajectory(recording: Recording) -> Figure:
     return figure
 
 
-def felt(recording: Recording) -> Figure:
+def detected(recording: Recording) -> Figure:
     """Fig. 11: thresholded residuals over the true torque, joint by joint."""
     title = "Fig. 11: contacts at rest (20 s) and in motion, thresholded residuals (with stiction)"
     figure = canvas(10.0, 8.0, title)

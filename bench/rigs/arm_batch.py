@@ -1,4 +1,4 @@
-"""Many arms in one plant, without a bus: contact-free motions of arms that all differ, quickly.
+"""Batch of arms in one plant, without a bus: contact-free motions of arms that all differ, quickly.
 
 The links of all arms are branches of one pinocchio model, so that a handful of arms costs hardly
 more than one: their vectors are so short that numpy's calls are what takes time. Many more cost
@@ -34,7 +34,8 @@ SETTLE_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Scatter:
-    """How far the arms differ from the nominal one: factors are log-uniform between 1/x and x."""
+    """Largest difference of the arms from the nominal one: factors are log-uniform between 1/x and
+    x."""
 
     friction: float = 1.5
     half_gap: float = 1.3
@@ -90,9 +91,12 @@ def record_fleet(
     *,
     motors_only: bool = False,
 ) -> list[list[MotionLog]]:
-    """Logs `[sensors][arm]` of one motion: what sensors of `settings`, and those of each of
-    `others`, report of the same fleet. The first sensors' link positions close the loop;
-    motors_only: the motors follow the reference's velocity and nobody looks at the links."""
+    """Logs `[sensors][arm]` of one motion, as the sensors of `settings`, and those of each of
+    `others`, report the same arms.
+
+    The first sensors' link positions close the loop; motors_only: the motors follow the reference's
+    velocity and the links are left to themselves.
+    """
     n, count = len(description.joints), len(arms)
     parameters = _joined(arms)
     fleet = replace(description, joints=description.joints * count)

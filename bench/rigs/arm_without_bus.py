@@ -83,7 +83,7 @@ class Push:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """What happens to the arm from the moment it stands."""
+    """Motion and pushes of the arm from the moment it stands."""
 
     seconds: float
     motion: Motion
@@ -157,11 +157,10 @@ class Harness:
         )
         self.servo = Servo(description, self.parameters.usual_link)
         self.sensors = Sensors(description, settings, self.plant.q)
-        wirings = [(c.drives[joint.wiring.profile], joint.wiring) for joint in c.joints]
-        affine = np.array([[link_side(p, w, entry) for p, w in wirings] for entry in MEASURED])
+        drives = c.joint_drives
+        affine = np.array([[link_side(drive, entry) for drive in drives] for entry in MEASURED])
         self._gain, self._bias = affine[..., 0], affine[..., 1]
-        joints = [(joint.name, joint.wiring) for joint in c.joints]
-        self._encoder = SetpointEncoder(joints, c.drives)
+        self._encoder = SetpointEncoder(drives)
         gears = np.array([joint.gear for joint in description.joints])
         self._velocity_unit = PROFILE.velocity_unit / gears
         self._steps = round(SERVO_PERIOD_S / settings.step_s)

@@ -13,10 +13,9 @@ from bench.contact_free import MOTION
 from bench.rigs.faulty_bus import FaultyBus
 from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
-from daemon.faults.detector import FAULT_STATES
 from daemon.modes.table import Event, Mode
-from daemon.tick.tick import ON_TIME, Wakeup
-from drivers.cia402 import QUICK_STOP
+from daemon.tick.record import ON_TIME, Wakeup
+from drivers.cia402 import FAULT_STATES, QUICK_STOP
 from simulator.sensors import Readings
 
 ELBOW, YAW, PITCH = 2, 5, 6  # joints that are disturbed; nodes are one more

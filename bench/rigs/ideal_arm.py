@@ -1,4 +1,5 @@
-"""A controller, and two joints that do exactly what it tells them; what they feel is made up."""
+"""Ideal arm: a controller, and two joints that do exactly what it commands, with made-up
+torques."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -34,7 +35,7 @@ LIMITS = Limits(np.full(2, -1.0), np.full(2, 1.0), np.full(2, 1.0), np.full(2, 4
 
 @dataclass(slots=True)
 class IdealArm:
-    """`step` is one tick; keywords replace fields of what was observed in it."""
+    """Controller and joints; `step` is one tick, keywords replace fields of its ControlInput."""
 
     controller: Controller
     q: Vector = field(default_factory=lambda: np.array([0.1, -0.2]))
@@ -43,22 +44,22 @@ class IdealArm:
 
     @property
     def time_s(self) -> float:
-        """Of the next tick."""
+        """Time of the next tick [s]."""
         return self.tick * T
 
     @property
     def mode(self) -> Mode:
-        """The controller's."""
+        """Mode of the controller."""
         return self.controller.machine.mode
 
     @property
     def armed(self) -> bool:
-        """The permission."""
+        """True while contacts may move the arm."""
         return self.controller.machine.armed
 
     @property
     def cause(self) -> str:
-        """Why this mode."""
+        """Cause of this mode."""
         return self.controller.machine.cause
 
     def step(self, **seen: Any) -> Decision:
@@ -66,7 +67,7 @@ class IdealArm:
         before = self.decisions[-1].velocity if self.decisions else np.zeros(2)
         # Its drives come on with the mode, and go off with it.
         on = (self.mode in ENERGISED,) * 2
-        calm = ControlInput(self.q.copy(), before, np.zeros(2), "", "", on, (), tuple)
+        calm = ControlInput(self.q.copy(), before, np.zeros(2), "", "", on, ())
         decision = self.controller.step(self.time_s, T, replace(calm, **seen))
         self.q = self.q + decision.velocity * T
         self.tick += 1
@@ -74,7 +75,7 @@ class IdealArm:
         return decision
 
     def run(self, seconds: float, **seen: Any) -> None:
-        """So many ticks alike."""
+        """Do ticks that are all alike."""
         for _ in range(round(seconds / T)):
             self.step(**seen)
 
@@ -88,11 +89,12 @@ class IdealArm:
         return (self.tick - begun) * T
 
     def request(self, event: Event) -> list[str]:
-        """As a person would; returns the reasons of a refusal."""
+        """Request an event as a person would; returns the reasons of a refusal."""
         return self.controller.request(event, "me", self.time_s)
 
     def push(self, torque: float) -> dict[str, Any]:
-        """What is observed while a contact on joint a lasts: the thresholded residual [Nm]."""
+        """Fields of ControlInput while a contact on joint a lasts: the thresholded residual
+        [Nm]."""
         return {"thresholded": np.array([torque, 0.0]), "touched": "a feels it"}
 
     def touch(self, torque: float = 0.4) -> None:
@@ -105,7 +107,7 @@ class IdealArm:
 
 
 def ideal_arm(**changes: Any) -> IdealArm:
-    """Off. `changes` replace fields of TUNING, or parts of the motion."""
+    """An arm whose drives are off. `changes` replace fields of TUNING, or parts of the motion."""
     parts: dict[str, Any] = {
         "manner": MANNER,
         "limits": LIMITS,
@@ -119,7 +121,7 @@ def ideal_arm(**changes: Any) -> IdealArm:
 
 
 def holding_arm(**changes: Any) -> IdealArm:
-    """Energised and holding."""
+    """An arm that is energised and holds."""
     arm = ideal_arm(**changes)
     arm.step()
     assert arm.request(Event.ENABLE) == []
@@ -129,7 +131,7 @@ def holding_arm(**changes: Any) -> IdealArm:
 
 
 def tracking_arm(**changes: Any) -> IdealArm:
-    """On its trajectory for 1.5 s, armed."""
+    """An arm on its trajectory for 1.5 s, armed."""
     arm = holding_arm(**changes)
     assert arm.request(Event.START) == []
     arm.run(1.5)

@@ -1,5 +1,5 @@
-"""The whole program and the simulated arm on one virtual bus, SYNC as the clock: deterministic,
-faster than real time. For tests and benches."""
+"""Lockstep of the whole program and the simulated arm on one virtual bus, SYNC as the clock:
+deterministic, faster than real time. For tests and benches."""
 
 import itertools
 from collections.abc import Callable, Iterator
@@ -17,9 +17,15 @@ from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import State
+from daemon.protocol.messages import Check, State
+from daemon.tick.controller import Decision
+from daemon.tick.loop import Clock
+from daemon.tick.record import TickRecord, Wakeup
+from daemon.tick.telemetry import state_of
 from daemon.tick.tick import Tick
+from drivers.answers import Samples
 from drivers.boot.boot_up import DriveBoot
+from estimator.estimate import Estimate
 from simulator.arm import SimulatedArm
 from simulator.description import SimulationSettings
 from simulator.events import Listener
@@ -29,6 +35,11 @@ from simulator.lockstep import Lockstep
 ROMEO = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
 SINGLE_JOINT = ROMEO.parent / "single_joint"
 DESK_ARM = ROMEO.parent / "desk_arm"
+
+#: Of an arm whose configuration is right by construction.
+TRUSTED = Check(name="identification", passed=True, text="none; the configuration is trusted")
+#: Unix time of the first tick.
+WALL_S = 1.8e9
 
 _channels = itertools.count()
 
@@ -54,7 +65,7 @@ class LockstepBus(VirtualBus):
 
 @dataclass(slots=True)
 class Rig:
-    """Both ends; `step` moves them on by one period."""
+    """Both ends of the bus; `step` moves them on by one period."""
 
     robot: Robot
     tick: Tick
@@ -67,14 +78,16 @@ class Rig:
 
     @property
     def time_s(self) -> float:
-        """Of the next tick."""
+        """Time of the next tick [s]."""
         return self.ticks * self.robot.configuration.period_s
 
-    def step(self) -> None:
-        """SYNC, answers of the simulated drives, decision, setpoints."""
+    def step(self, wall_s: float | None = None) -> None:
+        """SYNC, answers of the simulated drives, decision, setpoints; `wall_s` is the Unix time,
+        which otherwise passes like the rig's."""
         self.tick.begin(self.time_s)
         self.lockstep.pump()
-        self.tick.finish(0.0)
+        wall_s = WALL_S + self.time_s if wall_s is None else wall_s
+        self.tick.finish(0.0, Wakeup(wall_s=wall_s))
         self.ticks += 1
 
     def run(self, seconds: float, each: Callable[[], None] = lambda: None) -> None:
@@ -86,11 +99,12 @@ class Rig:
     def states(self, seconds: float) -> list[State]:
         """Every State of the next `seconds`."""
         states: list[State] = []
-        self.run(seconds, lambda: states.append(self.tick.state()))
+        self.run(seconds, lambda: states.append(self.state()))
         return states
 
     def request(self, event: Event) -> None:
-        """As a person would; raises AssertionError with the reasons of a refusal."""
+        """Request an event as a person would; raises AssertionError with the reasons of a
+        refusal."""
         reasons = self.tick.controller.request(event, "the bench", self.time_s)
         assert not reasons, reasons
 
@@ -106,6 +120,42 @@ class Rig:
         """The controller's."""
         return self.tick.controller.machine.mode
 
+    @property
+    def last(self) -> TickRecord:
+        """The last tick; AssertionError before the first."""
+        assert self.tick.last is not None
+        return self.tick.last
+
+    @property
+    def samples(self) -> Samples:
+        """Of the last tick."""
+        return self.last.samples
+
+    @property
+    def estimate(self) -> Estimate:
+        """The newest; AssertionError before the first complete samples."""
+        assert self.last.estimate is not None
+        return self.last.estimate
+
+    @property
+    def decision(self) -> Decision:
+        """Of the last tick; AssertionError before the first complete samples."""
+        assert self.last.decision is not None
+        return self.last.decision
+
+    def state(self) -> State:
+        """As it is published of the last tick."""
+        return state_of(self.last)
+
+    def permit(self, who: str = "the bench") -> list[str]:
+        """Arm as the daemon does for a client; returns every reason why not."""
+        reasons = self.tick.check_arming(self.time_s).reasons
+        return list(reasons) or self.tick.controller.arm(who)
+
+    def clock(self) -> Clock:
+        """For a loop around the tick: time passes by `step` alone."""
+        return Clock(lambda: self.time_s, lambda _: None, lambda: WALL_S + self.time_s)
+
 
 @contextmanager
 def lockstep_rig(
@@ -117,10 +167,12 @@ def lockstep_rig(
     on_event: Listener = lambda _: None,
     bus: Callable[[can.BusABC], can.BusABC] = lambda near: near,
     truth: Path | None = None,
+    identification: Callable[[Robot, list[int | None]], Check] = lambda robot, serials: TRUSTED,
 ) -> Iterator[Rig]:
     """Boot the simulated arm of `folder` up; `configure` and `simulate` may change both ends, and
     `bus` what is between them once the drives are set up. `truth` is the folder whose arm is
-    simulated, where the daemon's own believes something else."""
+    simulated, where the daemon's own believes something else, and `identification` the arming check
+    for the robot and the drives' serial numbers."""
     robot = load_robot(folder)
     true = load_robot(truth) if truth else robot
     simulation = read_simulation(true)
@@ -137,10 +189,11 @@ def lockstep_rig(
         arm = SimulatedArm(description, settings, far.send, hand_script=hand, on_event=on_event)
         lockstep = Lockstep(arm, far)
         arm.power_on()
-        tick = build_tick(robot, bus(near), lambda: 0.0)
         boot = replace(build_boot(robot, near), listen_s=0.0)
         with lockstep.serving():
             boot.boot_up()
+        checked = identification(robot, [identity.serial for identity in boot.identities])
+        tick = build_tick(robot, bus(near), lambda: 0.0, checked)
         tick.drives.start(0.0)
         lockstep.pump()
         yield Rig(robot, tick, arm, lockstep, channel, near, boot)

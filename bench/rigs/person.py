@@ -1,5 +1,5 @@
-"""A person's afternoon with a simulated arm that nobody knows: the steps of `contactd identify`,
-over the bus and in lockstep, and a hand at each link when it is asked for."""
+"""A person who commissions a simulated arm: the steps of `contactd identify`, over the bus and in
+lockstep, and a hand at each link when it is asked for."""
 
 import shutil
 import time
@@ -14,7 +14,7 @@ import yaml
 from arrays import Vector
 from bench.rigs.arm_batch import SoftHand
 from bench.rigs.lockstep import ROMEO
-from bench.rigs.served_daemon import ServedDaemon, open_house
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.config.identified import IdentifiedJoint
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
@@ -34,7 +34,7 @@ IDLE_S = 0.01  # between ticks while a step computes
 
 
 def poor_guesses(written: Written) -> None:
-    """What somebody writes who knows no better."""
+    """Change a configuration to the guesses of a beginner."""
     for joint in written["joints"]:
         joint["half_gap"] = 0.01
         joint["rotor_inertia"] = float(f"{0.5 * joint['rotor_inertia']:.3g}")
@@ -43,23 +43,23 @@ def poor_guesses(written: Written) -> None:
 
 
 class OneHand:
-    """A person's hand at one link, who leads it softly from beyond one border of its gap to beyond
-    the other, and rests there. Stands in the place of `simulator.hand.Hand`."""
+    """A person's hand at one link, which leads it softly from beyond one border of its gap to
+    beyond the other, and rests there. Stands in the place of `simulator.hand.Hand`."""
 
     began, touching, done = True, True, False
 
-    def __init__(self, house: ServedDaemon, joint: int) -> None:
-        arm, robot = house.rig.arm, house.rig.robot
-        # What the hand feels is where the gap is.
+    def __init__(self, served: ServedDaemon, joint: int) -> None:
+        arm, robot = served.rig.arm, served.rig.robot
+        # The hand finds the gap where it is in truth.
         q = arm.plant.q - arm.plant.phi
         # Masses differ by some per cent, and so does what there is to carry.
         gravity = Model(robot.urdf, robot.configuration.joint_names).gravity(q)
         self._soft = SoftHand([arm.plant.parameters], q, gravity, arm.plant.step_s)
-        self._house, self._joint, self._begin_s, self._t = house, joint, 0.0, -1.0
+        self._served, self._joint, self._begin_s, self._t = served, joint, 0.0, -1.0
 
     def update(self, t: float, q: Vector, period_s: float = 0.001) -> list[str]:
         """Once per millisecond."""
-        if self._begin_s == 0.0 and self._house.rig.mode is Mode.TRACKING:
+        if self._begin_s == 0.0 and self._served.rig.mode is Mode.TRACKING:
             self._begin_s = t + HAND_S  # the program is ready for it
         self._t = t - self._begin_s if self._begin_s else -1.0
         return []
@@ -70,8 +70,9 @@ class OneHand:
             out[self._joint] += self._soft(self._t, q, q_dot)[self._joint]
 
 
-class Arm:
-    """A folder for the daemon, another for the arm as it is, and what was found out so far."""
+class CommissionedArm:
+    """An arm to commission: a folder for the daemon, another for the arm as it is, and what was
+    found so far."""
 
     def __init__(
         self,
@@ -98,39 +99,39 @@ class Arm:
             simulation = yaml.safe_load(path.read_text(encoding="utf-8"))
             simulation["initial_position"] |= pose
             path.write_text(yaml.safe_dump(simulation), encoding="utf-8")
-        self.said = ""
+        self.output = ""
         self.joints = load_robot(self.folder).configuration.joint_names
         self.true: PlantParameters | None = None
 
-    def house(self) -> AbstractContextManager[ServedDaemon]:
+    def served(self) -> AbstractContextManager[ServedDaemon]:
         """The daemon started anew, and the arm where it was left hanging."""
-        return open_house(
+        return served_daemon(
             self.folder.parent, self.folder, truth=self.truth, simulate=self._simulate
         )
 
     def identify(self, *words: str, hand: str = "") -> bool:
         """Type `contactd identify WORDS...` at an arm that holds; `hand` names the link that a
-        person moves then. Whether all was good."""
-        with self.house() as house:
-            house.rig.enable()
-            self.true = house.rig.arm.plant.parameters
+        person moves then. Returns True if all was good."""
+        with self.served() as served:
+            served.rig.enable()
+            self.true = served.rig.arm.plant.parameters
             if hand:
-                one = OneHand(house, self.joints.index(hand))
-                house.rig.arm.hand = cast(Hand, one)  # all of it that is used
-            house.idle_s = IDLE_S
-            result = house.contactd("identify", *words)
-        self.said = result.output
+                one = OneHand(served, self.joints.index(hand))
+                served.rig.arm.hand = cast(Hand, one)  # all of it that is used
+            served.idle_s = IDLE_S
+            result = served.contactd("identify", *words)
+        self.output = result.output
         return result.exit_code == 0
 
-    def arms(self) -> list[str]:
-        """Why the arm does not let itself be armed; empty if it does."""
-        with self.house() as house:
-            house.rig.enable()
-            house.run(0.5)
-            return list(house.rig.tick.controller.arm("the bench"))
+    def arming_refusals(self) -> list[str]:
+        """Reasons why the arm is not armed; empty if it is."""
+        with self.served() as served:
+            served.rig.enable()
+            served.run(0.5)
+            return served.rig.permit()
 
     def found(self) -> list[IdentifiedJoint]:
-        """What identified.yaml says of each joint."""
+        """Entries of each joint in identified.yaml."""
         identified = load_robot(self.folder).identified
         known = identified.joints if identified else {}
         return [known.get(name, IdentifiedJoint()) for name in self.joints]
@@ -142,18 +143,18 @@ def swapped_sign(written: Written) -> None:
 
 
 def wrong_gear(written: Written) -> None:
-    """By a tenth."""
+    """A gear ratio that is wrong by a tenth."""
     written["joints"][3]["wiring"]["gear"] *= 1.1
 
 
 def swapped_pair(written: Written) -> None:
-    """The cables of two drives."""
+    """Swapped cables of two drives."""
     first, second = (joint["wiring"] for joint in written["joints"][:2])
     first["node"], second["node"] = second["node"], first["node"]
 
 
 def alike_pair(written: Written) -> None:
-    """Two drives of one kind and rating: only what they carry tells."""
+    """Two swapped drives of one kind and rating: only the load differs."""
     first, second = (joint["wiring"] for joint in written["joints"][5:])
     first["node"], second["node"] = second["node"], first["node"]
 
@@ -167,60 +168,61 @@ MISTAKES = {
 
 
 class Person:
-    """What a person does, in order; every step says whether it went well."""
+    """A person and the steps that they take, in order; each returns True where it went well."""
 
-    def __init__(self, folder: Path, seed: int, tell: Callable[[str], None]) -> None:
-        self._folder, self._seed, self._tell = folder, seed, tell
+    def __init__(self, folder: Path, seed: int, show: Callable[[str], None]) -> None:
+        self._folder, self._seed, self._show = folder, seed, show
         self.arm = self._arm("an arm")
 
-    def _arm(self, name: str, **about: Any) -> Arm:
+    def _arm(self, name: str, **about: Any) -> CommissionedArm:
         more = about.pop("simulate", lambda s: s)
-        return Arm(
+        return CommissionedArm(
             self._folder / name,
             pose=POSE,
             simulate=lambda s: more(msgspec.structs.replace(s, seed=self._seed)),
             **about,
         )
 
-    def identify(self, arm: Arm, *words: str, hand: str = "") -> bool:
+    def identify(self, arm: CommissionedArm, *words: str, hand: str = "") -> bool:
         """One command, shown with the time that it took."""
         begun = time.monotonic()
         good = arm.identify(*words, hand=hand)
-        self._tell(f"$ contactd identify {' '.join(words)}")
-        self._tell(arm.said.rstrip())
-        self._tell(f"[{'good' if good else 'not all is good'}, {time.monotonic() - begun:.0f} s]\n")
+        self._show(f"$ contactd identify {' '.join(words)}")
+        self._show(arm.output.rstrip())
+        self._show(f"[{'good' if good else 'not all is good'}, {time.monotonic() - begun:.0f} s]\n")
         return good
 
     def from_zero_to_armed(self) -> dict[str, bool]:
         """All steps, and whether arming was refused before and allowed after them."""
         arm = self.arm
-        before = arm.arms()
-        self._tell(f"$ contactctl arm\nrefused: {'; '.join(before)}\n")
+        before = arm.arming_refusals()
+        self._show(f"$ contactctl arm\nrefused: {'; '.join(before)}\n")
         went = {"refused before": any("never checked" in reason for reason in before)}
         went["wiring"] = self.identify(arm, "wiring")
         gaps = [self.identify(arm, "gap", name, hand=name) for name in arm.joints]
         went["gap"] = all(gaps)
         went["friction"] = self.identify(arm, "friction")
         went["thresholds"] = self.identify(arm, "thresholds")
-        after = arm.arms()
-        self._tell(f"$ contactctl arm\n{'refused: ' + '; '.join(after) if after else 'armed'}\n")
+        after = arm.arming_refusals()
+        self._show(f"$ contactctl arm\n{'refused: ' + '; '.join(after) if after else 'armed'}\n")
         return went | {"armed after": not after}
 
     def mistakes_found(self) -> dict[str, bool]:
-        """By `identify wiring`, or already by the daemon when it sets the drives up."""
+        """True for each mistake found by `identify wiring`, or earlier, when the daemon sets the
+        drives up."""
         found = {}
         for name, (change, joint) in MISTAKES.items():
             arm = self._arm(name, change=change)
             try:
                 passed = self.identify(arm, "wiring", joint)
             except DriveError as error:
-                self._tell(f"$ contactd run\n{error}\n")
+                self._show(f"$ contactd run\n{error}\n")
                 found[name] = True
             else:
-                found[name] = not passed and "nothing written" in arm.said
+                found[name] = not passed and "nothing written" in arm.output
         return found
 
-    def friction_beside(self, name: str, seconds: int, **about: Any) -> Arm:
+    def friction_beside(self, name: str, seconds: int, **about: Any) -> CommissionedArm:
         """The friction step on another arm, whose gaps are known from the first."""
         arm = self._arm(name, **about)
         shutil.copy(self.arm.folder / "identified.yaml", arm.folder)

@@ -1,4 +1,4 @@
-"""The simulated arm and its daemon as two processes that talk CANopen over TCP, in real time."""
+"""Simulated arm and daemon as two processes that talk CANopen over TCP, in real time."""
 
 import contextlib
 import os
@@ -45,7 +45,7 @@ class Pair:
 @contextlib.contextmanager
 def pair(robot: Path, hand: Path | None = None) -> Iterator[Pair]:
     """Simulator and daemon of the robot's folder; `hand` is the script of a hand. At the end the
-    daemon is told to terminate, and has, or was killed."""
+    daemon gets SIGTERM, and is killed if it does not end."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -78,7 +78,7 @@ def pair(robot: Path, hand: Path | None = None) -> Iterator[Pair]:
 
 
 def _wait_for(events: Path, simulator: subprocess.Popen[bytes]) -> None:
-    """Its first line says that it listens."""
+    """Wait for its first line, which announces that it listens."""
     deadline = time.monotonic() + PATIENCE_S
     while not events.stat().st_size:
         if simulator.poll() is not None or time.monotonic() > deadline:

@@ -23,9 +23,9 @@ def _dial(path: str) -> socket.socket:
     return one
 
 
-def _saying(path: str, packets: list[bytes], connections: int, *, listens: bool) -> Iterator[None]:
-    """Every connection says everything as fast as the daemon takes it; whoever is dropped comes
-    again."""
+def _sending(path: str, packets: list[bytes], connections: int, *, listens: bool) -> Iterator[None]:
+    """Send everything on every connection as fast as the daemon takes it; a connection that is
+    dropped comes again."""
     opened = [_dial(path) for _ in range(connections)]
     while True:
         for i, one in enumerate(opened):
@@ -45,18 +45,18 @@ def _saying(path: str, packets: list[bytes], connections: int, *, listens: bool)
 
 def flood(path: str) -> Iterator[None]:
     """Requests for the longest answers, which are read."""
-    return _saying(path, [b'{"command":"status"}'] * 4, 12, listens=True)
+    return _sending(path, [b'{"command":"status"}'] * 4, 12, listens=True)
 
 
 def babble(path: str) -> Iterator[None]:
     """Garbage, messages that are cut off, and 10 MB."""
     packets = [b"[" * 8000, b'{"command":"sta', bytes(range(256)) * 8, b"x" * 150_000]
-    return _saying(path, [*packets, b"x" * 10_000_000], 12, listens=True)
+    return _sending(path, [*packets, b"x" * 10_000_000], 12, listens=True)
 
 
 def deaf(path: str) -> Iterator[None]:
     """Readers that never read, and those who ask and do not listen."""
-    return _saying(path, [b'{"command":"subscribe"}', b'{"command":"status"}'], 12, listens=False)
+    return _sending(path, [b'{"command":"subscribe"}', b'{"command":"status"}'], 12, listens=False)
 
 
 def upload(path: str) -> Iterator[None]:
@@ -65,7 +65,7 @@ def upload(path: str) -> Iterator[None]:
     header = b'{"command":"load","header":{"name":"x","joints":["joint"]}}'
     rows = ",".join(row % (0.01 * i) for i in range(200))
     body = b'{"command":"load","rows":[%s]}' % rows.encode()
-    return _saying(path, [header, body], 12, listens=True)
+    return _sending(path, [header, body], 12, listens=True)
 
 
 def crowd(path: str) -> Iterator[None]:
@@ -79,7 +79,7 @@ def crowd(path: str) -> Iterator[None]:
 
 
 def apart(path: str) -> Iterator[None]:
-    """As busy as the others, with a socket of its own."""
+    """Load of the attackers alone: as busy as the others, with a socket of their own."""
     near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     while True:
         for _ in range(48):

@@ -1,4 +1,4 @@
-"""A bus without anybody on it, and the frames that seven drives would send: for tests of a tick."""
+"""Scripted bus without drives, and the frames that seven would send: for tests of a tick."""
 
 import struct
 from typing import Final
@@ -14,7 +14,7 @@ OPERATION_ENABLED: Final = 0x27
 
 
 def frame(cob_id: int, data: bytes = b"", **kind: bool) -> can.Message:
-    """As python-can would receive it."""
+    """A frame as python-can would receive it."""
     return can.Message(arbitration_id=cob_id, data=data, **{"is_extended_id": False} | kind)
 
 
@@ -32,7 +32,7 @@ def everything(statusword: int = OPERATION_ENABLED) -> list[can.Message]:
 
 
 class ScriptedBus:
-    """Delivers what it is given, and keeps what it is told to send."""
+    """Bus that delivers the frames it is given, and keeps those that are sent."""
 
     channel_info = "scripted"
 
@@ -43,14 +43,14 @@ class ScriptedBus:
         self.failure: Exception | None = None
 
     def recv(self, timeout: float) -> can.Message | None:
-        """As BusABC.recv."""
+        """The next frame, as `can.BusABC.recv`."""
         if self.failure:
             raise self.failure
         self.waits.append(timeout)
         return self.incoming.pop(0) if self.incoming else None
 
     def send(self, message: can.Message) -> None:
-        """As BusABC.send."""
+        """Keep a frame, as `can.BusABC.send`."""
         if self.failure:
             raise self.failure
         self.sent.append((message.arbitration_id, bytes(message.data)))

@@ -1,4 +1,4 @@
-"""The whole daemon behind its socket, in lockstep with the simulated arm: what a client gets."""
+"""The whole daemon behind its socket, in lockstep with the simulated arm, as clients meet it."""
 
 import select
 import threading
@@ -11,24 +11,24 @@ from typing import Any
 from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
-from daemon.assembly import heed_identification
+from daemon.assembly import check_identification
 from daemon.clients.client import Client
 from daemon.commands import contactctl, contactd
 from daemon.protocol.messages import Reply, State
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
-from daemon.tick.loop import Clock, Loop
+from daemon.tick.loop import Loop
 
 _PATIENCE_S = 5.0
 
 
 class PatientSocket(ControlSocket):
-    """Waits for its readers: in lockstep a tick may take as long as it likes, and must not be lost
-    because this clock is faster than they are."""
+    """Control socket that waits for its readers: in lockstep a tick may take as long as it likes,
+    and must not be lost because this clock is faster than they are."""
 
     def publish(self, state: State) -> None:
-        """As usual, once every reader has room."""
+        """Publish as usual, once every reader has room."""
         for connection in self.readers:
             select.select([], [connection.socket], [], _PATIENCE_S)
         super().publish(state)
@@ -45,11 +45,11 @@ class ServedDaemon:
 
     @property
     def path(self) -> Path:
-        """Of the control socket."""
+        """Path of the control socket."""
         return self.service.control.path
 
     def tick(self) -> None:
-        """One tick, and the doors after it."""
+        """Do one tick, and the doors after it."""
         self.rig.step()
         self.service.doors()
 
@@ -79,13 +79,13 @@ class ServedDaemon:
         return results[0]
 
     def ask(self, client: Client, command: Any) -> Reply:
-        """What the daemon answers."""
+        """The daemon's reply."""
         reply = self.until(lambda: client.request(command))
         assert isinstance(reply, Reply)
         return reply
 
     def contactctl(self, *arguments: str) -> Result:
-        """As a person would type it."""
+        """Run `contactctl` as a person would type it."""
         result = self.until(
             lambda: CliRunner().invoke(
                 contactctl.main, ["--socket", str(self.path), *arguments], catch_exceptions=False
@@ -95,7 +95,7 @@ class ServedDaemon:
         return result
 
     def contactd(self, *arguments: str) -> Result:
-        """Likewise, for a command that talks to the daemon."""
+        """Run a command of `contactd` that talks to the daemon, as a person would type it."""
         words = [*arguments, "--socket", str(self.path)]
         result = self.until(
             lambda: CliRunner().invoke(contactd.main, words, catch_exceptions=False)
@@ -105,19 +105,18 @@ class ServedDaemon:
 
 
 @contextmanager
-def open_house(
+def served_daemon(
     folder: Path, robot: Path = SINGLE_JOINT, **both_ends: Any
 ) -> Iterator[ServedDaemon]:
     """The daemon of `robot`, off, with its control socket in `folder`; `both_ends` as of
     `lockstep_rig`."""
     with (
-        lockstep_rig(robot, **both_ends) as rig,
+        lockstep_rig(robot, identification=check_identification, **both_ends) as rig,
         PatientSocket(folder / "control") as control,
         closing(Notifier()) as notifier,
     ):
         c = rig.robot.configuration
-        loop = Loop(rig.tick, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+        loop = Loop(rig.tick, rig.clock(), c.period_s)
         serials = [identity.serial for identity in rig.boot.identities]
-        heed_identification(rig.tick, rig.robot, serials)
         rig.run(0.1)
         yield ServedDaemon(rig, Service(rig.robot, loop, control, [], 1, notifier, serials))

@@ -1,4 +1,5 @@
-"""`contactd identify` typed at a terminal while time passes in lockstep, and stopped there."""
+"""Session of `contactd identify` at a terminal, while time passes in lockstep, and its
+interruption."""
 
 import ctypes
 import threading
@@ -7,7 +8,7 @@ from pathlib import Path
 from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import SINGLE_JOINT
-from bench.rigs.person import Arm, Written
+from bench.rigs.person import CommissionedArm, Written
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.commands import contactd
 from daemon.config import identified as file
@@ -16,34 +17,34 @@ from daemon.identify.steps import merged
 from daemon.modes.table import Mode
 
 MOTION_S = 3.0
-"""In which a step measures something."""
+"""Motion after which a step has measured something [s]."""
 
 
-def wired_joint(folder: Path) -> Arm:
-    """The single joint, on a bus as of a robot, its wiring checked; its true gap is of 20 mrad."""
+def wired_joint(folder: Path) -> CommissionedArm:
+    """The single joint, on a bus as of a robot, its wiring checked; its true gap is 20 mrad."""
 
     def gap(written: Written) -> None:
         written["joints"][0]["half_gap"] = 0.02
 
-    arm = Arm(folder, SINGLE_JOINT, change=gap, really=gap)
-    wired = file.Wiring(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0)
+    arm = CommissionedArm(folder, SINGLE_JOINT, change=gap, really=gap)
+    wired = file.WiringEntry(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0)
     identify(arm.folder, "wiring", wired)
     return arm
 
 
 def identify(folder: Path, step: str, entry: file.Entry) -> None:
-    """As if the step had found `entry` of the single joint."""
+    """Write identified.yaml as if the step had found `entry` of the single joint."""
     found = merged(load_robot(folder), step, {"joint": entry}, {"joint": 1})
     file.write_identified(folder / "identified.yaml", found)
 
 
-class Typed:
+class TypedCommand:
     """A command at the terminal, while time passes."""
 
-    def __init__(self, house: ServedDaemon, *words: str) -> None:
-        self.house = house
+    def __init__(self, served: ServedDaemon, *words: str) -> None:
+        self.served = served
         self._results: list[Result] = []
-        command = ["identify", *words, "--socket", str(house.path)]
+        command = ["identify", *words, "--socket", str(served.path)]
 
         def work() -> None:
             self._results.append(CliRunner().invoke(contactd.main, command))
@@ -53,31 +54,31 @@ class Typed:
         self.ticks_in_motion = 0
 
     def tick(self) -> None:
-        """The daemon's, and the command's where it waits for none."""
-        self.house.tick()
-        self.ticks_in_motion += self.house.rig.mode is Mode.TRACKING
-        self._thread.join(0.0 if self.house.service.control.readers else 0.005)
+        """Do a tick of the daemon, and let the command go on where it waits for none."""
+        self.served.tick()
+        self.ticks_in_motion += self.served.rig.mode is Mode.TRACKING
+        self._thread.join(0.0 if self.served.service.control.readers else 0.005)
 
     def moves(self, seconds: float = MOTION_S) -> None:
-        """Until the step's motion has lasted so long."""
+        """Tick until the step's motion has lasted so long."""
         while self._thread.is_alive() and self.ticks_in_motion < 100 * seconds:
             self.tick()
 
     def ctrl_c(self) -> None:
-        """As a person would."""
+        """Interrupt the command as a person would."""
         number = ctypes.c_ulong(self._thread.ident or 0)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(KeyboardInterrupt))
 
     def ends(self) -> tuple[int, str]:
-        """Exit status and what was said, in one line."""
+        """Exit status and output, in one line."""
         while self._thread.is_alive():
             self.tick()
         return self._results[0].exit_code, " ".join(self._results[0].output.split())
 
 
-def stopped(house: ServedDaemon, *words: str, after_s: float = MOTION_S) -> tuple[int, str]:
-    """By Ctrl-C."""
-    typed = Typed(house, *words)
+def stopped(served: ServedDaemon, *words: str, after_s: float = MOTION_S) -> tuple[int, str]:
+    """Exit status and output of a command that Ctrl-C ended."""
+    typed = TypedCommand(served, *words)
     typed.moves(after_s)
     typed.ctrl_c()
     return typed.ends()

@@ -1,1 +1,1 @@
-"""Hours with an arm, a hand, faults and people, all at random: what grows, and what breaks?"""
+"""Soak test: hours with an arm, a hand, faults and people, all at random."""

@@ -1,4 +1,4 @@
-"""What must hold in every tick, whatever the hand, the faults and the people do."""
+"""Rules that hold in every tick, whatever the hand, the faults and the people do."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,7 @@ BRAKING_S = 1.0
 STANDS = 0.05
 # A fault that is gone must be reset and the arm be up again within this time [s].
 COMES_BACK_S = 60.0
-# After the hand is off, an arm that swings in its gaps may still be felt [s].
+# After the hand is off, an arm that swings in its gaps may still raise contacts [s].
 SWINGS_S = 1.0
 
 LATCHED = (Mode.OFF, Mode.ENABLING, Mode.FAULTED)
@@ -29,7 +29,7 @@ STEPS = frozenset((before, after) for (before, _), after in TRANSITIONS.items())
 
 
 class Watch:
-    """Looks at one State after the other; `ledger` knows what was broken."""
+    """Check of one State after the other; `ledger` keeps what was broken."""
 
     def __init__(
         self, c: Configuration, ledger: Ledger, gives_way: NDArray[np.float64] | float
@@ -60,10 +60,12 @@ class Watch:
         q: NDArray[np.float64] | None = None,
         motor_velocity: NDArray[np.float64] | None = None,
     ) -> None:
-        """One State. lease_until_s: until when somebody may have the arm armed (State.time_s), and
-        lease_ticks: for how many ticks after that.
-        touched: whether a hand is on the arm. trouble: whether a fault is being made. q (n,) [rad]
-        and motor_velocity (n,) [rad/s]: the true ones, where they are known."""
+        """Check one State.
+
+        lease_until_s: until when a client may have the arm armed (State.time_s), and lease_ticks:
+        for how many ticks after that. touched: a hand is on the arm. trouble: a fault is being
+        made. q (n,) [rad] and motor_velocity (n,) [rad/s]: the true ones, where they are known.
+        """
         mode, now = Mode(state.mode), state.time_s
         setpoint = np.array(state.setpoint)
         measured = np.array(state.link_position)
@@ -91,8 +93,8 @@ class Watch:
         self.contacts_s += contacts
         if contacts:
             # Elsewhere a brake carries what the residual takes for a touch.
-            felt = mode in SENSING or (before is not None and Mode(before.mode) in SENSING)
-            self.ledger.check("contacts where the arm can feel", felt, now, state.mode)
+            sensing = mode in SENSING or (before is not None and Mode(before.mode) in SENSING)
+            self.ledger.check("contacts in modes that detect them", sensing, now, state.mode)
         self._before, self._setpoint = state, setpoint
 
     def _all(
@@ -128,7 +130,7 @@ class Watch:
             self._all("no setpoint while latched", setpoint == 0.0, now, setpoint, "rad/s")
 
     def _room(self, state: State, measured: NDArray[np.float64]) -> NDArray[np.float64]:
-        """From where each link can be, in its gap, to its lower and upper limit (2, n) [rad]."""
+        """Room of each link, in its gap, to its lower and upper limit (2, n) [rad]."""
         play = self._transmission.play(np.array(state.phi), np.array(state.phi_sigma))
         to_limits = np.array((measured - self._limits.lower, self._limits.upper - measured))
         return np.asarray(to_limits - play)
@@ -188,28 +190,29 @@ class Watch:
         )
 
     def _causes(self, before: State, state: State) -> None:
-        """Every change of mode or permission is told, with its cause, and is one of the table."""
+        """Check that every change of mode or permission is reported, with its cause, and in the
+        table."""
         check, now = self.ledger.check, state.time_s
-        told = [event.text.partition(": ") for event in state.notices if event.kind == "mode"]
-        mode, steps = before.mode, [what for what, _, _ in told if " -> " in what]
+        reported = [event.text.partition(": ") for event in state.notices if event.kind == "mode"]
+        mode, steps = before.mode, [what for what, _, _ in reported if " -> " in what]
         steps = [what for what in steps if not what.startswith("gain of ")]
         for what in steps:
             first, _, second = what.partition(" -> ")
             known = (Mode(first), Mode(second)) in STEPS
             check("changes of mode are of the table", first == mode and known, now, what)
             mode = Mode(second)
-        words = f"{before.mode} to {state.mode}, told: {told}"
-        check("a change of mode is told", mode == state.mode, now, words)
-        check("a change has a cause", all(cause for _, _, cause in told), now, words)
-        armings = [what for what, _, _ in told if what in ("armed", "disarmed")]
+        words = f"{before.mode} to {state.mode}, reported: {reported}"
+        check("a change of mode is reported", mode == state.mode, now, words)
+        check("a change has a cause", all(cause for _, _, cause in reported), now, words)
+        armings = [what for what, _, _ in reported if what in ("armed", "disarmed")]
         last = armings[-1] == "armed" if armings else before.armed
-        check("a change of permission is told", last == state.armed, now, words)
+        check("a change of permission is reported", last == state.armed, now, words)
         if Mode(state.mode) in GUIDED and Mode(before.mode) not in GUIDED:
             check("nobody guides an arm that is not armed", before.armed or "armed" in armings, now)
 
 
 def false_alarms(contacts_s: Sequence[float], touches_s: Sequence[tuple[float, float]]) -> int:
-    """Contacts that nobody made: outside of every touch (from, to) and the swinging after it."""
+    """Contacts outside of every touch (from, to) and the swinging after it."""
     return sum(
         not any(begin <= t <= end + SWINGS_S for begin, end in touches_s) for t in contacts_s
     )

@@ -1,4 +1,4 @@
-"""When a hand is on the simulated arm, from what `contactd simulate` tells."""
+"""Times at which a hand is on the simulated arm, from the events of `contactd simulate`."""
 
 import json
 from pathlib import Path
@@ -35,6 +35,6 @@ class Onlooker:
 
     @property
     def touches(self) -> list[tuple[float, float]]:
-        """From, to [s, CLOCK_MONOTONIC]; the last may still go on."""
+        """Beginning and end of each touch [s, CLOCK_MONOTONIC]; the last may still go on."""
         lasting = [] if self._since_s is None else [(self._since_s, float("inf"))]
         return self._touches + lasting

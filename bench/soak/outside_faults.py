@@ -1,5 +1,5 @@
-"""Faults that come to a running daemon from outside: frames of somebody else on its bus, and
-processes that stand still for a while."""
+"""Faults that come to a running daemon from outside: foreign frames on its bus, and processes that
+stand still for a while."""
 
 import os
 import signal
@@ -9,12 +9,19 @@ from collections.abc import Callable, Sequence
 from random import Random
 
 from bench.rigs.processes import Pair
+from drivers.ids import (
+    EMERGENCY,
+    ENTER_PRE_OPERATIONAL,
+    NMT,
+    RESET_NODE,
+    RPDO,
+    STOP_NODE,
+    SYNC,
+)
 
 Fault = Callable[[Pair, Random, Sequence[int]], None]
 """Makes the fault, and returns when its cause is gone; gets the nodes of the drives."""
 
-NMT, SYNC, EMERGENCY, SETPOINT = 0x000, 0x080, 0x080, 0x200
-STOP_NODE, PRE_OPERATIONAL, RESET_NODE = 0x02, 0x80, 0x81
 OVER_TEMPERATURE = 0x4310
 
 
@@ -48,23 +55,24 @@ def emergency(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
 
 
 def drive_restarts(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
-    """A drive is restarted, and knows nothing of its set-up any more."""
+    """A drive is restarted, and has lost its set-up."""
     say(both.port, (NMT, bytes([RESET_NODE, rng.choice(nodes)])))
 
 
 def drive_stopped(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
-    """A drive is told to be silent."""
-    say(both.port, (NMT, bytes([rng.choice((STOP_NODE, PRE_OPERATIONAL)), rng.choice(nodes)])))
+    """A drive is commanded to be silent."""
+    command = rng.choice((STOP_NODE, ENTER_PRE_OPERATIONAL))
+    say(both.port, (NMT, bytes([command, rng.choice(nodes)])))
 
 
 def foreign_sync(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
-    """Somebody else gives the beat, too."""
+    """Another node sends the SYNC, too."""
     say(both.port, (SYNC, b""))
 
 
 def foreign_setpoint(both: Pair, rng: Random, nodes: Sequence[int]) -> None:
-    """Somebody else takes a drive's voltage away."""
-    say(both.port, (SETPOINT + rng.choice(nodes), bytes(6)))
+    """Another node takes a drive's voltage away."""
+    say(both.port, (RPDO + rng.choice(nodes), bytes(6)))
 
 
 def drives_held_up(both: Pair, rng: Random, nodes: Sequence[int]) -> None:

@@ -1,8 +1,8 @@
-"""People and programs at the control socket, at random: each a generator of what it does next.
+"""People and programs at the control socket, at random: each a generator of its next requests.
 
 `yield Step(...)` hands over requests and how long it then waits; what comes back is the arm as it
-is then. They know neither sockets nor clocks: the lockstep part and the real-time part both drive
-them.
+is then. They use neither sockets nor clocks, so that the lockstep part and the real-time part can
+both drive them.
 """
 
 import itertools
@@ -21,7 +21,7 @@ from daemon.service.socket import MAX_CONNECTIONS
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What somebody at the socket knows when it is their turn."""
+    """The arm as a person or a program sees it when it is their turn."""
 
     mode: Mode
     armed: bool
@@ -58,7 +58,7 @@ WISHES: dict[Mode, dict[str, float]] = {
 
 
 def operator(rng: Random, c: Configuration) -> Person:
-    """Somebody at a command line who keeps the arm busy, and often wants what cannot be."""
+    """A person at a command line who keeps the arm busy, and often asks for the impossible."""
     view = yield Step()
     while True:
         wishes = WISHES[view.mode]
@@ -132,12 +132,12 @@ def _by(rows: list[list[float]], size: int) -> list[list[list[float]]]:
 
 
 def explained(reply: Reply) -> bool:
-    """Whether a refusal says why."""
+    """True for a refusal that gives its reason."""
     return reply.ok or bool(reply.reasons) or not reply.message.endswith("refused")
 
 
 # Ticks until the daemon has seen that an owner is gone: in each it serves at least one of those who
-# wait, all connections and whoever wants a new one.
+# wait, all connections and all that wait for one.
 HEARD_TICKS = MAX_CONNECTIONS + 1
 # The lease is looked at after each tick.
 LAPSES_TICKS = 1

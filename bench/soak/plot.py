@@ -1,4 +1,4 @@
-"""The samples of a soak over time, one row of panels per figure, one column per part."""
+"""Picture of a soak's samples over time, one row of panels per figure, one column per part."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the kernel says of a process."""
+"""Memory, descriptors and times of a process, from the kernel."""
 
 import os
 import time

@@ -1,5 +1,6 @@
-"""The real-time part: `contactd simulate` and `contactd run` as processes, people and programs at
-the control socket, rude clients, a recorder that comes and goes, and faults from outside."""
+"""Real-time part of a soak: `contactd simulate` and `contactd run` as processes, people and
+programs at the control socket, rude clients, a recorder that comes and goes, and faults from
+outside."""
 
 import contextlib
 import subprocess
@@ -22,6 +23,7 @@ from bench.soak.onlooker import Onlooker
 from bench.soak.outside_faults import FAULTS
 from bench.soak.people import Leases, Person, Step, View, hear, operator, program
 from bench.soak.process import Stopwatch, held
+from bench.soak.progress import Report
 from bench.soak.record import Part
 from bench.soak.robot import gives_way, hand_script, write_robot
 from daemon.clients.client import Client
@@ -36,12 +38,10 @@ RUDE_S = 2.0
 SETTLES_S = 1.0  # after a fault's cause is gone
 SAMPLES = 240
 
-Tell = Callable[[float], None]
-
 
 @dataclass(slots=True)
-class House:
-    """What the threads share; each field has one that writes it."""
+class Shared:
+    """State shared by the threads; each field is written by one of them."""
 
     both: Pair
     part: Part
@@ -50,15 +50,15 @@ class House:
     state: State | None = None  # the last one
     trouble: bool = False  # a fault is being made
     disturbed: list[tuple[float, float]] = field(default_factory=list)  # from, to [s, monotonic]
-    told: list[str] = field(default_factory=list)  # what went wrong in a thread
+    failures: list[str] = field(default_factory=list)  # what went wrong in a thread
 
     def pause(self, seconds: float) -> bool:
         """Wait; whether it goes on after that."""
         return not self.over.wait(seconds)
 
 
-def run_real_time(seed: int, seconds: float, tell: Tell = lambda share: None) -> Part:
-    """Soak for so many seconds; `tell` hears the share that is done. Raises ContactdError when the
+def run_real_time(seed: int, seconds: float, report: Report = lambda share: None) -> Part:
+    """Soak for so many seconds; `report` gets the share that is done. Raises ContactdError when the
     daemon does not start, or is gone."""
     # The black box keeps a minute, and touches its memory meanwhile.
     part = Part("real time", seed, warm_up_s=min(90.0, 0.2 * seconds))
@@ -70,18 +70,18 @@ def run_real_time(seed: int, seconds: float, tell: Tell = lambda share: None) ->
         script = Path(place) / "hand.yaml"
         script.write_bytes(msgspec.yaml.encode(hand_script(Random(seed), c, seconds)))
         with pair(robot, script) as both:
-            house = House(both, part)
+            shared = Shared(both, part)
             client, _, states = both.subscribed()
             with (
                 client,
                 contextlib.closing(Onlooker(both.events)) as onlooker,
-                _inhabited(house, Random(seed), c),
+                _inhabited(shared, Random(seed), c),
             ):
                 watch = Watch(c, part.ledger, gives_way(loaded))
-                offset_s = _observe(house, states, watch, onlooker, seconds, tell)
+                offset_s = _observe(shared, states, watch, onlooker, seconds, report)
             both.daemon.terminate()
-            _look_back(house, both.daemon.wait(PATIENCE_S))
-            touches = onlooker.touches + house.disturbed
+            _look_back(shared, both.daemon.wait(PATIENCE_S))
+            touches = onlooker.touches + shared.disturbed
             contacts_s = [t + offset_s for t in watch.contacts_s]
             part.counts["false alarms"] = false_alarms(contacts_s, touches)
             part.counts["contacts"] = len(contacts_s)
@@ -93,14 +93,14 @@ def run_real_time(seed: int, seconds: float, tell: Tell = lambda share: None) ->
 
 
 @contextlib.contextmanager
-def _inhabited(house: House, rng: Random, c: Configuration) -> Iterator[None]:
+def _inhabited(shared: Shared, rng: Random, c: Configuration) -> Iterator[None]:
     """People, programs, faults and rude clients, each a thread, while the block lasts."""
 
     def guarded(work: Callable[..., None], *arguments: object) -> None:
         try:
-            work(house, *arguments)
+            work(shared, *arguments)
         except Exception as error:
-            house.told.append(f"{work.__name__}: {error!r}")
+            shared.failures.append(f"{work.__name__}: {error!r}")
 
     work: list[tuple[object, ...]] = [
         (_live, operator(Random(rng.random()), c)),
@@ -115,24 +115,24 @@ def _inhabited(house: House, rng: Random, c: Configuration) -> Iterator[None]:
     try:
         yield
     finally:
-        house.over.set()
+        shared.over.set()
         for thread in threads:
             thread.join(PATIENCE_S)
 
 
-def _live(house: House, person: Person) -> None:
+def _live(shared: Shared, person: Person) -> None:
     """A person or a program, each with a connection of its own."""
-    part, leases = house.part, house.leases
+    part, leases = shared.part, shared.leases
     client: Client | None = None
     number = 0
     step = next(person)
-    while house.pause(step.wait_s):
-        if (state := house.state) is None:
+    while shared.pause(step.wait_s):
+        if (state := shared.state) is None:
             continue
-        step = person.send(View(Mode(state.mode), state.armed, house.trouble))
+        step = person.send(View(Mode(state.mode), state.armed, shared.trouble))
         try:
             if step.requests and client is None:
-                client, number = Client(house.both.door), leases.connection()
+                client, number = Client(shared.both.door), leases.connection()
             for request in step.requests:
                 assert client is not None
                 leases.asked(request, number)
@@ -152,64 +152,64 @@ def _live(house: House, person: Person) -> None:
         client.close()
 
 
-def _make_trouble(house: House, rng: Random, nodes: Sequence[int]) -> None:
-    while house.pause(1.0 + rng.expovariate(1 / MEAN_PAUSE_S)):
+def _make_trouble(shared: Shared, rng: Random, nodes: Sequence[int]) -> None:
+    while shared.pause(1.0 + rng.expovariate(1 / MEAN_PAUSE_S)):
         fault = rng.choice(FAULTS)
-        house.part.counts[f"fault: {fault.__name__.replace('_', ' ')}"] += 1
-        began, house.trouble = time.monotonic(), True
-        fault(house.both, rng, nodes)
-        house.disturbed.append((began, time.monotonic() + SETTLES_S))
-        house.pause(0.2)
-        house.trouble = False
+        shared.part.counts[f"fault: {fault.__name__.replace('_', ' ')}"] += 1
+        began, shared.trouble = time.monotonic(), True
+        fault(shared.both, rng, nodes)
+        shared.disturbed.append((began, time.monotonic() + SETTLES_S))
+        shared.pause(0.2)
+        shared.trouble = False
 
 
-def _be_rude(house: House, rng: Random) -> None:
-    while house.pause(rng.expovariate(1 / MEAN_PAUSE_S)):
+def _be_rude(shared: Shared, rng: Random) -> None:
+    while shared.pause(rng.expovariate(1 / MEAN_PAUSE_S)):
         name = rng.choice(list(ATTACKS))
-        house.part.counts[f"rude: {name}"] += 1
-        with attacking(name, house.both.door):
-            house.pause(RUDE_S)
+        shared.part.counts[f"rude: {name}"] += 1
+        with attacking(name, shared.both.door):
+            shared.pause(RUDE_S)
 
 
-def _record(house: House, rng: Random) -> None:
+def _record(shared: Shared, rng: Random) -> None:
     """`contactctl record` for some seconds, now and then."""
-    while house.pause(rng.expovariate(1 / MEAN_PAUSE_S)):
+    while shared.pause(rng.expovariate(1 / MEAN_PAUSE_S)):
         words = [sys.executable, "-c", "from daemon.commands.contactctl import main; main()"]
-        words += ["--socket", str(house.both.door), "record", "--seconds", "5"]
+        words += ["--socket", str(shared.both.door), "record", "--seconds", "5"]
         with tempfile.TemporaryDirectory(prefix="contactd-soak-") as place:
             file = Path(place) / "soak.mcap"
             done = subprocess.run([*words, str(file)], capture_output=True, text=True, check=False)
             complete = done.returncode == 0 and file.stat().st_size > 0
-        house.part.counts["recordings" if complete else "recordings ended early"] += 1
+        shared.part.counts["recordings" if complete else "recordings ended early"] += 1
 
 
 # --- what is seen ---------------------------------------------------------------------------------
 
 
 def _observe(
-    house: House,
+    shared: Shared,
     states: Iterator[State],
     watch: Watch,
     onlooker: Onlooker,
     seconds: float,
-    tell: Tell,
+    report: Report,
 ) -> float:
     """Check every State, and sample what the daemon holds and how punctual it is. Returns what must
     be added to State.time_s for the clock that all processes share [s]."""
-    part, pid = house.part, house.both.daemon.pid
+    part, pid = shared.part, shared.both.daemon.pid
     window, first = [next(states)], next(states)
     stopwatch, every = Stopwatch(pid), max(seconds / SAMPLES, 0.5)
     offset_s = first.timing.monotonic_s - first.time_s
     next_s = first.time_s + every
     for state in states:
-        now, house.state = state.time_s, state
-        leases = house.leases
+        now, shared.state = state.time_s, state
+        leases = shared.leases
         watch.see(
             state,
             lease_until_s=leases.until_s - offset_s,
             lease_ticks=leases.ticks,
             touched=onlooker.look(),
-            trouble=house.trouble,
+            trouble=shared.trouble,
         )
         part.counts[f"ticks {state.mode}"] += 1
         part.counts["states that were not taken"] += state.tick - window[-1].tick - 1
@@ -217,7 +217,7 @@ def _observe(
         if now >= next_s:
             part.sample(now - first.time_s, _figures(window, pid, stopwatch))
             window, next_s = [state], next_s + every
-            tell((now - first.time_s) / seconds)
+            report((now - first.time_s) / seconds)
         if now >= first.time_s + seconds:
             break
     part.counts["deadlines missed"] = window[-1].timing.missed
@@ -237,12 +237,12 @@ def _figures(window: Sequence[State], pid: int, stopwatch: Stopwatch) -> dict[st
     }
 
 
-def _look_back(house: House, code: int) -> None:
-    """How it ended, and what the log says."""
-    check, end = house.part.ledger.check, house.part.times_s[-1]
+def _look_back(shared: Shared, code: int) -> None:
+    """Check how it ended, and the log."""
+    check, end = shared.part.ledger.check, shared.part.times_s[-1]
     check("SIGTERM ends it in good order", code in (0, 69), end, f"exit status {code}")
-    log = house.both.log.read_text()
+    log = shared.both.log.read_text()
     words = log[log.find("Traceback") :][:500]
     check("no traceback in the log", "Traceback" not in log, end, words)
-    check("the bench's own people are well", not house.told, end, "; ".join(house.told))
-    house.part.counts["lines in the log"] = len(log.splitlines())
+    check("the bench's own people are well", not shared.failures, end, "; ".join(shared.failures))
+    shared.part.counts["lines in the log"] = len(log.splitlines())

@@ -1,4 +1,4 @@
-"""What one part of a soak leaves behind: samples over time, what was checked, what was seen."""
+"""Record of one part of a soak: samples over time, checks, and what was seen."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from typing import Any
 
 from bench.soak.trend import Bound, Trend, trend
 
-# Of each broken rule so many cases are told in words.
+# Cases of each broken rule that are described in words.
 CASES_TOLD = 5
 
 # The kinds of touches and faults come back in some minutes; a shared machine has no such rhythm.
@@ -30,13 +30,13 @@ BOUNDS = {
 
 @dataclass(slots=True)
 class Ledger:
-    """How often each rule was checked, and where it was broken."""
+    """Number of checks of each rule, and the cases in which it was broken."""
 
     checked: Counter[str] = field(default_factory=Counter)
     broken: Counter[str] = field(default_factory=Counter)
     cases: list[str] = field(default_factory=list)
     refusal: str = ""
-    """What a person was told last that could not be done."""
+    """The last refusal that a person got."""
 
     def check(self, rule: str, holds: bool, time_s: float, words: str = "") -> None:
         """Note that `rule` was looked at."""
@@ -73,11 +73,11 @@ class Part:
         return self.times_s[first:], self.samples[name][first:]
 
     def trends(self) -> list[Trend]:
-        """Of everything that was sampled."""
+        """Trends of everything that was sampled."""
         return [trend(name, BOUNDS[name], *self.settled(name)) for name in self.samples]
 
     def data(self) -> dict[str, Any]:
-        """For JSON: everything but the samples of each tick, which are not kept."""
+        """Everything but the samples of each tick, for JSON."""
         return {
             "seed": self.seed,
             "seconds": self.seconds,

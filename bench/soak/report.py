@@ -1,4 +1,4 @@
-"""What a soak found, for a terminal: rules, trends, and what happened meanwhile."""
+"""Report of a soak for a terminal: rules, trends, and what happened meanwhile."""
 
 from collections.abc import Sequence
 
@@ -66,7 +66,7 @@ def targets_of(parts: Sequence[Part]) -> list[Target]:
 
 
 def failures(parts: Sequence[Part]) -> list[str]:
-    """Why the exit status is not 0."""
+    """Reasons for an exit status that is not 0."""
     found = []
     for part in parts:
         found += [f"{part.name}: {rule}, {n} times" for rule, n in part.ledger.broken.items()]

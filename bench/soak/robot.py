@@ -1,4 +1,4 @@
-"""The arm that is soaked, and the hand that is on it: seven joints that all move, motor positions
+"""The arm of a soak, and the hand that is on it: seven joints that all move, motor positions
 integrated from velocities, brakes that hold what is not energised."""
 
 from pathlib import Path
@@ -37,24 +37,24 @@ def write_robot(folder: Path) -> Path:
     c["estimator"]["motor_position"] = "integrated"
     c["estimator"]["beside"] = []
     for joint in c["joints"]:
-        # A drive that is reset lets go for a moment; nobody is there to lift the arm up again.
+        # A drive that is reset lets go for a moment; nothing lifts the arm up again.
         joint["end"] = "brake"
     path.write_text(yaml.safe_dump(c, sort_keys=False))
     return folder
 
 
 def strongest(joint: Joint) -> float:
-    """Torque of the hand [Nm]: up to 40 % of what the drive has, but felt."""
+    """Torque of the hand [Nm]: up to 40 % of the drive's, but above the threshold."""
     drive = joint.torque_constant * joint.wiring.max_current_A
     return max(0.4 * drive, 2.0 * joint.thresholds.contact)
 
 
 def gives_way(robot: Robot) -> NDArray[np.float64]:
-    """How far the hand may press the joints beyond where the daemon tells them to stand (n,) [rad].
+    """Largest way (n,) [rad] that the hand may press the joints beyond where the daemon holds them.
 
     At most, the velocity loop of the simulated drive gives way to it like a spring, and like a
     damper to the blow of a link that the hand has driven through the gap; the daemon then leads the
-    joint back. Beside that the daemon knows the gap no better than its tolerance says.
+    joint back. Besides, the daemon's gap is only as good as its tolerance.
     """
     simulation = read_simulation(robot)
     description = describe(robot, simulation)

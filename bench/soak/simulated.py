@@ -1,4 +1,4 @@
-"""The lockstep part: simulated hours, every random choice from one seed.
+"""Lockstep part of a soak: simulated hours, every random choice from one seed.
 
 The daemon's tick and service, the simulated arm, a hand, people, and the faults of
 `bench.rigs.faults` on one virtual bus. Requests reach the service without its socket, so that no
@@ -28,7 +28,7 @@ from bench.rigs.lockstep import Rig, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.people import LAPSES_TICKS, Leases, Person, View, hear, operator, program
 from bench.soak.process import held
-from bench.soak.progress import Progress
+from bench.soak.progress import Progress, Report
 from bench.soak.record import Part
 from bench.soak.robot import gives_way, hand_script, write_robot
 from daemon.config.load import load_robot
@@ -37,7 +37,7 @@ from daemon.protocol.socket_path import Peer
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
-from daemon.tick.loop import Clock, Loop
+from daemon.tick.loop import Loop
 from drivers.boot.boot_up import DriveBoot
 from errors import ContactdError
 
@@ -62,8 +62,6 @@ FAULTS = tuple(case for case in CASES if case.name not in UNFIT)
 MEAN_PAUSE_S = 40.0  # between two faults
 SAMPLES = 240
 
-Tell = Callable[[float], None]
-
 
 def simulate_hours(seed: int, hours: float, jobs: int) -> list[Part]:
     """Each job is a process with a seed of its own and its share of the hours."""
@@ -87,7 +85,7 @@ class _LockstepBoot(DriveBoot):
         meanwhile: Callable[[], None] = lambda: None,
         progress: Callable[[str], None] = lambda line: None,
     ) -> None:
-        """As DriveBoot.renew."""
+        """Stand in for `DriveBoot.renew`."""
         with self.rig.lockstep.serving():
             super().renew(joints, meanwhile, progress)
 
@@ -114,7 +112,7 @@ class _Troublemaker:
 
     @property
     def active(self) -> bool:
-        """Whether a fault is being made now."""
+        """True while a fault is being made."""
         return self._fault is not None
 
     def before(self, part: Part) -> None:
@@ -137,12 +135,12 @@ class _Troublemaker:
     def after(self) -> None:
         """After it: was it noticed?"""
         if self._fault is not None:
-            findings = self._stage.rig.tick.findings
+            findings = self._stage.rig.last.findings
             self._found |= any(finding.condition is self._case.condition for finding in findings)
 
 
-def run_lockstep(seed: int, hours: float, tell: Tell = lambda share: None) -> Part:
-    """Soak for so many simulated hours; `tell` hears the share that is done."""
+def run_lockstep(seed: int, hours: float, report: Report = lambda share: None) -> Part:
+    """Soak for so many simulated hours; `report` gets the share that is done."""
     rng = Random(seed)
     seconds = 3600.0 * hours
     part = Part(f"lockstep, seed {seed}", seed, warm_up_s=0.02 * seconds)
@@ -164,14 +162,14 @@ def run_lockstep(seed: int, hours: float, tell: Tell = lambda share: None) -> Pa
             stage = BreakableArm(rig, buses[0], rig.arm.plant.q.copy())
             read = rig.arm.sensors.read
             rig.arm.sensors.read = lambda *state: stage.sense(read(*state))  # type: ignore[method-assign]
-            _soak(part, rng, stage, _service(rig, control, notifier), seconds, tell)
+            _soak(part, rng, stage, _service(rig, control, notifier), seconds, report)
     part.took_s = time.perf_counter() - began
     return part
 
 
 @contextlib.contextmanager
 def _silent_log() -> Iterator[None]:
-    """Faults are what this is about: nobody wants to read each of them."""
+    """Silence the log: faults come all the time, and one line for each would bury the report."""
     logger = logging.getLogger("contactd")
     level = logger.level
     logger.setLevel(logging.CRITICAL)
@@ -183,7 +181,7 @@ def _silent_log() -> Iterator[None]:
 
 def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
     c = rig.robot.configuration
-    loop = Loop(rig.tick, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+    loop = Loop(rig.tick, rig.clock(), c.period_s)
     # The clock of the rig starts at zero, as the loop's does.
     boot = _LockstepBoot(rig.bus, rig.boot.setups, c.period_ms, c.bus.master_node)
     boot.identities = rig.boot.identities
@@ -192,7 +190,7 @@ def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
 
 
 def _soak(
-    part: Part, rng: Random, stage: BreakableArm, service: Service, seconds: float, tell: Tell
+    part: Part, rng: Random, stage: BreakableArm, service: Service, seconds: float, report: Report
 ) -> None:
     rig, c = stage.rig, stage.rig.robot.configuration
     leases = Leases()
@@ -212,7 +210,7 @@ def _soak(
                 touches.append((now, now))
             touches[-1] = (touches[-1][0], now)
         trouble.after()
-        state, plant = rig.tick.state(), rig.arm.plant  # as it is published
+        state, plant = rig.state(), rig.arm.plant  # as it is published
         service.doors()
         watch.see(
             state,
@@ -228,7 +226,7 @@ def _soak(
                 _visit(visitor, service, leases, trouble.active, part)
         part.counts[f"ticks {state.mode}"] += 1
         if sampler.take(now, state, plant.theta):
-            tell(now / seconds)
+            report(now / seconds)
     part.seconds = seconds
     part.counts["contacts"] = len(watch.contacts_s)
     part.counts["touches and faults"] = len(touches)
@@ -267,7 +265,7 @@ class _Sampler:
 
 
 def _visit(visitor: _Visitor, service: Service, leases: Leases, trouble: bool, part: Part) -> None:
-    """Let somebody look at the arm and do what they will."""
+    """Let a person or a program look at the arm and send their requests."""
     machine, now = service.loop.tick.controller.machine, service.loop.time_s
     step = visitor.person.send(View(machine.mode, machine.armed, trouble))
     if step.requests and not visitor.connection:

@@ -1,4 +1,4 @@
-"""Does a figure grow? Theil-Sen's slope over the second half of a run.
+"""Trend of a figure: Theil-Sen's slope over the second half of a run.
 
 The second half is cut into blocks, each of which counts with its median: neighbouring samples are
 alike, and would make chance look certain. The slope is the median of those between all pairs of
@@ -17,9 +17,9 @@ from scipy import stats
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """By how much a figure may grow over the second half of a run: a share of its median there,
-    but at least `least`. More is a failure in runs from `binding_from_s` on: what goes up and down
-    by itself takes its time, and what the machine may be to blame for is only reported."""
+    """Growth that a figure may show over the second half of a run: a share of its median there, but
+    at least `least`. More is a failure in runs from `binding_from_s` on: what goes up and down by
+    itself takes its time, and what the machine may be to blame for is only reported."""
 
     unit: str
     share: float
@@ -44,11 +44,11 @@ class Trend:
 
     @property
     def grows(self) -> bool:
-        """Whether it does, beyond its bound and beyond chance."""
+        """True where it grows beyond its bound and beyond chance."""
         return self.growth > self.allowed and self.surely > 0.0
 
     def data(self) -> dict[str, Any]:
-        """For JSON."""
+        """The trend for JSON."""
         return {
             "unit": self.unit,
             "median": float(f"{self.median:.6g}"),
@@ -66,7 +66,7 @@ def second_half(times_s: Sequence[float]) -> slice:
 
 
 def trend(name: str, bound: Bound, times_s: Sequence[float], values: Sequence[float]) -> Trend:
-    """Of at least four samples in the second half. Raises ValueError if there are fewer."""
+    """Trend of at least four samples in the second half. Raises ValueError if there are fewer."""
     late = second_half(times_s)
     t, y = np.asarray(times_s[late]), np.asarray(values[late], dtype=np.float64)
     if t.size < 4:

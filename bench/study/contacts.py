@@ -1,4 +1,4 @@
-"""Contacts that were there against contacts that were felt, counted joint by joint. Pure."""
+"""Count of true contacts against detected ones, joint by joint. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -26,13 +26,13 @@ class Stretch:
 
 @dataclass(slots=True)
 class Count:
-    """Of one joint."""
+    """Contacts of one joint."""
 
     detected: int = 0
     missed: int = 0
     false: int = 0
     delays_s: list[float] = field(default_factory=list)
-    """of the detected ones that reach `level`, from there; negative where it was felt before"""
+    """of the detected ones that reach `level`, from there; negative where it was detected before"""
 
 
 def stretches(signal: NDArray[np.float64]) -> list[Stretch]:
@@ -53,17 +53,19 @@ def count_joint(
     period_s: float,
     fade_s: float = FADE_S,
 ) -> Count:
-    """One joint: true external torque (ticks,), thresholded residual (ticks,), both [Nm].
+    """Contacts of one joint: true external torque (ticks,), thresholded residual (ticks,), both
+    [Nm].
 
-    A contact, a stretch of torque of one sign, is detected if it is felt with that sign before it
-    ends. It is missed if it is not, though it reaches `level` [Nm]; a smaller one need not be felt.
-    What is felt is false if it begins neither in a contact of its sign nor within `fade_s` of one.
+    A contact, a stretch of torque of one sign, is detected if the residual shows that sign before
+    it ends. It is missed if not, though it reaches `level` [Nm]; a smaller one need not be
+    detected. A detection is false if it begins neither in a contact of its sign nor within `fade_s`
+    of one.
     """
     count = Count()
     fade = round(fade_s / period_s)
-    touches, felt = stretches(torque), stretches(thresholded)
+    touches, detected = stretches(torque), stretches(thresholded)
     for touch in touches:
-        during = (f for f in felt if f.sign == touch.sign and f.end > touch.begin)
+        during = (f for f in detected if f.sign == touch.sign and f.end > touch.begin)
         first = min((max(f.begin, touch.begin) for f in during), default=touch.end)
         reached = touch.begin + int(np.argmax(np.abs(torque[touch.begin : touch.end]) >= level))
         if first < touch.end:
@@ -74,7 +76,7 @@ def count_joint(
             count.missed += touch.peak >= level
     count.false = sum(
         not any(t.sign == f.sign and t.begin <= f.begin < t.end + fade for t in touches)
-        for f in felt
+        for f in detected
     )
     return count
 

@@ -1,4 +1,4 @@
-"""The figures of `bench.detection` for people: two tables and a picture."""
+"""Report of `bench.detection` for people: two tables and a picture."""
 
 import math
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from bench.study.detection_score import Score
-from bench.study.population import Friction
+from bench.study.population import FrictionModel
 from daemon.config.schema import Configuration
 
 mpl.use("Agg")
@@ -67,7 +67,7 @@ def _number(x: float) -> str:
     return "-" if math.isnan(x) else f"{x:.2f}"
 
 
-def picture(found: Mapping[Friction, dict[str, Score]], c: Configuration, path: Path) -> Path:
+def picture(found: Mapping[FrictionModel, dict[str, Score]], c: Configuration, path: Path) -> Path:
     """Thresholds, smallest steps and delays of every residual, a row of panels per friction."""
     figure = Figure(figsize=(16, 4.5 * len(found)), layout="constrained")
     panels = figure.subplots(len(found), 3, squeeze=False)

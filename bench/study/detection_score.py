@@ -1,4 +1,4 @@
-"""From the runs of many arms to the figures of one residual."""
+"""Score of one residual, from the runs of many arms."""
 
 import math
 from collections.abc import Sequence
@@ -11,14 +11,15 @@ import numpy as np
 from arrays import Vector
 from bench.study import scores
 from bench.study.monte_carlo import Result
-from bench.study.scores import Felt, Trial
+from bench.study.scores import Detection, Trial
 from daemon.assembly import build_transmission
 from daemon.config.schema import Configuration
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Of one residual under one friction; lists are per joint, None where nothing was tried."""
+    """Score of one residual under one friction; lists are per joint, None where nothing was
+    tried."""
 
     hours: float
     """contact-free"""
@@ -27,7 +28,7 @@ class Score:
     quiet_nm: list[float]
     """lowest thresholds without an alarm"""
     smallest_moving_nm: list[float]
-    """step that is felt at those thresholds in every trial"""
+    """step that is detected at those thresholds in every trial"""
     smallest_rest_nm: list[float]
     missed_moving: int
     """of the steps of twice the configured threshold"""
@@ -45,7 +46,7 @@ class Score:
 
 
 def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
-    """Of the residual `name` over all results of one friction."""
+    """Score of the residual `name` over all results of one friction."""
     contact = np.array([joint.thresholds.contact for joint in c.joints])
     variant = results[0].names.index(name)
     free = [r for r in results if r.job.kind == "free"]
@@ -56,10 +57,10 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
     count = sum(int(r.alarms[variant].sum()) for r in free)
 
     usual = [t for t in moving if math.isclose(t.size, 2.0 * contact[t.joint])]
-    told = tell(usual, variant, contact)
+    moved = detections(usual, variant, contact)
     beyond = np.maximum(2.0 * contact, contact + 0.5 * build_transmission(c).engaged_coulomb)
     large = [t for t in resting if t.size >= beyond[t.joint] * (1.0 - 1e-9)]
-    told_resting = tell(large, variant, contact)
+    rested = detections(large, variant, contact)
     errors = reduce(add, [r.errors[variant] for r in results if r.job.kind == "moving"])
     return Score(
         hours=seconds / 3600.0,
@@ -68,21 +69,21 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
         quiet_nm=quiet.tolist(),
         smallest_moving_nm=smallest(moving, variant, quiet, 2.0 * contact),
         smallest_rest_nm=smallest(resting, variant, quiet, beyond),
-        missed_moving=sum(f is None for f in told),
-        tried_moving=len(told),
-        missed_rest=sum(f is None for f in told_resting),
-        tried_rest=len(told_resting),
-        delay_ms=delays([f for f in told if f and not f.travelled]),
-        delay_travel_ms=delays([f for f in told if f and f.travelled]),
-        delay_rest_ms=delays([f for f in told_resting if f]),
+        missed_moving=sum(f is None for f in moved),
+        tried_moving=len(moved),
+        missed_rest=sum(f is None for f in rested),
+        tried_rest=len(rested),
+        delay_ms=delays([f for f in moved if f and not f.travelled]),
+        delay_travel_ms=delays([f for f in moved if f and f.travelled]),
+        delay_rest_ms=delays([f for f in rested if f]),
         rms_nm=errors.rms.tolist(),
     )
 
 
-def tell(trials: Sequence[Trial], variant: int, threshold: Vector) -> list[Felt | None]:
-    """How each step was felt; without those in whose direction an alarm was on already."""
+def detections(trials: Sequence[Trial], variant: int, threshold: Vector) -> list[Detection | None]:
+    """Detection of each step; without those in whose direction an alarm was on already."""
     return [
-        scores.felt(t, variant, float(threshold[t.joint]))
+        scores.detection(t, variant, float(threshold[t.joint]))
         for t in trials
         if t.before[variant] <= threshold[t.joint] + t.raised[0]
     ]
@@ -91,8 +92,9 @@ def tell(trials: Sequence[Trial], variant: int, threshold: Vector) -> list[Felt 
 def smallest(
     trials: Sequence[Trial], variant: int, threshold: Vector, largest: Vector
 ) -> list[float]:
-    """Per joint, what would have been felt in every trial at these thresholds; from the trials with
-    steps up to `largest`, as a large one disturbs the arm more than a small one would."""
+    """Smallest step per joint [Nm] that every trial would have detected at these thresholds; from
+    the trials with steps up to `largest`, as a large one disturbs the arm more than a small one
+    would."""
     needed: list[list[float]] = [[] for _ in threshold]
     for t in trials:
         if t.size <= largest[t.joint] * (1.0 + 1e-9):
@@ -100,7 +102,7 @@ def smallest(
     return [max(sizes, default=math.nan) for sizes in needed]
 
 
-def delays(felt: Sequence[Felt]) -> tuple[float, float]:
+def delays(found: Sequence[Detection]) -> tuple[float, float]:
     """p50 and p95 [ms]."""
-    values = [1000.0 * f.delay_s for f in felt]
+    values = [1000.0 * f.delay_s for f in found]
     return scores.percentile(values, 50), scores.percentile(values, 95)

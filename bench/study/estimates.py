@@ -1,4 +1,4 @@
-"""What an estimator says of a recording, as arrays; the residuals that run side by side."""
+"""Estimates for a whole recording, as arrays, with the residuals that run side by side."""
 
 from dataclasses import dataclass
 from typing import Final

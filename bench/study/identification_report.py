@@ -1,4 +1,4 @@
-"""The figures of `bench.identification` for people: lines and a picture."""
+"""Report of `bench.identification` for people: lines and a picture."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -36,8 +36,8 @@ def allowed_of_gap(true_half_gap: Vector) -> Vector:
 
 
 def summary(errors: Vector) -> dict[str, list[float | None]]:
-    """Of errors (arms, n), per joint: median and 95th percentile of their sizes, None where no arm
-    has an answer, and the share of arms without one."""
+    """Summary of errors (arms, n), per joint: median and 95th percentile of their sizes, None where
+    no arm has an answer, and the share of arms without one."""
     size = [np.abs(column[~np.isnan(column)]) for column in errors.T]
     return {
         "median": [round(float(np.median(x)), 3) if len(x) else None for x in size],

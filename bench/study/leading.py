@@ -1,4 +1,4 @@
-"""A hand of 1500 N/m that leads joints of the simulated arm, and what that costs it."""
+"""A hand of 1500 N/m that leads joints of the simulated arm, and the torque and work of it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ STROKE_RAD = 0.4
 
 @dataclass(frozen=True, slots=True)
 class Led:
-    """What one joint cost the hand, or one way of the whole arm cost it at that joint."""
+    """Cost for the hand of leading one joint, or one way of the whole arm at that joint."""
 
     joint: str
     peak_nm: float
@@ -45,14 +45,14 @@ class Led:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """From where the hand led which joints where [rad]."""
+    """Start [rad] of a way of the hand, and the joints that it leads to positions [rad]."""
 
     start: Vector
     to: Mapping[int, float]
 
 
 class Meter:
-    """A hand, and what it does each millisecond."""
+    """A hand whose torque and velocity are recorded each millisecond."""
 
     def __init__(self, hand: Hand, arm: SimulatedArm) -> None:
         self._hand, self._plant = hand, arm.plant
@@ -62,28 +62,28 @@ class Meter:
 
     @property
     def began(self) -> bool:
-        """As the hand."""
+        """`began` of the hand."""
         return self._hand.began
 
     @property
     def touching(self) -> bool:
-        """As the hand."""
+        """`touching` of the hand."""
         return self._hand.touching
 
     @property
     def done(self) -> bool:
-        """As the hand."""
+        """`done` of the hand."""
         return self._hand.done
 
     def begin(self, _: float) -> None:
-        """It did so when it came."""
+        """Do nothing: the hand began when it came."""
 
     def torque(self, q: Vector, q_dot: Vector, out: Vector) -> None:
-        """As the hand."""
+        """Add the hand's torque [Nm] to out (n,)."""
         self._hand.torque(q, q_dot, out)
 
     def update(self, t: float, q: Vector, period_s: float = 0.001) -> list[str]:
-        """As the hand; and what it does then is written down."""
+        """Update the hand, and record its torque and the arm's velocity."""
         words = self._hand.update(t, q, period_s)
         if self._hand.touching:
             torque = np.zeros_like(q)
@@ -93,7 +93,7 @@ class Meter:
         return words
 
     def led(self, names: Sequence[str], joint: int, way_s: float) -> Led:
-        """What it came to at one joint, led for way_s [s]."""
+        """Result at one joint, led for way_s [s]."""
         torque = np.array(self._torque)[:, joint]
         velocity = np.array(self._velocity)[:, joint]
         way = slice(round(500 * way_s), round(1000 * way_s))
@@ -150,7 +150,7 @@ def metered(arm: SimulatedArm) -> Meter:
 
 
 def stroke(c: Configuration, q: Vector, joint: int) -> float:
-    """Where to lead a joint: STROKE_RAD towards the middle of its range [rad]."""
+    """Goal of leading a joint: STROKE_RAD towards the middle of its range [rad]."""
     limits = c.joints[joint].limits
     towards = 1.0 if q[joint] < 0.5 * (limits.lower + limits.upper) else -1.0
     return float(q[joint] + towards * min(STROKE_RAD, 0.4 * (limits.upper - limits.lower)))
@@ -172,8 +172,7 @@ def lead(
     theta, q = arm.plant.theta.copy(), arm.plant.q.copy()
     while yields(rig):
         rig.step()
-        decision = rig.tick.decision
-        assert decision is not None
+        decision = rig.decision
         commanded += decision.velocity * rig.robot.configuration.period_s
         coast = max(coast, float(np.abs(arm.plant.theta - theta).max()))
         drift = max(drift, float(np.abs(arm.plant.q - q).max()))
@@ -192,7 +191,7 @@ def lead(
 
 
 def yields(rig: Rig) -> bool:
-    """Whether somebody leads the arm, or did a moment ago."""
+    """True while a person leads the arm, or did a moment ago."""
     return rig.mode is Mode.ADMITTANCE
 
 

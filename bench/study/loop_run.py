@@ -1,4 +1,4 @@
-"""What `bench.loop` measures: recorded drives, the real loop, cyclictest beside it."""
+"""Measurements of `bench.loop`: recorded drives, the real loop, cyclictest beside it."""
 
 import contextlib
 import json
@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, TRUSTED, lockstep_rig
 from daemon.assembly import build_tick
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
@@ -30,15 +30,14 @@ from daemon.service.realtime import FIFO_PRIORITY, go_realtime
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.tick.loop import Clock, Loop
+from drivers.ids import HEARTBEAT, NEXT_PDO, NODE, SYNC, TPDO
 
-SYNC: Final = 0x080
-TPDOS: Final = {0x180, 0x280, 0x380, 0x480}
-HEARTBEAT: Final = 0x700
+TPDOS: Final = set(range(TPDO, TPDO + 4 * NEXT_PDO, NEXT_PDO))
 # Above, frames of seven drives would not fit on a bus of 1 Mbit/s.
 MOST_HZ_OF_SEVEN: Final = 250
 # What the recorded session does, and when [s].
 ENABLE_S, START_S, STEADY_S, END_S = 0.1, 0.7, 1.2, 3.2
-# Sampled on a grid, and played to wake-ups that are not: so slow that this is not felt as a blow.
+# Sampled on a grid, and played to wake-ups that are not: so slow that this is no blow.
 SWAY: Final = Sinusoid(amplitude=0.002, frequency_Hz=1 / (END_S - STEADY_S))
 WARM_UP_TICKS: Final = 50
 LONGEST_US: Final = 100_000  # of cyclictest's histogram
@@ -59,11 +58,11 @@ class Distribution:
         return float(self.values[min(np.searchsorted(share, percent / 100.0), share.size - 1)])
 
     def beyond(self, limit: float) -> int:
-        """How many were larger."""
+        """Number of larger ones."""
         return int(self.counts[self.values > limit].sum())
 
     def data(self) -> dict[str, float]:
-        """Its percentiles."""
+        """Percentiles for JSON."""
         return {f"p{p:g}": round(self.at(p), 1) for p in (50, 90, 99, 99.9, 100)}
 
 
@@ -86,7 +85,7 @@ class Run:
     waited: bool = True  # for its deadlines: lateness and work are of real time
 
     def data(self) -> dict[str, Any]:
-        """For JSON."""
+        """Measurements for JSON."""
         cyclictest = self.cyclictest_us.data() if self.cyclictest_us else self.why_no_cyclictest
         return {
             "joints": self.joints,
@@ -104,9 +103,11 @@ class Run:
 
 
 class RecordedDrives:
-    """A far end of the virtual bus that answers each SYNC, inside its sending, with what the
-    simulated drives said in that tick; the steady part of the recording is played over and over.
-    Time goes on while a SYNC is left out."""
+    """Far end of the virtual bus that answers each SYNC, inside its sending, with the simulated
+    drives' answers of that tick; the steady part of the recording is played over and over.
+
+    Time goes on while a SYNC is left out.
+    """
 
     def __init__(
         self,
@@ -124,7 +125,7 @@ class RecordedDrives:
         self.cpu_s = 0.0  # taken by the answers so far
 
     def put_nowait(self, message: can.Message) -> None:
-        """As a queue of the virtual bus: a frame arrives here."""
+        """Take a frame, in the place of a queue of the virtual bus."""
         if message.arbitration_id != SYNC:
             return
         begun, now = time.thread_time(), self._clock()
@@ -146,7 +147,7 @@ def in_a_row() -> Clock:
         nonlocal now
         now = max(now, to)
 
-    return Clock(lambda: now, jump)
+    return Clock(lambda: now, jump, lambda: now)
 
 
 def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
@@ -159,10 +160,10 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
         logging.getLogger("contactd").setLevel(logging.ERROR)  # no group `contact` is no news here
         control = stack.enter_context(ControlSocket(folder / "control"))
         near = stack.enter_context(can.Bus(interface="virtual", channel="bench.loop"))
-        clock = Clock(time.monotonic, sleep_until) if waits else in_a_row()
+        clock = Clock(time.monotonic, sleep_until, time.time) if waits else in_a_row()
         drives = RecordedDrives(near, answers, round(STEADY_S * hz), 1.0 / hz, clock.now)
         near.channel.append(drives)  # type: ignore[attr-defined]
-        tick = build_tick(robot, near, clock.now)
+        tick = build_tick(robot, near, clock.now, TRUSTED)
         if load:
             stack.enter_context(hogs(2 * (os.cpu_count() or 1)))
         cyclictest = Cyclictest(hz, seconds, folder / "cyclictest.json")
@@ -178,7 +179,8 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
             nonlocal begun
             service.doors()
             number, now = tick.number, time.thread_time()
-            figures[number] = loop.wakeup.lateness_s, now - begun - drives.cpu_s, loop.work_s
+            assert tick.last is not None
+            figures[number] = tick.last.wakeup.lateness_s, now - begun - drives.cpu_s, loop.work_s
             begun, drives.cpu_s = now, 0.0
             if number in (round(ENABLE_S * hz), round(START_S * hz)):
                 event = Event.ENABLE if number < START_S * hz / 2 else Event.START
@@ -214,7 +216,7 @@ def _distribution(figures: NDArray[np.float64]) -> Distribution:
 
 
 def record(hz: int) -> tuple[Robot, Answers]:
-    """What the simulated drives answer to each SYNC of a session: enabled, then swaying."""
+    """The simulated drives' answers to each SYNC of a session: enabled, then swaying."""
 
     def configure(c: Configuration) -> Configuration:
         trajectory = msgspec.structs.replace(
@@ -240,14 +242,14 @@ def record(hz: int) -> tuple[Robot, Answers]:
 
 
 def _of_a_drive(message: can.Message, nodes: set[int]) -> bool:
-    node = message.arbitration_id & 0x7F
+    node = message.arbitration_id & NODE
     service = message.arbitration_id - node
     return node in nodes and (service in TPDOS or service == HEARTBEAT)
 
 
 @contextlib.contextmanager
 def hogs(count: int) -> Iterator[None]:
-    """So many processes that do nothing else than take CPU time, with an ordinary priority."""
+    """Processes that do nothing else than take CPU time, with an ordinary priority."""
     processes = [multiprocessing.Process(target=_burn, daemon=True) for _ in range(count)]
     for process in processes:
         process.start()
@@ -291,7 +293,7 @@ class Cyclictest:
             self._process.communicate()
 
     def result(self) -> tuple[Distribution | None, str]:
-        """Its latencies, or None and why there are none."""
+        """Latencies, or None and the reason why there are none."""
         if self._process is None:
             return None, "cyclictest is not installed (apt install rt-tests)"
         _, said = self._process.communicate()

@@ -1,4 +1,4 @@
-"""The histograms of `bench.loop` in a terminal."""
+"""Histograms of `bench.loop` in a terminal."""
 
 import numpy as np
 from rich.console import Console

@@ -1,4 +1,4 @@
-"""One arm of the population goes through one kind of run; many of them, on several processors.
+"""Runs of arms of the population, one arm and one kind of run each, on several processors.
 
 free     contact-free motion of all joints, with stops        -> alarms, lowest thresholds
 moving   steps of torque on single joints, in motion          -> trials, errors
@@ -20,14 +20,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from bench.rigs.arm_without_bus import Push, Recording, Scenario, record
 from bench.study import population, scores
 from bench.study.estimates import Estimates, build, estimates
-from bench.study.population import STEP_MS, Friction, Step, Touch
+from bench.study.population import STEP_MS, FrictionModel, Step, Touch
 from bench.study.scores import Errors, Trial
 from daemon.assembly import build_transmission
 from daemon.config.load import Robot, load_robot
 
 Kind = Literal["free", "moving", "rest", "link"]
 Named = Literal["right", "further in", "further out", "cannot tell", "not felt"]
-"""What was said of a touched link."""
+"""Verdict on the touched link of an estimate."""
 GRACE_S = 1.0
 """Alarms count from here on: an arm that was just switched on is not armed yet."""
 
@@ -38,7 +38,7 @@ class Job:
 
     robot: Path
     kind: Kind
-    friction: Friction
+    friction: FrictionModel
     seed: int
     seconds: float
     motor_position: Literal["measured", "integrated"]
@@ -48,7 +48,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """What a run came to; arrays are (variants, n)."""
+    """Result of a run; arrays are (variants, n)."""
 
     job: Job
     names: tuple[str, ...]
@@ -63,7 +63,7 @@ class Result:
 
 
 def run(job: Job) -> Result:
-    """Simulate, estimate, judge."""
+    """Result of one job: simulated, estimated and judged."""
     robot = load_robot(job.robot)
     c = robot.configuration
     scenario, steps, touches = _scenario(job, robot)
@@ -87,7 +87,7 @@ def run(job: Job) -> Result:
         quiet=np.array([scores.quiet_threshold(r[armed], raised[armed]) for r in residuals]),
         errors=tuple(Errors.of(r - truth, touching & armed[:, np.newaxis]) for r in residuals),
         trials=tuple(_trial(step, recording, found, raised) for step in steps),
-        named=tuple(what_was_named(touch, recording, found) for touch in touches),
+        named=tuple(named_link(touch, recording, found) for touch in touches),
     )
 
 
@@ -118,15 +118,16 @@ def _scenario(job: Job, robot: Robot) -> tuple[Scenario, list[Step], list[Touch]
     return Scenario(seconds=seconds, motion=path, pushes=pushes), steps, touches
 
 
-def what_was_named(touch: Touch, recording: Recording, found: Estimates) -> Named:
-    """At the last SYNC of the touch, or the last before it at which anything was felt."""
+def named_link(touch: Touch, recording: Recording, found: Estimates) -> Named:
+    """Verdict on the touched link at the last SYNC of the touch, or the last before it at which any
+    residual was past its threshold."""
     first = touch.onset_ms // recording.per_tick
     ticks = slice(first, first + STEP_MS // recording.per_tick)
     residual = next(iter(found.residuals.values()))
-    felt = np.abs(residual[ticks]) > found.threshold[ticks]
-    if not felt.any():
+    exceeded = np.abs(residual[ticks]) > found.threshold[ticks]
+    if not exceeded.any():
         return "not felt"
-    link = int(found.touched_link[ticks][felt.any(axis=1)][-1])
+    link = int(found.touched_link[ticks][exceeded.any(axis=1)][-1])
     if link < 0:
         return "cannot tell"
     return "right" if link == touch.joint else "further in" if link < touch.joint else "further out"

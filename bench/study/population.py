@@ -1,4 +1,4 @@
-"""Arms that are not the model's, and what happens to them: drawn from a seed, and repeatable.
+"""Population of arms that are not the model's, and their motions and pushes, drawn from a seed.
 
 Every quantity is off by its whole percentage and only the sign is drawn, so each arm is a corner of
 what is allowed, not its middle.
@@ -16,8 +16,8 @@ from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 from simulator.description import Mismatch, SimulationSettings
 
-Friction = Literal["smooth", "dahl"]
-FRICTIONS: Final[tuple[Friction, ...]] = ("smooth", "dahl")
+FrictionModel = Literal["smooth", "dahl"]
+FRICTION_MODELS: Final[tuple[FrictionModel, ...]] = ("smooth", "dahl")
 
 MISMATCH: Final = Mismatch(
     mass=5, center_of_mass=0, friction=20, torque_constant=3, half_gap=10, rotor_inertia=10
@@ -37,7 +37,7 @@ CLEARANCE: Final = 0.1
 """[rad] between the motion and the joint limits"""
 
 
-def subject(robot: Robot, friction: Friction, seed: int, **changes: float) -> Subject:
+def subject(robot: Robot, friction: FrictionModel, seed: int, **changes: float) -> Subject:
     """One arm of the population; `changes` go to its SimulationSettings."""
     rng = np.random.default_rng((seed, 10))
     values = {"link_latency_ms": float(rng.uniform(0.0, LATENCY_MS)), **changes}
@@ -46,7 +46,7 @@ def subject(robot: Robot, friction: Friction, seed: int, **changes: float) -> Su
 
 
 def velocity_errors(rng: np.random.Generator) -> dict[str, float]:
-    """Of the motor velocity, for `subject`: one sign each."""
+    """Errors of the motor velocity, for `subject`: one sign each."""
     of_scale, of_bias = rng.choice((-1.0, 1.0), 2).tolist()
     return {
         "velocity_scale_error": of_scale * VELOCITY_SCALE_ERROR,

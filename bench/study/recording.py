@@ -1,4 +1,4 @@
-"""What a lockstep run looked like: one row per tick, from both ends of the bus.
+"""Recording of a lockstep run: one row per tick, from both ends of the bus.
 
     recorder = Recorder(rig)
     rig.run(20.0, recorder)
@@ -59,7 +59,7 @@ class Recording:
         return self.residuals[self.configuration.estimator.residual.name]
 
     def thresholded(self, name: str) -> Matrix:
-        """Of the residual `name`, beyond the thresholds that were in force [Nm]."""
+        """Residual `name` beyond the thresholds that were in force [Nm]."""
         return dead_band(self.residuals[name], self.threshold)
 
     def with_residual(self, name: str, values: Matrix) -> "Recording":
@@ -88,10 +88,7 @@ class Recorder:
 
     def __call__(self) -> None:
         rig, plant = self._rig, self._rig.arm.plant
-        samples, estimate, decision = rig.tick.samples, rig.tick.estimate, rig.tick.decision
-        assert samples is not None
-        assert estimate is not None
-        assert decision is not None
+        samples, estimate, decision = rig.samples, rig.estimate, rig.decision
         assert samples.fresh.all()
         now = rig.time_s
         self._begin_s = now if self._begin_s is None else self._begin_s

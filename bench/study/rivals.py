@@ -1,12 +1,12 @@
-"""A rival of the product's residuals: the Kalman disturbance observer of the momentum.
+"""Rival of the product's residuals: the Kalman disturbance observer of the momentum.
 
-Per joint, with p the momentum, u all torques that are believed to act, d the external torque:
+Per joint, with p the momentum, u all torques that the model has, d the external torque:
 
     p_dot = u + d        d_dot = w        measured: p + v
 
-w and v are white; only the ratio of their strengths matters, so all joints have the same gain. It
-believes what `classical` with friction and rotor inertia believes and knows no gap: what differs is
-the filter. Its steady gain has a closed form (the tracking index; P. Kalata, 1984), and one number
+w and v are white; only the ratio of their strengths matters, so all joints have the same gain. Its
+model is that of `classical` with friction and rotor inertia, without a gap: what differs is the
+filter. Its steady gain has a closed form (the tracking index; P. Kalata, 1984), and one number
 to tune, which `fair_index` sets so that white torque comes through as loud as through the product's
 residual of gain K.
 """

@@ -1,4 +1,4 @@
-"""What residuals are worth: alarms, thresholds, delays, smallest steps. Pure.
+"""Scores of residuals: alarms, thresholds, delays, smallest steps. Pure.
 
 A residual alarms where |r| exceeds its threshold plus the raise near rest that stiction asks for.
 """
@@ -13,7 +13,7 @@ from arrays import Matrix, Vector
 
 
 def alarms(residual: Matrix, threshold: Matrix | Vector) -> NDArray[np.int64]:
-    """How often each joint goes beyond its threshold, (n,): stretches, not ticks."""
+    """Number of times (n,) that each joint goes beyond its threshold: stretches, not ticks."""
     beyond = np.abs(residual) > threshold
     begins = beyond & ~np.vstack((np.zeros_like(beyond[:1]), beyond[:-1]))
     return np.asarray(np.count_nonzero(begins, axis=0))
@@ -26,7 +26,7 @@ def quiet_threshold(residual: Matrix, raised: Matrix) -> Vector:
 
 
 def filtered(external: Matrix, gain: float, period_s: float) -> Matrix:
-    """What a perfect residual of this gain shows, (3): r_dot = K (tau_ext - r), from r = 0.
+    """A perfect residual of this gain, (3): r_dot = K (tau_ext - r), from r = 0.
 
     external: mean over each period.
     """
@@ -40,7 +40,7 @@ def filtered(external: Matrix, gain: float, period_s: float) -> Matrix:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """What the residuals of the pushed joint said during a step. Torques count along the push."""
+    """Residuals of the pushed joint during a step. Torques count along the push."""
 
     joint: int
     size: float
@@ -58,24 +58,25 @@ class Trial:
 
 
 @dataclass(frozen=True, slots=True)
-class Felt:
-    """When a step was felt, and whether the gap was crossed until then."""
+class Detection:
+    """Detection of a step: its delay, and whether the gap was crossed until then."""
 
     delay_s: float
     travelled: bool
 
 
-def felt(trial: Trial, variant: int, threshold: float) -> Felt | None:
-    """The first SYNC at which the residual goes beyond the threshold in the push's direction."""
+def detection(trial: Trial, variant: int, threshold: float) -> Detection | None:
+    """Detection at the first SYNC at which the residual goes beyond the threshold in the push's
+    direction."""
     beyond = np.flatnonzero(trial.residuals[variant] > threshold + trial.raised)
     if not beyond.size:
         return None
     first = int(beyond[0])
-    return Felt(float(trial.delay_s[first]), bool(trial.travelled[first]))
+    return Detection(float(trial.delay_s[first]), bool(trial.travelled[first]))
 
 
 def size_needed(trial: Trial, variant: int, threshold: float) -> float:
-    """How large the step would have had to be to be felt [Nm].
+    """Smallest size of the step [Nm] that would have been detected.
 
     The residual is linear in the external torque and follows it whole: a step that is smaller by x
     lifts it x less. What the residual was beyond the threshold, the step could have been smaller.
@@ -92,7 +93,7 @@ class Errors:
 
     @classmethod
     def of(cls, error: Matrix, chosen: NDArray[np.bool_]) -> "Errors":
-        """Of (ticks, n) where `chosen`."""
+        """Errors (ticks, n) where `chosen`."""
         return cls(
             np.asarray(np.sum(np.square(error), axis=0, where=chosen)),
             np.asarray(np.count_nonzero(chosen, axis=0)),
@@ -113,5 +114,5 @@ def per_hour(count: float, seconds: float) -> float:
 
 
 def percentile(values: Sequence[float], share: float) -> float:
-    """nan without values."""
+    """Percentile of the values; NaN without any."""
     return float(np.percentile(values, share)) if len(values) else float("nan")

@@ -1,1 +1,1 @@
-"""Other processes, over the control socket: client, recorders, dashboard, replay."""
+"""Programs beside the daemon, over the control socket: client, recorders, dashboard, replay."""

@@ -1,6 +1,6 @@
-"""A small blocking client of the control socket.
+"""Blocking client of the control socket.
 
-Used by the command lines; imports nothing heavy, so that they start at once.
+The command lines use it; it imports nothing heavy, so that they start at once.
 """
 
 import socket
@@ -22,12 +22,13 @@ from daemon.protocol.messages import (
     Request,
     Snapshot,
     State,
+    format_refusal,
     printable,
 )
 from daemon.protocol.socket_path import default_socket_path, how_to_be_let_in
 from errors import ControlError, TrajectoryError, UnreachableError
 
-# Above what a socket can hold at the daemon's end (twice its send buffer).
+# More than the daemon's socket can hold (twice its send buffer).
 MAX_PACKET_BYTES = 2 << 20
 
 _RETRY_S = 0.01
@@ -40,8 +41,8 @@ T = TypeVar("T")
 class Client:
     """One connection to the daemon, from construction to `close`.
 
-    Raises UnreachableError if there is no daemon, it may not be asked, or it does not answer within
-    `timeout_s`; ControlError for everything it says that is not understood.
+    Raises UnreachableError if there is no daemon, this user may not ask it, or it does not answer
+    within `timeout_s` [s]; ControlError for an answer that is not understood.
     """
 
     def __init__(self, path: Path | None = None, timeout_s: float = 2.0) -> None:
@@ -64,15 +65,15 @@ class Client:
         self.close()
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._socket.close()
 
     def request(self, command: Command) -> Reply:
-        """Ask for `command` and wait for the answer, which may be a refusal."""
+        """Send `command` and wait for the answer, which may be a refusal."""
         return self.ask(Request(command))
 
     def ask(self, request: Request) -> Reply:
-        """The same with what only some commands take."""
+        """Send a request with its arguments and wait for the answer, which may be a refusal."""
         if request.command != "reset":
             return self._ask(request)
         self._socket.settimeout(max(RESET_PATIENCE_S, self._timeout_s))
@@ -83,23 +84,23 @@ class Client:
 
     def _ask(self, request: Request) -> Reply:
         if self._socket.fileno() < 0:
-            raise UnreachableError("hung up; connect again")
+            raise UnreachableError("this connection is closed; connect again")
         try:
             self._socket.send(msgspec.json.encode(request))
         except (BrokenPipeError, ConnectionResetError):
-            pass  # it may have said why before it hung up: read on
+            pass  # it may have sent the reason before it closed: read on
         except TimeoutError:
-            raise UnreachableError("the daemon fell silent: it takes no requests") from None
+            raise UnreachableError("the daemon is silent: it reads no requests") from None
         try:
             answer = self.packet("does not answer; is it still starting?")
         except UnreachableError:
-            # An answer that comes late would be taken for that to the next request.
+            # A late answer would be taken for the answer to the next request.
             self.close()
             raise
         return self._decode(self._replies, answer)
 
     def arm(self, lease_s: float | None = None, *, detached: bool = False) -> Reply:
-        """Arm; the answer may be a refusal.
+        """Arm the arm; the answer may be a refusal.
 
         The arm stays armed for `lease_s` [s], 0.5 s unless given: `renew` well before. It ends at
         once when this connection does. `detached` is for people at a command line: the lease
@@ -113,7 +114,7 @@ class Client:
     def renew(self, lease_s: float | None = None) -> Reply:
         """Keep what this connection armed for another `lease_s` [s], 0.5 s unless given.
 
-        Refused once the arm is not armed any more, whoever or whatever disarmed it. Raises
+        Refused once the arm is not armed any more, whatever disarmed it. Raises
         ControlError unless 0 < lease_s <= 86400.
         """
         return self.ask(Request("renew", lease_s=_a_lease(lease_s)))
@@ -129,15 +130,15 @@ class Client:
         from_here: bool = False,
         motors_only: bool = False,
     ) -> None:
-        """Hand the daemon a trajectory, which judges every row against the arm's limits.
+        """Hand a trajectory to the daemon, which checks every row against the arm's limits.
 
         `joints` names k joints, all others hold; `times` (m,) [s] rise; `positions` and
         `velocities` (m, k) [rad, rad/s] at the link, rows of numbers or arrays; 2 <= m <= 60000.
-        Between the samples runs a cubic Hermite spline; without velocities they are those of
-        parabolas through the neighbours. The arm must stand within 0.05 rad of the first row when
-        it starts, unless `from_here` makes displacements of all. With `motors_only` the motors run
-        at the path's velocity and no loop closes over the links: a motor that is to stand does,
-        while a hand moves its link through the gap.
+        Between the samples runs a cubic Hermite spline; without velocities they are the slopes
+        of parabolas through the neighbours. The arm must stand within 0.05 rad of the first row
+        when it starts, unless `from_here` makes all rows displacements. With `motors_only` the
+        motors run at the path's velocity and no loop closes over the links: a motor that is to
+        stand does so, while a hand moves its link through the gap.
 
         Nothing moves until `start_loaded`; the trajectory lives as long as this connection, unless
         another loads one. Raises TrajectoryError, whose `row` is the first that is refused.
@@ -148,7 +149,7 @@ class Client:
         rows = rows_of(times, positions, velocities)
         for i, numbers in enumerate(rows):
             if not all(abs(x) <= PLAUSIBLE for x in numbers):
-                raise TrajectoryError(f"{numbers} cannot be followed by an arm", row=i)
+                raise TrajectoryError(f"{numbers} must be numbers of at most {PLAUSIBLE:g}", row=i)
         header = Header(
             name=printable(name)[-64:],
             joints=list(joints),
@@ -170,7 +171,7 @@ class Client:
             raise TrajectoryError(text, row=reply.row)
 
     def subscribe(self) -> tuple[Snapshot, Iterator[State]]:
-        """The snapshot, and after it every State as long as the daemon lives.
+        """Snapshot, and an iterator over every State from then on.
 
         The iterator never ends by itself: it raises UnreachableError when the daemon is gone or
         silent. A reader that is too slow misses States: look at their `tick`.
@@ -178,15 +179,17 @@ class Client:
         reply = self.request("subscribe")
         if not reply.ok or reply.snapshot is None:
             raise ControlError("; ".join([reply.message or "refused", *reply.reasons]))
+        if refusal := format_refusal(reply.snapshot.format):
+            raise ControlError(f"the daemon speaks another version: its States are {refusal}")
         return reply.snapshot, self._iterate()
 
     def packet(self, silence: str = "fell silent") -> bytes:
-        """The next message as it was sent; `silence` is said of the daemon if none comes."""
+        """Next message, as it was sent. If none comes, the error reads "the daemon {silence}"."""
         try:
             try:
                 size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
             except ConnectionResetError:
-                # Reported once, ahead of what the daemon had still said before it hung up.
+                # Reported once, ahead of the messages that the daemon sent before it closed.
                 size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
         except TimeoutError:
             raise UnreachableError(f"the daemon {silence}") from None
@@ -211,7 +214,7 @@ class Client:
 
 
 def _chunks(rows: Sequence[list[float]]) -> Iterator[list[list[float]]]:
-    """The rows, rounded to what no drive can tell (1e-9), in pieces that fit into a request."""
+    """The rows, rounded to 1e-9 (below the resolution of drives), in chunks that fit a request."""
     chunk: list[list[float]] = []
     room = limit = MAX_REQUEST_BYTES - len(msgspec.json.encode(Request("load", rows=[])))
     for row in rows:

@@ -1,7 +1,7 @@
-"""What a person sees of the daemon: a live dashboard and a status report, as rich renderables.
+"""Live dashboard and status report for a person, as rich renderables.
 
-Made purely from messages: nothing here reads a socket, a clock or a terminal. `Dashboard` fits
-100 x 30 characters, and 80 x 24 with narrower bars.
+They are made from messages alone: nothing here reads a socket, a clock or a terminal. `Dashboard`
+fits 100 x 30 characters, and 80 x 24 with narrower bars.
 """
 
 import pwd
@@ -37,7 +37,7 @@ SIDE_STYLES = {"gap": "cyan", "left": "", "right": "", "unknown": "yellow"}
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What the present State does not say: the last thousand ticks and the last events."""
+    """Summary of the last thousand ticks and of the last events, beside the present State."""
 
     lateness_p50_us: float = 0.0
     lateness_max_us: float = 0.0
@@ -47,7 +47,7 @@ class Summary:
 
 @dataclass(slots=True)
 class History:
-    """Takes every State, keeps a bounded past."""
+    """Bounded past of the States."""
 
     _timing: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=WINDOW_TICKS))
     _events: deque[tuple[float, str, str]] = field(
@@ -55,12 +55,12 @@ class History:
     )
 
     def add(self, state: State) -> None:
-        """Remember the timing and the events of one tick."""
+        """Keep the timing and the events of one tick."""
         self._timing.append((state.timing.lateness_us, state.timing.work_us))
         self._events.extend((state.time_s, event.kind, event.text) for event in state.notices)
 
     def summary(self) -> Summary:
-        """The past so far; all zero before the first State."""
+        """Summary so far; all zero before the first State."""
         if not self._timing:
             return Summary()
         lateness = sorted(late for late, _ in self._timing)
@@ -74,7 +74,7 @@ class History:
 
 @dataclass(frozen=True, slots=True)
 class Dashboard:
-    """One frame of `contactctl watch`; lays itself out for the console that prints it."""
+    """One frame of `contactctl watch`, laid out for the console that prints it."""
 
     snapshot: Snapshot
     state: State
@@ -149,7 +149,7 @@ class Dashboard:
 
 
 def gap_bar(phi: float, half_gap: float, half_width: int) -> Text:
-    """`[--o--|-----]`: where phi stands between the borders of its gap, o on a border beyond it."""
+    """Picture `[--o--|-----]` of phi between the borders of its gap; o on a border if beyond it."""
     if half_gap <= 0.0:
         return Text("no gap".center(2 * half_width + 3), "dim")
     cells = ["[", *("-" * half_width), "|", *("-" * half_width), "]"]
@@ -182,14 +182,14 @@ def residual_bar(residual: float, threshold: float, half_width: int, ascii_only:
 
 
 def status_view(status: Status) -> RenderableType:
-    """The report of `contactctl status`."""
+    """Report of `contactctl status`."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold", no_wrap=True, overflow="crop")
     table.add_column()
     permission = _permission(status)
     mode = Text(f" {status.mode.upper()} ", MODE_STYLES.get(status.mode, ""))
     table.add_row("mode", Text.assemble(mode, "  ", permission))
-    table.add_row("cause", Text(status.cause))  # Text: our words are no rich markup
+    table.add_row("cause", Text(status.cause))  # Text: brackets in it are no rich markup
     if status.advice:
         table.add_row("to do", Text(status.advice, "yellow"))
     table.add_row("arming needs", _checks(status.checks))
@@ -209,7 +209,7 @@ def status_view(status: Status) -> RenderableType:
 
 
 def _permission(status: Status) -> Text:
-    """Armed or not; by whom and for how long."""
+    """Permission: armed or not, by whom and for how long."""
     if not status.armed:
         return Text("not armed")
     text = Text("armed", "bold bright_cyan")
@@ -233,7 +233,7 @@ def _checks(checks: list[Check]) -> Text:
 
 
 def _grants(grants: list[Grant]) -> Text:
-    """One line each; what was not achieved stands out."""
+    """One line per grant; those not achieved stand out."""
     lines = [Text(grant.text, "" if grant.achieved else "yellow") for grant in grants]
     return Text("\n").join(lines)
 

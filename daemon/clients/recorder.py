@@ -1,8 +1,8 @@
 """Recordings: the daemon's stream as an MCAP file, and back.
 
 Channel `/state` has one message per tick, its bytes as the daemon sent them, so that a replay sees
-every bit; channel `/snapshot` has what is needed to read them alone, once at the start and again
-after every gap. Foxglove and PlotJuggler open such files.
+every bit; channel `/snapshot` has their context, once at the start and again after every gap.
+Foxglove and PlotJuggler open such files.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -17,13 +17,13 @@ from mcap.writer import Writer
 
 from daemon.clients.client import Client
 from daemon.new_file import refuse_unless_new
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.messages import Snapshot, State, format_refusal
 from errors import LogError, UnreachableError
 
 KINDS: dict[str, type[Snapshot] | type[State]] = {"/snapshot": Snapshot, "/state": State}
 MAGIC = b"\x89MCAP0\r\n"
 PROFILE = "contactd"
-# What a process that is killed may lose: 0.25 s of seven joints, 0.75 s of one, at 100 Hz. Files
+# Lost at most when the process is killed: 0.25 s of seven joints, 0.75 s of one, at 100 Hz. Files
 # are 3 to 9 % larger than with 512 kB, at no more CPU time.
 CHUNK_BYTES = 64 * 1024
 RECORD_LIMIT_BYTES = 64 << 20  # a damaged length must not ask for all memory
@@ -31,14 +31,20 @@ RECORD_LIMIT_BYTES = 64 << 20  # a damaged length must not ask for all memory
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What `record` wrote. `lost` counts the ticks missing between the first and the last State."""
+    """Result of `record`; `lost` counts the ticks missing between the first and the last State."""
 
     path: str
     duration_s: float
     states: int
     lost: int
     snapshots: int
-    ended: str  # empty if it ended as asked, else what the daemon did
+    ended: str  # empty if it ended as asked, else why not
+
+
+class _Format(msgspec.Struct):
+    """Version of a Snapshot, read before anything else of it."""
+
+    format: int = 0
 
 
 class _Wall(msgspec.Struct):
@@ -47,7 +53,7 @@ class _Wall(msgspec.Struct):
 
 
 class _Stamp(msgspec.Struct):
-    """The few fields of a State that the recorder looks at."""
+    """Fields of a State that the recorder reads."""
 
     tick: int
     timing: _Wall
@@ -62,7 +68,7 @@ def record(
     begun: Callable[[], None] = lambda: None,
 ) -> Recording:
     """Write the daemon's stream to `path` until `stop()`, `seconds` have passed, or it ends.
-    `begun` is told once it does.
+    `begun` is called once the recording has begun.
 
     Where ticks are missing, it subscribes anew and writes a new snapshot. Whatever ends it, the
     file is finished properly. Raises LogError if `path` exists or cannot be written, ControlError
@@ -94,7 +100,7 @@ def _follow(
     seconds: float | None,
     stop: Callable[[], bool],
 ) -> str:
-    """Feed `log`; the answer says why the daemon ended it, empty if it did not."""
+    """Feed `log`; returns why the daemon ended it, empty if it did not."""
     decoder = msgspec.json.Decoder(_Stamp)
     first = client
     try:
@@ -119,7 +125,7 @@ def _follow(
 
 
 class _LogWriter:
-    """The MCAP file: a snapshot waits for its first State, whose time it shares."""
+    """Writer of the MCAP file: a snapshot waits for its first State, whose time it shares."""
 
     def __init__(self, stream: IO[bytes], snapshot: Snapshot) -> None:
         self._stream = stream
@@ -140,14 +146,14 @@ class _LogWriter:
         return self._last.timing.monotonic_s - self._first.timing.monotonic_s
 
     def is_gap(self, tick: int) -> bool:
-        """Whether ticks are missing before `tick` that no waiting snapshot makes up for."""
+        """True if ticks are missing before `tick`, and no snapshot waits to make up for them."""
         return self._pending is None and self._last is not None and tick > self._last.tick + 1
 
     def snapshot(self, snapshot: Snapshot) -> None:
         self._pending = snapshot
 
     def state(self, packet: bytes, stamp: _Stamp) -> None:
-        """Write one State as it came; one that is older than the last or its snapshot is none."""
+        """Write one State as it came; skip one that is older than the last or than its snapshot."""
         newest = -1 if self._last is None else self._last.tick
         if self._pending is not None:
             newest = max(newest, self._pending.tick)
@@ -162,7 +168,7 @@ class _LogWriter:
         self.states += 1
         if self._last is not None:
             self.lost += stamp.tick - self._last.tick - 1
-        self._stream.flush()  # which is something to do once per chunk
+        self._stream.flush()  # has work to do once per chunk
         self._first = self._first or stamp
         self._last = stamp
 
@@ -180,7 +186,7 @@ class _LogWriter:
 
 
 def viewer_schema(kind: type) -> dict[str, Any]:
-    """JSON schema of `kind` as the plainest viewers want it.
+    """JSON schema of `kind` in the form that the simplest viewers need.
 
     The root is an object, every node has one `type`, every object has `properties`, and there is no
     `$ref`. What may be null is described by what it is otherwise.
@@ -205,10 +211,11 @@ def viewer_schema(kind: type) -> dict[str, Any]:
 
 
 def read_log(path: Path) -> Iterator[Snapshot | State]:
-    """What `record` wrote, in its order, one message at a time.
+    """Messages of a recording, in order, one at a time.
 
-    Raises LogError if `path` cannot be read, is no MCAP file, is not ours, or is damaged; from a
-    file that ends in the middle, everything that is whole comes first.
+    Raises LogError if `path` cannot be read, is no MCAP file, is no recording of contactd, is of a
+    format that is not read here, or is damaged; of a file that ends in the middle, all whole
+    messages come first.
     """
     try:
         stream = path.open("rb")
@@ -223,6 +230,8 @@ def read_log(path: Path) -> Iterator[Snapshot | State]:
                 if isinstance(found, Channel):
                     topics[found.id] = found.topic
                 elif isinstance(found, Message) and (kind := KINDS.get(_topic(found, topics))):
+                    if kind is Snapshot:
+                        _refuse_other_format(path, found.data)
                     message: Snapshot | State = msgspec.json.decode(found.data, type=kind)
                     if isinstance(message, State):
                         states += 1
@@ -234,19 +243,24 @@ def read_log(path: Path) -> Iterator[Snapshot | State]:
             raise LogError(f"{path} is of another version after tick {last}: {error}") from error
 
 
+def _refuse_other_format(path: Path, snapshot: bytes) -> None:
+    if refusal := format_refusal(msgspec.json.decode(snapshot, type=_Format).format):
+        raise LogError(f"{path} is a recording {refusal}")
+
+
 def _topic(message: Message, topics: Mapping[int, str]) -> str:
-    """Of a message; a damaged one may name a channel that there is not."""
+    """Topic of a message. Raises _BrokenError if it names a channel that does not exist."""
     if message.channel_id not in topics:
         raise _BrokenError(f"is damaged: no channel {message.channel_id}")
     return topics[message.channel_id]
 
 
 class _BrokenError(Exception):
-    """What is wrong with a file, to be completed by how far it was read."""
+    """Damage of a file; `read_log` adds how far it was read."""
 
 
 def _records(path: Path, stream: IO[bytes]) -> Iterator[Any]:
-    """The records of an MCAP file of ours; every failure of the library becomes one of ours."""
+    """Records of an MCAP file of contactd; every failure of the library becomes one of ours."""
     if stream.read(len(MAGIC)) != MAGIC:
         raise LogError(f"{path} is not an MCAP file")
     size = path.stat().st_size

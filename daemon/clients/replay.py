@@ -1,9 +1,8 @@
-"""Run the estimator over a recording again, and say whether it thinks the same, bit by bit."""
+"""Replay of a recording: the estimator on its samples again, compared with it bit by bit."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from daemon.assembly import build_estimator
@@ -11,8 +10,7 @@ from daemon.clients.recorder import read_log
 from daemon.config.load import parse_configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State
-from daemon.tick.arming_checks import FLAG_NAMES
-from daemon.tick.tick import SIDE_NAMES
+from daemon.tick.telemetry import estimated
 from errors import LogError
 from estimator.estimate import Estimate
 from estimator.estimator import Estimator
@@ -20,7 +18,7 @@ from estimator.estimator import Estimator
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first thing that came out otherwise."""
+    """First field that came out different."""
 
     tick: int
     field: str
@@ -30,13 +28,13 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """How it went: states compared, stretches without a gap, and the first difference."""
+    """Result of a replay: states compared, stretches without a gap, and the first difference."""
 
     states: int
     skipped: int  # after a gap, before the next snapshot
     stretches: int
     difference: Difference | None
-    broken: str  # why the recording ends early; empty if it does not
+    broken: str  # reason why the recording ends early; empty if it is whole
 
     @property
     def identical(self) -> bool:
@@ -45,7 +43,7 @@ class Replay:
 
 
 def replay(path: Path) -> Replay:
-    """Compare every State of `path` with what the estimator makes of its samples today.
+    """Compare every State of `path` with what the present estimator makes of its samples.
 
     Raises LogError if there is nothing to read; a recording that breaks off is compared up to
     there.
@@ -85,7 +83,7 @@ class _Run:
 
     def compare(self, state: State) -> None:
         if self._estimator is None or state.tick != self._tick + 1:
-            # What the estimator remembered in between is lost until the next snapshot.
+            # The estimator's memory of the gap is lost until the next snapshot.
             self._estimator = None
             self.skipped += 1
             return
@@ -110,22 +108,8 @@ class _Run:
 
 
 def _difference(state: State, estimate: Estimate) -> Difference | None:
-    replayed = {
-        "link_velocity": estimate.q_dot.tolist(),
-        "motor_estimate": estimate.theta.tolist(),
-        "phi": estimate.phi.tolist(),
-        "phi_sigma": estimate.phi_sigma.tolist(),
-        "side": [SIDE_NAMES[side] for side in estimate.side.tolist()],
-        "motor_torque": estimate.tau_M.tolist(),
-        "residual": estimate.residual.tolist(),
-        "threshold": estimate.threshold.tolist(),
-        "thresholded": estimate.thresholded.tolist(),
-        "touched_link": estimate.touched_link,
-        "beside": {name: values.tolist() for name, values in estimate.beside.items()},
-        "flags": [FLAG_NAMES[flag] for flag in estimate.flags],
-    }
-    recorded = msgspec.structs.asdict(state)
-    for field, value in replayed.items():
-        if recorded[field] != value:
-            return Difference(state.tick, field, recorded[field], value)
+    for field, value in estimated(estimate).items():
+        recorded = getattr(state, field)
+        if recorded != value:
+            return Difference(state.tick, field, recorded, value)
     return None

@@ -1,8 +1,7 @@
-"""Where the joints went, as a CSV file that `contactctl start` runs: lead the arm by hand, and let
-it do the same again.
+"""Recorder of trajectories: joint positions as a CSV file that `contactctl start` runs.
 
-Taken down are the motors, as seen at the links: what a link does by itself inside its gap, falling
-from one side to the other, is nothing that a motor could repeat.
+Lead the arm by hand, and let it do the same again. Recorded are the motors' positions at the link
+side: a link that falls from one side of its gap to the other does what no motor can repeat.
 """
 
 import csv
@@ -16,19 +15,19 @@ from daemon.new_file import refuse_unless_new
 from daemon.protocol.messages import State
 from errors import LogError, UnreachableError
 
-# One sample is the mean of so many seconds: often enough for a hand, and an encoder's last digit
-# is no acceleration.
+# Each sample is the mean over this time [s]: short enough for a hand, and long enough that an
+# encoder's last digit makes no acceleration.
 SAMPLE_S = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What was written."""
+    """Result of `record_trajectory`."""
 
     path: str
     duration_s: float
     samples: int
-    ended: str  # empty if it ended as asked, else what the daemon did
+    ended: str  # empty if it ended as asked, else why not
 
 
 def record_trajectory(
@@ -40,8 +39,8 @@ def record_trajectory(
     begun: Callable[[], None] = lambda: None,
 ) -> Recorded:
     """Write motor positions, at the link [rad], of all joints to a new CSV file until `stop()`,
-    `seconds` have passed, it is as long as a trajectory may be, or the daemon ends. `begun` is told
-    once it begins.
+    `seconds` have passed, it is as long as a trajectory may be, or the daemon ends. `begun` is
+    called once the recording has begun.
 
     Raises LogError if `path` exists or cannot be written, ControlError if there is no daemon to
     begin with.

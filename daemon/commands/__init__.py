@@ -1,1 +1,1 @@
-"""The command lines `contactd` and `contactctl`."""
+"""Command lines `contactd` and `contactctl`."""

@@ -1,4 +1,4 @@
-"""`contactd black-box`: the frames of the last minute, when a person or a service manager asks."""
+"""`contactd black-box`: writes the frames of the last minute to a log, on request."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from errors import LogError, UnreachableError
 
 
 def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -> None:
-    """Write a log and say where it is. Raises LogError, UnreachableError for those who may not."""
+    """Write a log and print its path. Raises LogError; UnreachableError if this user may not."""
     path, directory = ring_path(socket or default_socket_path()), default_directory()
     if not _open_to_us(path):
         raise UnreachableError(how_to_be_let_in(path))
@@ -34,7 +34,7 @@ def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -
 
 
 def _open_to_us(path: Path) -> bool:
-    """Also where there is nothing."""
+    """True if the ring may be read, or does not exist."""
     try:
         path.open("rb").close()
     except PermissionError:

@@ -1,4 +1,4 @@
-"""`contactd check`: what follows from a configuration, before anything is on the bus."""
+"""`contactd check`: checks a configuration and prints what follows from it, without the bus."""
 
 import sys
 from pathlib import Path
@@ -15,6 +15,7 @@ from daemon.config.schema import Configuration
 from drivers.boot.required_objects import lacks
 from drivers.can.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
 from drivers.codec import receive_pdos, transmit_pdos
+from drivers.drive import Drive
 from drivers.settings import DriveProfile, Quantity
 
 QUANTITY_UNITS = {
@@ -28,17 +29,17 @@ QUANTITY_UNITS = {
     "max_motor_speed": "rad/s",
 }
 FORMULA = "value = sign * (offset + scale * counts); link_position at link, else at motor"
-# What is done where a drive profile does not have it.
+# Substitutes for quantities that a drive profile does not have.
 WITHOUT = {
     "motor_position": "integrated from the velocity",
     "max_motor_speed": "the drive's own speed limit is left as it is",
 }
 FOR_PIPES = 120
-FOLDED = "mapping"  # the column that needs not be on one line
+FOLDED = "mapping"  # the column that may wrap
 
 
 def print_check(config: Path) -> None:
-    """Check and describe. Raises ConfigurationError with everything that is wrong."""
+    """Check a configuration and describe it. Raises ConfigurationError with all that is wrong."""
     robot = load_robot(config)
     c = robot.configuration
     console = Console() if sys.stdout.isatty() else Console(width=FOR_PIPES)
@@ -52,28 +53,27 @@ def print_check(config: Path) -> None:
         console.width, *(console.measure(t, options=endless).maximum for t in tables)
     )
     console.print(f"[bold]{c.name}[/bold]: {len(c.joints)} joints, every {c.period_ms} ms")
-    setups = {setup.wiring.profile: setup for setup in build_setups(robot)}
+    setups = {setup.drive.wiring.profile: setup for setup in build_setups(robot)}
     for name, profile in c.drives.items():
         console.print(quantities[name])
         console.print(FORMULA, style="dim", highlight=False)
         for field, instead in WITHOUT.items():
             if getattr(profile, field) is None:
                 _remark(console, f"without {field}: {instead}")
-        console.print(_pdos(profile))
+        console.print(_pdos(setups[name].drive))
         for lack in lacks(setups[name], c.period_ms, c.bus.master_node):
             _remark(console, lack)
     console.print(wiring, joints, travels)
-    wired = [(joint.name, joint.wiring) for joint in c.joints]
-    frames = frame_table(wired, c.drives, c.period_s, c.bus.master_node)
+    frames = frame_table(c.joint_drives, c.period_s, c.bus.master_node)
     console.print(_frames(frames))
-    load = bus_load(wired, c.drives, c.period_s, c.bus.bitrate)
+    load = bus_load(c.joint_drives, c.period_s, c.bus.bitrate)
     exchange_ms = 1000.0 * sum(f.bits for f in frames if f.every_tick) / c.bus.bitrate
     console.print(
         f"bus load at worst {load:.1%} of {c.bus.bitrate} bit/s (allowed {HIGHEST_LOAD:.0%}); "
         f"one exchange takes {exchange_ms:.2f} of {c.period_ms} ms",
         highlight=False,
     )
-    # At the end, where nobody overlooks it.
+    # At the end, where it is not overlooked.
     for joint, asked in zip(c.joints, loads, strict=True):
         if asked.too_much:
             console.print(
@@ -86,7 +86,7 @@ def print_check(config: Path) -> None:
 
 
 def _remark(console: Console, text: str) -> None:
-    """Indented, however many lines it takes."""
+    """Print indented, over as many lines as it takes."""
     console.print(Padding(text, (0, 0, 0, 2), expand=False), highlight=False)
 
 
@@ -120,15 +120,15 @@ def _quantities(name: str, profile: DriveProfile) -> Table:
     return table
 
 
-def _pdos(profile: DriveProfile) -> Table:
+def _pdos(drive: Drive) -> Table:
     table = _table("", "PDO", "COB-ID", "bytes", FOLDED)
-    for kind, pdos in (("TPDO", transmit_pdos(profile, 0)), ("RPDO", receive_pdos(profile, 0))):
+    for kind, pdos in (("TPDO", transmit_pdos(drive)), ("RPDO", receive_pdos(drive))):
         for pdo in pdos:
             mapping = ", ".join(
                 f"{field.entry} 0x{field.index:04X}:{field.subindex:02X}/{field.bits}"
                 for field in pdo.fields
             )
-            cob_id = f"0x{pdo.cob_id:03X} + node"
+            cob_id = f"0x{pdo.cob_id - drive.node:03X} + node"
             table.add_row(f"{kind}{pdo.number}", cob_id, str(pdo.layout.size), mapping)
     return table
 
@@ -153,7 +153,7 @@ def _wiring(c: Configuration) -> Table:
 
 
 def _joints(c: Configuration, loads: list[Load]) -> Table:
-    """`gravity Nm`: at worst, of what the motor gives at its largest current."""
+    """Table of joints; `gravity Nm` is the worst case, of the motor's torque at largest current."""
     table = _table(
         "\njoints",
         *("joint", "half-gap mrad", "level Nm", "limits rad", "gravity Nm", "end"),
@@ -175,13 +175,12 @@ def _travels(c: Configuration) -> Table:
         "\ntravel at worst, if the daemon dies at full speed",
         *("joint", "rad/s", "patience ms", "rad/s2", "unaware rad", "braking rad", "in all rad"),
     )
-    for joint in c.joints:
-        profile = c.drives[joint.wiring.profile]
-        travel = worst_travel(joint, profile)
+    for joint, drive in zip(c.joints, c.joint_drives, strict=True):
+        travel = worst_travel(joint, drive.profile)
         table.add_row(
             joint.name,
             f"{joint.limits.velocity:g}",
-            str(profile.master_timeout_ms),
+            str(drive.profile.master_timeout_ms),
             f"{joint.limits.quick_stop:g}",
             f"{travel.unaware:.3f}",
             f"{travel.braking:.3f}",

@@ -1,4 +1,4 @@
-"""`contactctl`: what a person tells the daemon, and sees of it.
+"""`contactctl`: the command line for a person who operates the arm.
 
 Everything heavy is imported by the command that needs it, so that the others start at once.
 """

@@ -1,4 +1,4 @@
-"""`contactd`: the daemon itself, and what belongs to its configuration and its recordings."""
+"""`contactd`: the command line of the daemon, of its configuration and of its recordings."""
 # ruff: noqa: PLC0415 - each command imports what it needs, so that `--help` starts at once
 
 import sys
@@ -26,7 +26,7 @@ PORT = click.option(
 
 
 class _Group(click.Group):
-    """Turns our errors into a message on stderr and their exit code."""
+    """Group that turns our errors into a message on stderr and their exit status."""
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -41,7 +41,7 @@ class _Group(click.Group):
 
 
 class _InOrder(click.Group):
-    """Lists its commands in the order in which a person needs them."""
+    """Group that lists its commands in the order in which a person needs them."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(self.commands)

@@ -1,4 +1,4 @@
-"""`contactd demo`: simulator and daemon as two processes, a hand, and what came of it."""
+"""`contactd demo`: simulator and daemon as two processes, a hand, and a report on what happened."""
 
 import contextlib
 import json
@@ -28,7 +28,7 @@ from errors import ContactdError, ControlError
 ROBOT = Path(__file__).resolve().parents[2] / "configs" / "romeo_left_arm"
 HAND = ROBOT / "third_experiment.yaml"
 START_PATIENCE_S = 20.0
-SETTLE_S = 1.5  # at rest after the drives are enabled, before anybody arms
+SETTLE_S = 1.5  # at rest after the drives are enabled, before the arm is armed
 ARM_PATIENCE_S = 5.0
 END_PATIENCE_S = 10.0
 FRAMES_EVERY = 10  # ticks between two pictures of the live view
@@ -36,7 +36,7 @@ FRAMES_EVERY = 10  # ticks between two pictures of the live view
 
 @dataclass(slots=True)
 class _Run:
-    """What is known of the run so far."""
+    """Record of the run so far."""
 
     snapshot: Snapshot | None = None
     states: list[State] = field(default_factory=list)
@@ -80,7 +80,7 @@ def run_demo(*, as_json: bool, seconds: float) -> bool:
 def _play(
     daemon: subprocess.Popen[str], door: Path, run: _Run, seconds: float, console: Console | None
 ) -> None:
-    """What a person would do: enable, arm, start; then watch."""
+    """Play the person's part: enable, arm, start; then watch."""
     with _connect(daemon, door) as orders, _connect(daemon, door) as stream:
         run.snapshot, states = _patiently(stream)
         with _picture(console) as picture:
@@ -115,7 +115,7 @@ def _advance(watch: Iterator[State], run: _Run, seconds: float) -> None:
 def _watch(
     states: Iterator[State], run: _Run, picture: Live | None, *, quiet: bool
 ) -> Iterator[State]:
-    """Every State, kept and shown on its way."""
+    """States of the stream, each kept and shown on its way."""
     assert run.snapshot is not None
     for state in states:
         run.states.append(state)
@@ -138,7 +138,7 @@ def _picture(console: Console | None) -> Iterator[Live | None]:
 
 
 def _connect(daemon: subprocess.Popen[str], door: Path) -> Client:
-    """As soon as the daemon opens its door."""
+    """Connection to the daemon, as soon as its socket is there."""
     deadline = time.monotonic() + START_PATIENCE_S
     while True:
         try:
@@ -165,7 +165,7 @@ def _patiently(stream: Client) -> tuple[Snapshot, Iterator[State]]:
 def _process(
     *arguments: object, out: int | None = None, err: IO[str] | None = None
 ) -> Iterator[subprocess.Popen[str]]:
-    """`contactd ...` beside us, gone at the end of the block whatever happens."""
+    """Process `contactd ...`, ended at the end of the block whatever happens."""
     command = [sys.executable, "-m", "daemon.commands.contactd", *map(str, arguments)]
     with subprocess.Popen(command, stdout=out, stderr=err, text=True) as process:
         try:
@@ -210,7 +210,7 @@ def _print_report(console: Console, story: Story, passed: bool, *, ended: bool) 
 
 
 def verdict(passed: bool, missed: int) -> str:
-    """The last line, with rich's markup; missed: deadlines."""
+    """Last line of the report, with rich's markup; `missed` counts deadlines."""
     if passed:
         return "[bold green]the story happened[/]"
     if not missed:

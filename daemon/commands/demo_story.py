@@ -1,7 +1,4 @@
-"""The demonstration's story, told from the recorded states and from what the simulated hand did.
-
-Pure: nothing here runs, waits or prints.
-"""
+"""Story of the demonstration: checks and figures from its States and from the hand's acts. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,18 +12,17 @@ from daemon.protocol.messages import Snapshot, State
 
 # After the hand is gone the residual still fades, and the arm swings back through its gaps [s].
 AFTERGLOW_S = 0.3
-# A contact must be felt so soon after the push began [s].
+# Longest time from the begin of a push to its contact [s].
 PROMPT_S = 0.5
-# The hand must have led the arm at least so far [rad].
+# Least distance over which the hand must have led the arm [rad].
 LED_AT_LEAST = 0.15
-# From the first tick at which the quiet time is over: it is counted in whole ticks, and in real
-# time each of them may come late.
+# Tolerance of the quiet time: it is counted in whole ticks, each of which may come late [s].
 QUIET_SLACK_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """When the hand was on the arm [s, CLOCK_MONOTONIC]."""
+    """Time during which the hand was on the arm [s, CLOCK_MONOTONIC]."""
 
     begin_s: float
     end_s: float
@@ -42,7 +38,7 @@ class Check:
 
 
 def touch_of(events: Sequence[dict[str, Any]]) -> Touch | None:
-    """From the simulator's event lines: the first act of the hand to its release."""
+    """Touch from the simulator's event lines: the first act of the hand to its release."""
     times = [(e["monotonic_s"], e["text"]) for e in events if e["kind"] == "hand"]
     begins = [t for t, text in times if text.startswith("begin")]
     ends = [t for t, text in times if text == "begin release"]
@@ -50,13 +46,13 @@ def touch_of(events: Sequence[dict[str, Any]]) -> Touch | None:
 
 
 def percentiles(values: Sequence[float]) -> dict[str, float]:
-    """p50, p99 and max, rounded to 0.1."""
+    """Percentiles p50, p99 and max, rounded to 0.1."""
     p50, p99 = np.percentile(values, [50, 99])
     return {"p50": round(p50, 1), "p99": round(p99, 1), "max": round(max(values), 1)}
 
 
 class Story:
-    """Figures of one run; every one is taken from its states."""
+    """Figures of one run, all taken from its States."""
 
     def __init__(
         self,
@@ -74,7 +70,7 @@ class Story:
 
     @property
     def modes(self) -> list[tuple[float, str]]:
-        """(time, mode) of every change."""
+        """Changes of the mode as (time [s], mode)."""
         changes: list[tuple[float, str]] = []
         for state in self._states:
             if not changes or changes[-1][1] != state.mode:
@@ -83,7 +79,7 @@ class Story:
 
     @property
     def contacts(self) -> list[dict[str, Any]]:
-        """Every contact that the daemon reported."""
+        """Contacts that the daemon reported."""
         return [
             {
                 "t_s": round(state.time_s, 3),
@@ -96,14 +92,14 @@ class Story:
         ]
 
     def touched(self, state: State) -> bool:
-        """Whether the hand was on the arm, or just gone."""
+        """True if the hand was on the arm, or had just left it."""
         touch, now = self._touch, state.timing.monotonic_s
         return touch is not None and touch.begin_s <= now <= touch.end_s + AFTERGLOW_S
 
     @property
     def false_contacts(self) -> dict[str, int]:
-        """Times that a residual went past its threshold with no hand on the energised arm: the
-        one that decides, and those beside it on the same samples."""
+        """Times that a residual passed its threshold with no hand on the energised arm, counted for
+        the one that decides and for those beside it on the same samples."""
         counts = {"backlash": 0, **dict.fromkeys(self._states[0].beside, 0)}
         above = {name: np.zeros(len(self._snapshot.joints), dtype=bool) for name in counts}
         for state in self._states:
@@ -122,13 +118,13 @@ class Story:
         """Index of the first state that tracks again after admittance."""
         pairs = zip(self._states, self._states[1:], strict=False)
         for i, (before, after) in enumerate(pairs, start=1):
-            if before.mode == "admittance" and after.mode == Mode.TRACKING:
+            if before.mode == Mode.ADMITTANCE and after.mode == Mode.TRACKING:
                 return i
         return None
 
     @property
     def quiet_s(self) -> float:
-        """From the last tick with a non-zero thresholded residual to the resumption."""
+        """Time from the last tick with a non-zero thresholded residual to the resumption [s]."""
         if (resume := self._resume) is None:
             return 0.0
         for state in reversed(self._states[:resume]):
@@ -144,7 +140,7 @@ class Story:
 
     @property
     def resume_jump_rad_s(self) -> float:
-        """The same in rad/s."""
+        """Largest change of a commanded velocity from one tick to the next, as above [rad/s]."""
         return float(max(self._jumps(), default=0.0))
 
     def _jumps(self) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -159,7 +155,7 @@ class Story:
         return np.array([joint.limits.acceleration for joint in self._c.joints])
 
     def _led(self) -> float:
-        """How far the joint that was pushed came, from its path's middle to its new one [rad]."""
+        """Distance by which the hand led the joint that moved furthest [rad]."""
         guided = [state for state in self._states if state.mode == Mode.ADMITTANCE]
         if not guided:
             return 0.0
@@ -167,7 +163,7 @@ class Story:
         return float(np.abs(way).max())
 
     def checks(self) -> list[Check]:
-        """Everything that had to happen, in order."""
+        """Checks of everything that had to happen, in order."""
         names = [mode for _, mode in self.modes]
         touch = self._touch
         felt = next(
@@ -181,7 +177,7 @@ class Story:
         quiet, wanted = self.quiet_s, self._c.admittance.quiet_s
         false = self.false_contacts
         story = [Mode.TRACKING, Mode.ADMITTANCE, Mode.TRACKING]
-        begins = names.index(Mode.TRACKING) if "tracking" in names else len(names)
+        begins = names.index(Mode.TRACKING) if Mode.TRACKING in names else len(names)
         lateness = self._c.period_s + QUIET_SLACK_S
         return [
             Check(
@@ -210,11 +206,11 @@ class Story:
                 false["backlash"] == 0,
                 ", ".join(f"{name} {count}" for name, count in false.items()),
             ),
-            Check("no fault", "faulted" not in names, ""),
+            Check("no fault", Mode.FAULTED not in names, ""),
         ]
 
     def report(self, *, ended_well: bool) -> dict[str, Any]:
-        """The object that `contactd demo --json` prints."""
+        """Object that `contactd demo --json` prints."""
         timing = [state.timing for state in self._states]
         return {
             "ticks": len(self._states),

@@ -1,4 +1,4 @@
-"""`contactd identify`: what each step does for a person at a terminal."""
+"""`contactd identify`: its steps for a person at a terminal."""
 
 import sys
 import threading
@@ -33,32 +33,32 @@ from estimator.identification.gap_result import GapVerdict
 
 
 class Source(Protocol):
-    """Where measurements come from: a live arm, or logs."""
+    """Source of measurements: a live arm, or logs."""
 
     def wiring(self, joint: str) -> Measured:
-        """One joint's motor, moved both ways through its gap."""
+        """Measurements of one joint's motor, moved both ways through its gap."""
 
     def gap(self, joint: str) -> Measured:
-        """One joint's link, moved by hand while its motor stands."""
+        """Measurements of one joint's link, moved by hand while its motor stands."""
 
     def friction(self, seconds: float) -> Measured:
-        """All joints moved without contact."""
+        """Measurements of all joints, moved without contact."""
 
     def thresholds(self, seconds: float) -> Measured:
-        """Likewise."""
+        """Measurements of all joints, moved without contact, with residuals."""
 
     def conclude(self, step: str, stamp: str) -> None:
-        """The results of `step` are printed and written."""
+        """Close a step, whose results are printed and written."""
 
     def serials(self) -> dict[str, int | None]:
-        """Of the drives, by joint; empty where they are not known."""
+        """Serial numbers of the drives, by joint; empty where they are not known."""
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
 
 
 class Recorded:
-    """Logs, all of them for whichever step."""
+    """Logs as a source: all of them serve each step."""
 
     def __init__(self, paths: tuple[Path, ...], configuration: Configuration) -> None:
         self._paths, self._configuration = paths, configuration
@@ -74,20 +74,20 @@ class Recorded:
     thresholds = friction
 
     def conclude(self, step: str, stamp: str) -> None:
-        """A log remains what it is."""
+        """Do nothing: a log remains as it is."""
 
     def serials(self) -> dict[str, int | None]:
         return {}
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: no connection is open."""
 
     def _read(self) -> Measured:
         return read_measured(self._paths, self._configuration)
 
 
 class Identification:
-    """The steps on one robot; each prints, writes what is good, and returns whether all was."""
+    """Steps on one robot; each prints, writes good results, and returns True if all were good."""
 
     def __init__(self, robot: Robot, source: Source, console: Console, *, dry: bool) -> None:
         self._robot, self._source, self._console, self._dry = robot, source, console, dry
@@ -96,7 +96,7 @@ class Identification:
         self._missed: list[str] = []
 
     def close(self) -> None:
-        """Hang up, also where a step was stopped; what it wrote is in force only later."""
+        """Close the source and list what was written, also if a step was stopped."""
         self._source.close()
         path = self._robot.folder / self._robot.configuration.identified
         if not self._written:
@@ -108,7 +108,7 @@ class Identification:
         self._tell("the daemon takes it up when it is started again")
 
     def joints(self, named: tuple[str, ...]) -> list[str]:
-        """The named joints, or all. Raises ConfigurationError for one that is not there."""
+        """Named joints, or all. Raises ConfigurationError for a joint that does not exist."""
         known = self._robot.configuration.joint_names
         for name in named:
             if name not in known:
@@ -116,7 +116,7 @@ class Identification:
         return list(named) or known
 
     def wiring(self, named: tuple[str, ...]) -> bool:
-        """Signs and scales, joint by joint."""
+        """Check signs and scales, joint by joint."""
         outcomes = []
         for name in self.joints(named):
             outcome = wiring_step(self._robot, {name: self._source.wiring(name)}, now())
@@ -124,7 +124,7 @@ class Identification:
         return all(outcomes)
 
     def gap(self, named: tuple[str, ...]) -> bool:
-        """Half-gaps."""
+        """Identify half-gaps, joint by joint."""
         outcomes = []
         for name in self.joints(named):
             measured = self._source.gap(name)
@@ -139,7 +139,7 @@ class Identification:
         return all(outcomes)
 
     def friction(self, seconds: float) -> bool:
-        """Friction and rotor inertia of all joints."""
+        """Identify friction and rotor inertia of all joints."""
         measured = self._source.friction(seconds)
         outcome = friction_step(self._robot, measured, now())
         good = self._conclude("friction", "friction", outcome)
@@ -148,7 +148,7 @@ class Identification:
         return good
 
     def thresholds(self, seconds: float, per_hour: float) -> bool:
-        """Two levels per joint."""
+        """Identify two levels per joint."""
         outcome = thresholds_step(self._robot, self._source.thresholds(seconds), per_hour, now())
         return self._conclude("thresholds", "thresholds", outcome)
 
@@ -188,7 +188,7 @@ class Identification:
 def identification(
     config: Path | None, logs: tuple[Path, ...], socket: Path | None, *, dry: bool
 ) -> Identification:
-    """Of logs, or of the running daemon's arm; raises ContactdError."""
+    """Identification on logs, or on the arm of the running daemon. Raises ContactdError."""
     console = terminal()
     if logs:
         if config is None:
@@ -210,18 +210,20 @@ def identification(
 
 
 def from_here(path: Path) -> Path:
-    """An absolute path as short as a person would type it in this folder; whole in the root's,
-    where it would only look like another."""
+    """Path as a person would type it here: relative below the working directory, else absolute.
+
+    It stays absolute in the root directory, too, where a relative one would look like another.
+    """
     here = Path.cwd()
     inside = path.is_relative_to(here) and here != Path(here.root)
     return path.relative_to(here) if inside else path
 
 
 def terminal() -> Console:
-    """Nothing is folded away for a file or a pipe."""
+    """Console that is wide enough for a file or a pipe."""
     return Console() if sys.stdout.isatty() else Console(width=120)
 
 
 def now() -> str:
-    """UTC, to the second."""
+    """Time now as text: UTC, to the second."""
     return datetime.now(UTC).isoformat(timespec="seconds")

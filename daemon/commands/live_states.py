@@ -1,4 +1,4 @@
-"""What `contactctl` does with the states that stream from the daemon: shown live, recorded."""
+"""Live States of the daemon for `contactctl`: shown, streamed as JSON, recorded."""
 # ruff: noqa: PLC0415 - rich and mcap are imported by the command that needs them
 
 import os
@@ -20,7 +20,7 @@ FRAMES_PER_S = 10
 
 
 def show_live(client: "Client") -> None:
-    """Take every state, draw some."""
+    """Take every State and draw some, until interrupted."""
     from rich.live import Live
 
     from daemon.clients.dashboard import Dashboard, History
@@ -38,7 +38,7 @@ def show_live(client: "Client") -> None:
 
 
 def stream_json(client: "Client") -> None:
-    """The states as the daemon sends them, until the reader of the pipe has had enough."""
+    """Print the States as the daemon sends them, until the reader closes the pipe."""
     client.subscribe()
     try:
         while True:
@@ -53,7 +53,7 @@ def stream_json(client: "Client") -> None:
 def record_states(
     options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
 ) -> str:
-    """Every state, as MCAP; returns why it ended early, or nothing."""
+    """Record every State as MCAP. Returns why it ended early, or an empty text."""
     from daemon.clients.recorder import record
 
     begun = _announcement(options, file, seconds)
@@ -71,7 +71,7 @@ def record_states(
 def record_csv(
     options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
 ) -> str:
-    """Where the joints go, as CSV; returns why it ended early, or nothing."""
+    """Record joint positions as CSV. Returns why it ended early, or an empty text."""
     from daemon.clients.trajectory_recorder import record_trajectory
 
     begun = _announcement(options, file, seconds)
@@ -84,7 +84,7 @@ def record_csv(
 
 
 def _announcement(options: Options, file: Path, seconds: float | None) -> Callable[[], None]:
-    """What is said when a recording has begun; nothing to programs, nor where its end is known."""
+    """Callback that announces a recording to a person; silent for programs and with --seconds."""
 
     def announce() -> None:
         if not options.json and seconds is None:

@@ -1,6 +1,5 @@
-"""Options of the command lines: those that all commands of `contactctl` take, before or behind the
-command; and the types of paths and numbers.
-"""
+"""Options that all commands of `contactctl` take, before or after the command; types of paths and
+numbers for both command lines."""
 # ruff: noqa: PLC0415 - the client is imported by the command that needs it
 
 import math
@@ -16,20 +15,20 @@ if TYPE_CHECKING:
     from daemon.clients.client import Client
 
 
-# Left to click, a file that may not be read ends in a message and an exit status of its own.
-# Whoever opens it knows what it was for.
+# `readable=False`: click's own check would end with another message and exit status than ours. The
+# code that opens the file knows what it was for.
 PATH: Final = click.Path(path_type=Path, readable=False)
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What was said before the command."""
+    """Options given before the command."""
 
     socket: Path | None
     json: bool
 
     def connect(self) -> "Client":
-        """A connection to the daemon. Raises UnreachableError."""
+        """New connection to the daemon. Raises UnreachableError."""
         from daemon.clients.client import Client
 
         return Client(self.socket)
@@ -46,7 +45,7 @@ def _take_socket(ctx: click.Context, _: click.Parameter, given: Path | None) -> 
 
 
 class Command(click.Command):
-    """Takes the options of all commands, too, so that they may stand before or behind it."""
+    """Command that takes the common options, too, so that they may stand before or after it."""
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
@@ -54,7 +53,7 @@ class Command(click.Command):
 
 
 def socket_option(callback: Any = None) -> click.Option:
-    """--socket."""
+    """Option --socket."""
     return click.Option(
         ["--socket"],
         type=PATH,
@@ -66,7 +65,7 @@ def socket_option(callback: Any = None) -> click.Option:
 
 
 def json_option(callback: Any = None) -> click.Option:
-    """--json."""
+    """Option --json."""
     return click.Option(
         ["--json", "as_json"],
         is_flag=True,
@@ -77,16 +76,17 @@ def json_option(callback: Any = None) -> click.Option:
 
 
 class Group(click.Group):
-    """Lists the commands in the order of a session; one line on stderr for each of our errors."""
+    """Group that lists its commands in the order of a session, and turns an error of ours into one
+    line on stderr and its exit status."""
 
     command_class = Command
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """In the order in which they were defined."""
+        """Commands in the order in which they were defined."""
         return list(self.commands)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command; an error of ours gives the exit status."""
+        """Run the command; an error of ours sets the exit status."""
         try:
             return super().invoke(ctx)
         except ContactdError as error:
@@ -95,10 +95,10 @@ class Group(click.Group):
 
 
 class Range(click.FloatRange):
-    """A number between bounds; nan, which passes every comparison of `FloatRange`, is none."""
+    """Number between bounds; nan, which passes every comparison of `FloatRange`, is refused."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Raises BadParameter that names value and range; click adds the option."""
+        """Convert a value. Raises BadParameter with value and range; click adds the option."""
         number = super().convert(value, param, ctx)
         if math.isnan(number):
             self.fail(f"{number} is not in the range {self._describe_range()}.", param, ctx)

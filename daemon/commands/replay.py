@@ -1,4 +1,4 @@
-"""`contactd replay`: what a recording's estimates are worth today."""
+"""`contactd replay`: prints whether a recording's estimates are still bit-identical."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from daemon.clients.replay import replay
 
 
 def print_replay(file: Path, *, as_json: bool) -> bool:
-    """Report on `file`; True if it is whole and every estimate came out the same."""
+    """Replay `file` and report; True if it is whole and every estimate came out the same."""
     result = replay(file)
     whole = result.identical and not result.broken
     if as_json:

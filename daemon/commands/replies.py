@@ -1,4 +1,4 @@
-"""What comes of a command of `contactctl`: asked for, waited for, and said."""
+"""Commands of `contactctl` and their replies: sent, waited for, printed."""
 # ruff: noqa: PLC0415 - messages are imported by the command that needs them
 
 import sys
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 WAIT_S = 5.0
 POLL_S = 0.02
 
-# Where a command leads to, when it takes a while: waited for unless told otherwise.
+# Modes that a command leads to when it takes a while: waited for unless `--no-wait`.
 GOALS: dict[str, frozenset[str]] = {
     "enable": frozenset({Mode.HOLDING}),
     "pause": frozenset({Mode.HOLDING}),
@@ -26,12 +26,12 @@ GOALS: dict[str, frozenset[str]] = {
     "disable": frozenset({Mode.OFF}),
 }
 RESTING = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})  # nothing leaves these by itself
-YIELDING = frozenset({Mode.ADMITTANCE, Mode.RETRACTING})  # until nobody touches the arm any more
+YIELDING = frozenset({Mode.ADMITTANCE, Mode.RETRACTING})  # until the person lets go of the arm
 
 
 def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
-    """Ask for `command`, wait where it takes a while, and say where it ended; exit 1 if not. Where
-    there is nothing to wait for, the daemon's answer says it."""
+    """Send `command`, wait if it takes a while, and print where it ended; exit 1 on failure. With
+    nothing to wait for, the daemon's reply is printed."""
     with options.connect() as client:
         reply = client.request(command)
         if wait and reply.ok and reply.mode not in GOALS[command]:
@@ -40,7 +40,7 @@ def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
 
 
 def answer(options: Options, reply: "Reply") -> None:
-    """What came of it, on stdout or stderr; exit 1 if nothing did."""
+    """Print a reply on stdout, or a refusal on stderr and exit 1."""
     if options.json:
         print_json(reply)
     else:
@@ -48,7 +48,7 @@ def answer(options: Options, reply: "Reply") -> None:
             click.echo(check, err=not reply.ok)
         said = reply.message or (reply.mode if reply.ok else "refused")
         click.echo(said if reply.ok else f"contactctl: {said}", err=not reply.ok)
-        # The checks have said it already.
+        # The failed checks are the reasons, already printed.
         for reason in reply.reasons if not reply.checks else ():
             click.echo(f"  - {reason}", err=True)
     if not reply.ok:
@@ -59,7 +59,7 @@ def wait_for(
     client: "Client", first: "Reply", goal: frozenset[str], *, yields: bool = False
 ) -> "Reply":
     """Poll until the mode is in `goal`, comes to rest elsewhere, or WAIT_S have passed; with
-    `yields` also while somebody has the arm, who may keep it for minutes."""
+    `yields` also while a person guides the arm, perhaps for minutes."""
     from daemon.protocol.messages import Reply
 
     deadline = time.monotonic() + WAIT_S
@@ -84,7 +84,7 @@ def wait_for(
 
 
 def status_of(client: "Client") -> "Status":
-    """What the daemon says of itself. Raises ControlError."""
+    """Status of the daemon. Raises ControlError."""
     reply = client.request("status")
     if reply.status is None:
         raise ControlError("; ".join([reply.message or "no status", *reply.reasons]))

@@ -1,4 +1,4 @@
-"""`contactd simulate`: the other end of the bus, in a process of its own."""
+"""`contactd simulate`: the simulated arm at the other end of the bus, in a process of its own."""
 
 import sys
 from pathlib import Path
@@ -21,7 +21,7 @@ def run_simulation(robot: Robot, seed: int | None, friction: str | None, hand: P
     settings = msgspec.structs.replace(simulation.settings, **changes)
     description = describe(robot, simulation)
     script = read_script(hand) if hand else ()
-    # Drives are punctual; a simulated one has to be granted it.
+    # Real drives are punctual; simulated ones need real-time priority for it.
     go_realtime()
     bus = robot.configuration.bus
     events = sys.stdout.buffer

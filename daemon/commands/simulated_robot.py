@@ -1,5 +1,5 @@
-"""From a robot's configuration to its simulated counterpart: the nominal arm, and how far the
-true one is off (`simulation.yaml` beside `config.yaml`; defaults where there is none)."""
+"""Simulated counterpart of a robot: the nominal arm from its configuration, and the deviations of
+the true one (`simulation.yaml` beside `config.yaml`; defaults where there is none)."""
 
 import msgspec
 
@@ -13,14 +13,14 @@ from simulator.description import ArmDescription, JointDescription, SimulationSe
 
 
 class SimulationFile(Settings, frozen=True):
-    """What `simulation.yaml` may say."""
+    """Schema of `simulation.yaml`."""
 
     initial_position: dict[str, float] = msgspec.field(default_factory=dict)  # [rad], others 0
     settings: SimulationSettings = SimulationSettings()
 
 
 def read_simulation(robot: Robot) -> SimulationFile:
-    """Of this robot. Raises ConfigurationError."""
+    """Settings of the robot's simulation. Raises ConfigurationError."""
     path = robot.folder / "simulation.yaml"
     if not path.exists():
         return SimulationFile()
@@ -37,13 +37,16 @@ def read_simulation(robot: Robot) -> SimulationFile:
 
 
 def describe(robot: Robot, simulation: SimulationFile) -> ArmDescription:
-    """The nominal arm, as its maker would describe it: what was identified is left out, or the arm
-    would change with what is thought of it. Raises ConfigurationError."""
+    """Nominal arm, as its maker would describe it. Identified values are left out, or the arm would
+    change with every identification. Raises ConfigurationError."""
     configuration = robot.by_hand or robot.configuration
     model = Model(robot.urdf, configuration.joint_names)
     profiles = {joint.wiring.profile for joint in configuration.joints}
     if len(profiles) > 1:
-        raise ConfigurationError(f"{robot.path}: only one kind of drive can be simulated")
+        raise ConfigurationError(
+            f"{robot.path}: drives: the joints use {', '.join(sorted(profiles))}; only one profile "
+            "can be simulated"
+        )
     return ArmDescription(
         urdf=robot.folder / configuration.urdf,
         eds=robot.folder / configuration.drives[profiles.pop()].eds,
@@ -61,7 +64,7 @@ def describe(robot: Robot, simulation: SimulationFile) -> ArmDescription:
 
 
 def _joint(joint: Joint, lower: float, upper: float, start: float) -> JointDescription:
-    """End stops are the URDF's limits; the daemon's own lie inside."""
+    """Nominal joint, whose end stops are the URDF's limits; the daemon's own lie inside."""
     return JointDescription(
         name=joint.name,
         node=joint.wiring.node,

@@ -13,21 +13,22 @@ _POSES = 2000
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """Of one joint [Nm at the link]."""
+    """Worst load of one joint [Nm at the link]."""
 
     gravity: float  # largest within the limits of all joints
     motor: float  # at its largest current
 
     @property
     def too_much(self) -> bool:
-        """The motor alone cannot hold the arm in every pose."""
+        """True if the motor alone cannot hold the arm in every pose."""
         return self.gravity > self.motor
 
 
 def worst_loads(c: Configuration, urdf: str) -> list[Load]:
-    """Per joint, max |g_i(q)| over poses within the limits, and K_c times the largest current.
+    """Worst load of each joint: max |g_i(q)| over poses within the limits, beside K_c times the
+    largest current.
 
-    The poses are drawn, always the same; the true maximum is up to some per cent more.
+    The poses are random, always the same; the true maximum is up to some per cent more.
     """
     model = Model(urdf, c.joint_names)
     lower = np.array([joint.limits.lower for joint in c.joints])
@@ -47,20 +48,20 @@ def worst_loads(c: Configuration, urdf: str) -> list[Load]:
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """After the last heartbeat, at the joint's velocity limit [rad at the link]."""
+    """Travel after the last heartbeat, at the joint's velocity limit [rad at the link]."""
 
     unaware: float  # until the drive misses the heartbeat
     braking: float  # while it decelerates
 
     @property
     def total(self) -> float:
-        """Between the daemon's death and standstill, at worst."""
+        """Travel between the daemon's death and standstill, at worst [rad]."""
         return self.unaware + self.braking
 
 
 def worst_travel(joint: Joint, profile: DriveProfile) -> Travel:
-    """v t + v^2 / (2 a): full speed v for the drive's patience t (0x1016), then its quick stop
-    with deceleration a."""
+    """Worst travel v t + v^2 / (2 a): full speed v for the drive's patience t (0x1016), then its
+    quick stop with deceleration a."""
     v = joint.limits.velocity
     return Travel(
         unaware=v * profile.master_timeout_ms / 1000.0,

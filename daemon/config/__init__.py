@@ -1,1 +1,1 @@
-"""The configuration of one arm: its schema, its strict reading, its cross-checks."""
+"""Configuration of one arm: its schema, its strict reading, its cross-checks."""

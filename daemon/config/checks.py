@@ -1,4 +1,4 @@
-"""What must fit together in a configuration. All findings are listed at once."""
+"""Cross-checks between the fields of a configuration. All problems are listed at once."""
 
 import math
 from collections import Counter
@@ -6,18 +6,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from daemon.config.counts import misfits
+from daemon.config.counts import unrepresentable
 from daemon.config.schema import Configuration, Joint
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup, problems
 from drivers.can.bus_load import refuse_overload
+from drivers.drive import Drive
 from errors import ConfigurationError, ModelError
 from estimator.model import Model
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that does not fit: where in the file, and what is allowed."""
+    """One thing that is wrong: its place in the file, and what is allowed."""
 
     keys: list[str | int]
     where: str
@@ -25,7 +26,10 @@ class Problem:
 
 
 def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[Problem]:
-    """Everything wrong with a configuration whose types and ranges are right."""
+    """Everything wrong with a configuration whose types and ranges are right.
+
+    `folder` is what its paths are relative to.
+    """
     findings = [
         *_names_and_nodes(configuration),
         *_joints(configuration),
@@ -35,7 +39,7 @@ def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[
         *_trajectory(configuration),
         *_urdf(configuration, urdf),
     ]
-    # The load can only be computed of a bus whose drives are described without contradiction.
+    # The load of the bus can only be computed where everything else is right.
     return findings or list(_load(configuration))
 
 
@@ -86,7 +90,8 @@ def _joints(c: Configuration) -> Iterator[Problem]:
         spring = joint.gap_spring
         if joint.half_gap == 0 and (spring.stiffness > 0 or spring.damping > 0):
             yield Problem(
-                *_at(i, joint, "gap_spring"), "must be zero where half_gap is 0: there is no border"
+                *_at(i, joint, "gap_spring"),
+                "must be zero where half_gap is 0: without a gap there are no borders",
             )
 
 
@@ -96,8 +101,8 @@ def _estimator(c: Configuration) -> Iterator[Problem]:
         yield Problem(
             ["estimator", "gain"],
             "estimator.gain",
-            f"{gain:g} /s rings at a period of {c.period_ms} ms: T K must be less than 2, "
-            f"so less than {limit:g} /s",
+            f"{gain:g} /s makes the residual oscillate at a period of {c.period_ms} ms: T K must "
+            f"be less than 2, so less than {limit:g} /s",
         )
     if c.estimator.motor_position == "measured":
         for i, joint in enumerate(c.joints):
@@ -107,7 +112,8 @@ def _estimator(c: Configuration) -> Iterator[Problem]:
                 yield Problem(
                     *_at(i, joint, "wiring", "profile"),
                     f"`{joint.wiring.profile}` sends no motor_position, which "
-                    "estimator.motor_position: measured needs (or choose integrated)",
+                    "estimator.motor_position: measured needs: list it under `tpdo`, or choose "
+                    "integrated",
                 )
 
 
@@ -129,15 +135,13 @@ def _profiles(c: Configuration, folder: Path) -> Iterator[Problem]:
 
 
 def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
-    """What the EDS says against a profile and the joints that use it, each complaint once."""
+    """Contradictions between an EDS and a profile with the joints that use it, each once."""
     profile = c.drives[name]
     try:
         sheet = load_data_sheet(folder / profile.eds)
         setups = [
             DriveSetup(
-                joint.name,
-                joint.wiring,
-                profile,
+                Drive(joint.name, joint.wiring, profile),
                 sheet,
                 joint.limits.velocity,
                 joint.limits.quick_stop,
@@ -154,7 +158,7 @@ def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
 def _counts(c: Configuration) -> Iterator[Problem]:
     for i, joint in enumerate(c.joints):
         profile = c.drives.get(joint.wiring.profile)
-        for entry, what in misfits(joint, profile) if profile else ():
+        for entry, what in unrepresentable(joint, profile) if profile else ():
             keys, where = _at(i, joint, "wiring")
             yield Problem(keys, where, f"{joint.wiring.profile}.{entry}: {what}")
 
@@ -163,7 +167,9 @@ def _trajectory(c: Configuration) -> Iterator[Problem]:
     joints = {joint.name: joint for joint in c.joints}
     if c.trajectory.file is not None and c.trajectory.sinusoids:
         yield Problem(
-            ["trajectory", "file"], "trajectory.file", "either a file or sinusoids, not both"
+            ["trajectory", "file"],
+            "trajectory.file",
+            f"`{c.trajectory.file}` beside trajectory.sinusoids: give either a file or sinusoids",
         )
     for name, wave in c.trajectory.sinusoids.items():
         keys: list[str | int] = ["trajectory", "sinusoids", name]
@@ -189,7 +195,8 @@ def _trajectory(c: Configuration) -> Iterator[Problem]:
             yield Problem(
                 keys,
                 where,
-                f"does not fit between the limits {limits.lower:g} and {limits.upper:g}",
+                f"its swing of {2 * wave.amplitude:g} rad does not fit between the limits "
+                f"{limits.lower:g} and {limits.upper:g}",
             )
 
 
@@ -210,8 +217,7 @@ def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
 
 
 def _load(c: Configuration) -> Iterator[Problem]:
-    joints = [(joint.name, joint.wiring) for joint in c.joints]
     try:
-        refuse_overload(joints, c.drives, c.period_s, c.bus.bitrate)
+        refuse_overload(c.joint_drives, c.period_s, c.bus.bitrate)
     except ConfigurationError as error:
         yield Problem(["bus", "bitrate"], "bus.bitrate", str(error))

@@ -1,18 +1,19 @@
-"""Whether the drives' counts can express what the joints are allowed to do."""
+"""Range and resolution of the drives' counts against the limits of the joints."""
 
 from collections.abc import Iterator
 
 from daemon.config.schema import Joint
 from drivers.codec import link_side, quantity, type_limits
+from drivers.drive import Drive
 from drivers.settings import DriveProfile, PdoEntry
 
-#: A setpoint that is coarser than this share of the velocity limit is a mistaken scale.
+#: Largest step of a setpoint, as a share of the velocity limit; a coarser one is a wrong scale.
 COARSEST = 0.25
 
 
-def misfits(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, str]]:
-    """(quantity, what does not fit) of one joint with its drive."""
-    limits = joint.limits
+def unrepresentable(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, str]]:
+    """(quantity, reason) for each quantity of a joint that the counts of its drive cannot hold."""
+    drive, limits = Drive(joint.name, joint.wiring, profile), joint.limits
     spans: tuple[tuple[PdoEntry, float, float, str], ...] = (
         ("target_velocity", -limits.velocity, limits.velocity, "rad/s"),
         ("motor_velocity", -limits.velocity, limits.velocity, "rad/s"),
@@ -20,7 +21,7 @@ def misfits(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, str]]:
     )
     for entry, *span, unit in spans:
         where = quantity(profile, entry)
-        gain, bias = link_side(profile, joint.wiring, entry)
+        gain, bias = link_side(drive, entry)
         lowest, highest = sorted(gain * counts + bias for counts in type_limits(where.type))
         if not lowest <= min(span) <= max(span) <= highest:
             yield (
@@ -28,7 +29,7 @@ def misfits(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, str]]:
                 f"{where.type} counts reach from {lowest:.4g} to {highest:.4g} {unit} at the link; "
                 f"the limits are {min(span):g} and {max(span):g}",
             )
-    step = abs(link_side(profile, joint.wiring, "target_velocity")[0])
+    step = abs(link_side(drive, "target_velocity")[0])
     if step > COARSEST * limits.velocity:
         yield (
             "target_velocity",

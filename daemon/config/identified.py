@@ -1,4 +1,4 @@
-"""`identified.yaml`: what `contactd identify` found out about one arm, beside its configuration.
+"""`identified.yaml`: the parameters that `contactd identify` found, beside the configuration.
 
 Each joint has an entry per step, written when the step passed. Values here replace those of
 `config.yaml`; the daemon refuses to arm with a file that belongs to other drives or to another
@@ -19,26 +19,24 @@ from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Leve
 from drivers.settings import Settings
 from errors import ConfigurationError
 
-FILE = "identified.yaml"
-STEPS = ("wiring", "gap", "friction", "thresholds")
 NotNegative = Annotated[float, Meta(ge=0)]
 
 
 class Entry(Settings, frozen=True):
-    """When a step passed, and on which measurements."""
+    """Date of a step that passed, and the measurements behind it."""
 
     date: str
     log: str  # sha256 of what was measured
 
 
-class Wiring(Entry, frozen=True):
-    """Signs and scales agree."""
+class WiringEntry(Entry, frozen=True):
+    """Wiring whose signs and scales agree."""
 
     follows: float  # link motion over motor motion
 
 
-class Gap(Entry, frozen=True):
-    """half_gap [rad] and half its 95 % interval; skew between the encoders, where it showed."""
+class GapEntry(Entry, frozen=True):
+    """Half-gap [rad] and half its 95 % interval; skew between the encoders, where it showed."""
 
     half_gap: Annotated[float, Meta(ge=0, le=0.5)]
     confidence: NotNegative
@@ -46,17 +44,17 @@ class Gap(Entry, frozen=True):
 
 
 class FrictionEntry(Entry, frozen=True):
-    """Coefficients of (6) with standard errors of what was identified: K_theta, B, ..."""
+    """Coefficients of eq. (6), with standard errors of those identified: K_theta, B, ..."""
 
     friction: Friction
     errors: dict[str, float]
     r2: float
     condition: float
     gap_spring: GapSpring = GapSpring()
-    rotor_inertia: NotNegative | None = None  # None where the current cannot tell
+    rotor_inertia: NotNegative | None = None  # None where the current does not show it
 
 
-class Thresholds(Entry, frozen=True):
+class ThresholdsEntry(Entry, frozen=True):
     """Levels [Nm] at a rate of false alarms per hour, and the largest |r| that was seen."""
 
     thresholds: Levels
@@ -65,17 +63,17 @@ class Thresholds(Entry, frozen=True):
 
 
 class IdentifiedJoint(Settings, frozen=True):
-    """What is known of one joint, and of which drive."""
+    """Entries of one joint, and the serial number of the drive that they were measured on."""
 
     serial: int | None = None  # 0x1018:4; None where the drive keeps it to itself
-    wiring: Wiring | None = None
-    gap: Gap | None = None
+    wiring: WiringEntry | None = None
+    gap: GapEntry | None = None
     friction: FrictionEntry | None = None
-    thresholds: Thresholds | None = None
+    thresholds: ThresholdsEntry | None = None
 
 
 class Identified(Settings, frozen=True):
-    """The whole file."""
+    """Content of the file."""
 
     version: Literal[1] = 1
     configuration: str = ""  # `fingerprint` of what the values depend on
@@ -83,14 +81,14 @@ class Identified(Settings, frozen=True):
 
 
 def fingerprint(c: Configuration, urdf: str) -> str:
-    """Of everything in a configuration that changes what the measurements mean: drives, wiring,
-    torque constants, period, URDF. Limits, gains and old values do not."""
+    """SHA-256 of everything in a configuration that changes what the measurements mean: drives,
+    wiring, torque constants, period, URDF. Limits, gains and old values do not."""
     about = (c.drives, [(j.name, j.wiring, j.torque_constant) for j in c.joints], c.period_ms, urdf)
     return hashlib.sha256(msgspec.json.encode(about, order="sorted")).hexdigest()
 
 
 def samples_alike(a: Configuration, b: Configuration) -> bool:
-    """Whether samples mean the same with either: drives, wiring and period."""
+    """True where samples mean the same with either: drives, wiring and period are equal."""
 
     def about(c: Configuration) -> object:
         return c.drives, [(j.name, j.wiring) for j in c.joints], c.period_ms
@@ -99,7 +97,7 @@ def samples_alike(a: Configuration, b: Configuration) -> bool:
 
 
 def residuals_alike(a: Configuration, b: Configuration) -> bool:
-    """Whether residuals do: the estimator, and what it believes of the joints, too."""
+    """True where residuals do: the estimator and its parameters of the joints are equal, too."""
 
     def about(c: Configuration) -> object:
         joints = [
@@ -112,7 +110,7 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
 
 
 def applied(c: Configuration, found: Identified) -> Configuration:
-    """The configuration with what was identified in the place of what was written by hand."""
+    """Configuration in which identified values replace those written by hand."""
     return msgspec.structs.replace(
         c, joints=[_applied(joint, found.joints.get(joint.name)) for joint in c.joints]
     )
@@ -138,10 +136,10 @@ def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
 def objections(
     found: Identified | None, c: Configuration, urdf: str, serials: dict[str, int | None]
 ) -> list[str]:
-    """Why this arm may not be armed with this file; empty if it may.
+    """Reasons not to arm this arm with this file; empty if there are none.
 
-    serials: of the drives that answered, by joint. Simulated arms are no exception: those of
-    `configs/` come with a file of their own, which fits no other drives.
+    `serials` are those of the drives that answered, by joint. Simulated arms are no exception:
+    those of `configs/` come with a file of their own, which fits no other drives.
     """
     reasons = []
     if found is not None and found.configuration != fingerprint(c, urdf):

@@ -1,5 +1,7 @@
-"""From files to a checked `Configuration`; every refusal names file, line, path and what is
-allowed."""
+"""Loading of a robot: from its files to a checked `Configuration`.
+
+Every error names file, line, path in the file, value and what is allowed.
+"""
 
 import os
 import re
@@ -32,22 +34,22 @@ class Robot:
     text: str  # of config.yaml
     urdf: str  # text of the URDF
     recorded: SampledPath | None = None  # of trajectory.file
-    identified: Identified | None = None  # values of it are in `configuration` already
+    identified: Identified | None = None  # its values are in `configuration` already
     identified_text: str = ""  # of identified.yaml
     by_hand: Configuration | None = None  # as written in config.yaml, where the two differ
 
     @property
     def folder(self) -> Path:
-        """What relative paths in the configuration start from."""
+        """Folder that paths in the configuration are relative to."""
         return self.path.parent
 
     def place(self) -> Path:
-        """`path` for those who run in another folder; asks the file system. A link that stands for
-        config.yaml itself is kept: what the file refers to lies beside the link."""
+        """Absolute path of config.yaml, for processes in other folders; asks the file system. A
+        link in the place of config.yaml is kept: its files lie beside the link."""
         return self.folder.resolve() / self.path.name
 
     def with_port(self, port: int | None) -> "Robot":
-        """The same robot on another TCP port, if one is given."""
+        """Copy of the robot on another TCP port; the robot itself if `port` is None."""
         if port is None:
             return self
         bus = msgspec.structs.replace(self.configuration.bus, port=port)
@@ -59,7 +61,7 @@ def load_robot(path: Path) -> Robot:
 
     Raises ConfigurationError; types stop at the first error, cross-checks list all.
     """
-    if os.path.isdir(path):  # False, too, where nobody may look
+    if os.path.isdir(path):  # false also if its folder may not be searched
         path = path / "config.yaml"
     source = read_yaml(path)
     configuration = convert(source, Configuration)
@@ -86,7 +88,7 @@ def load_robot(path: Path) -> Robot:
 
 
 def _with_identified(robot: Robot) -> Robot:
-    """With the values of identified.yaml, where there is one, in the place of hand-written ones."""
+    """Robot with the values of identified.yaml, if there is one, in place of hand-written ones."""
     path = robot.folder / robot.configuration.identified
     if not path.exists():
         return robot
@@ -111,13 +113,17 @@ def _identified(source: Source, configuration: Configuration) -> tuple[str, Iden
         if name not in configuration.joint_names:
             line = source.line(["joints", name])
             known = ", ".join(configuration.joint_names)
-            raise ConfigurationError(f"{source.path}:{line}: no joint {name}; there are: {known}")
+            raise ConfigurationError(
+                f"{source.path}:{line}: joints: no joint {name}; there are: {known}"
+            )
     return source.text, found
 
 
 def parse_configuration(text: str, name: str, identified: str = "") -> Configuration:
-    """Of the text of a `config.yaml`, and of `identified.yaml` where there was one; `name` is for
-    messages."""
+    """Configuration from the text of `config.yaml` and, where there was one, of `identified.yaml`.
+
+    `name` is for messages. Raises ConfigurationError. There are no cross-checks.
+    """
     configuration = convert(parse_yaml(text, Path(name)), Configuration)
     if identified:
         found = _identified(parse_yaml(identified, Path(f"{name}, identified")), configuration)[1]
@@ -126,9 +132,10 @@ def parse_configuration(text: str, name: str, identified: str = "") -> Configura
 
 
 def convert(source: Source, kind: type[T]) -> T:
-    """Plain data into `kind`, with msgspec's message put on its line.
+    """Plain data as an object of `kind`.
 
-    A number without a fraction is fine where a float is asked for; nothing else is coerced.
+    An integer may stand for a float; nothing else is coerced. Raises ConfigurationError: msgspec's
+    message with file, line, path, value and what is allowed.
     """
     try:
         return msgspec.convert(source.data, kind)
@@ -157,7 +164,7 @@ def convert(source: Source, kind: type[T]) -> T:
 
 
 def _keys(where: str, data: Any) -> list[str | int]:
-    """msgspec's `.joints[2].limits` as steps; it writes `[...]` for 'some key of this mapping'."""
+    """Steps of msgspec's `.joints[2].limits`; it writes `[...]` for 'some key of this mapping'."""
     keys: list[str | int] = []
     for name, index in _STEP.findall(where):
         if name:
@@ -187,7 +194,7 @@ def _value_at(keys: list[str | int], data: Any) -> str:
 
 
 def _spell(keys: list[str | int], data: Any) -> str:
-    """`joints[2] (LElbowRoll).limits.velocity`: a person counts neither from zero nor at all."""
+    """Path such as `joints[2] (LElbowRoll).limits.velocity`: entries are named, for people."""
     text = ""
     for depth, key in enumerate(keys):
         if isinstance(key, int):
@@ -200,7 +207,7 @@ def _spell(keys: list[str | int], data: Any) -> str:
 
 
 def _type_at(kind: Any, keys: list[str | int]) -> Any:
-    """What is expected at the end of `keys`, from msgspec's own view of the types."""
+    """Type expected at the end of `keys`, as msgspec describes it."""
     node: Any = msgspec.inspect.type_info(kind)
     for key in keys:
         node = _struct_of(node)
@@ -214,7 +221,7 @@ def _type_at(kind: Any, keys: list[str | int]) -> Any:
 
 
 def _struct_of(node: Any) -> Any:
-    """The struct among the choices of a union, where there is one."""
+    """Struct among the choices of a union, where there is one."""
     if isinstance(node, msgspec.inspect.UnionType):
         return next((t for t in node.types if hasattr(t, "fields")), node)
     return node
@@ -227,7 +234,7 @@ def _fields_at(kind: Any, keys: list[str | int]) -> list[str]:
 
 
 def _choices_at(kind: Any, keys: list[str | int], of_a_key: bool) -> list[str]:
-    """Values, or keys, that are allowed at the end of `keys`, where they are few."""
+    """Values, or keys, that are allowed at the end of `keys`; empty if they are no list."""
     node = _type_at(kind, keys)
     if of_a_key:
         node = node.key_type

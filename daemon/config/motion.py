@@ -1,4 +1,4 @@
-"""What the configuration says about motion, as arrays and paths."""
+"""Limits and trajectories of a configuration, as arrays and paths."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,12 +15,12 @@ from errors import TrajectoryError
 
 
 def row(c: Configuration, of: Callable[[Joint], float]) -> Vector:
-    """One figure of every joint, (n,)."""
+    """Row with one figure of every joint, (n,)."""
     return np.array([of(joint) for joint in c.joints], dtype=np.float64)
 
 
 def limits_of(c: Configuration) -> Limits:
-    """What no setpoint goes beyond."""
+    """Limits of every setpoint."""
     return Limits(
         lower=row(c, lambda j: j.limits.lower),
         upper=row(c, lambda j: j.limits.upper),
@@ -33,7 +33,7 @@ def limits_of(c: Configuration) -> Limits:
 
 
 def sinusoids_of(c: Configuration) -> Sinusoids:
-    """The configured trajectory; joints without a sinusoid hold."""
+    """Configured sinusoids; joints without one hold."""
     waves = [c.trajectory.sinusoids.get(joint.name) for joint in c.joints]
     return Sinusoids(
         amplitude=np.array([wave.amplitude if wave else 0.0 for wave in waves]),
@@ -42,8 +42,8 @@ def sinusoids_of(c: Configuration) -> Sinusoids:
 
 
 def recorded_path(c: Configuration, folder: Path) -> SampledPath | None:
-    """The trajectory of `trajectory.file`, if there is one; raises TrajectoryError with its line
-    and the reason if it cannot be run."""
+    """Trajectory of `trajectory.file`, or None without one. Raises TrajectoryError, with the line
+    and the reason, if it cannot be run."""
     if c.trajectory.file is None:
         return None
     file = read_trajectory(folder / c.trajectory.file, c.joint_names)

@@ -1,4 +1,4 @@
-"""What `config.yaml` may say. Types and bounds here; what joins several fields in `checks`."""
+"""Schema of `config.yaml`: types and bounds of each field; `checks` has what joins several."""
 
 from typing import Annotated, Literal
 
@@ -7,6 +7,7 @@ from msgspec import Meta
 
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.motion.admittance import MAX_GAIN
+from drivers.drive import Drive
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
 from estimator.settings import EstimatorSettings
 from estimator.transmission import STICTION
@@ -32,8 +33,8 @@ class Friction(Settings, frozen=True):
 
 
 class GapSpring(Settings, frozen=True):
-    """K_phi_p [Nm/rad] and K_phi_d [Nm s/rad] of eq. (5): a fit's correction, not the stiffness
-    of the gear, and zero unless identification showed a gain."""
+    """K_phi_p [Nm/rad] and K_phi_d [Nm s/rad] of eq. (5): a correction from a fit, not the
+    stiffness of the gear, and zero unless the identification found that it helps."""
 
     stiffness: NotNegative = 0.0
     damping: NotNegative = 0.0
@@ -48,7 +49,7 @@ class Levels(Settings, frozen=True):
 
 
 class JointLimits(Settings, frozen=True):
-    """What the daemon never commands beyond, at the link: rad, rad/s, rad/s2."""
+    """Limits of all commands, at the link: rad, rad/s, rad/s2."""
 
     lower: float  # [rad]
     upper: float  # [rad]
@@ -71,23 +72,23 @@ class Joint(Settings, frozen=True):
     admittance_gain: Annotated[float, Meta(ge=0, le=MAX_GAIN)]  # K_a [rad/s per Nm]
     virtual_mass_s: VirtualMass | None = None  # instead of `admittance.virtual_mass_s`
     gap_spring: GapSpring = GapSpring()
-    # How the joint ends when the daemon lets go of it: `hold` leaves the drive in quick stop,
+    # State of the joint when the daemon ends: `hold` leaves the drive in quick stop,
     # where it holds by itself; `brake` and `limp` take its torque away.
     end: Literal["hold", "brake", "limp"] = "hold"
 
 
 class PositionLoop(Settings, frozen=True):
-    """The loop on link position that turns a reference into a target velocity."""
+    """Loop on link position that turns a reference into a target velocity."""
 
     # Quiet up to 8 /s, cycles in the gap at 40 /s.
     position_gain: Annotated[float, Meta(gt=0, le=15)] = 8.0
-    # How long a joint takes to move as the setpoint in force says: the time constant of the drive's
-    # velocity loop. Braking before a joint limit begins that much earlier.
+    # Time constant of the drive's velocity loop, with which a joint follows a new setpoint. Braking
+    # before a joint limit begins that much earlier.
     drive_lag_ms: Annotated[float, Meta(ge=0, le=100)] = 10.0
 
 
 class Admittance(Settings, frozen=True):
-    """Eq. (15) on the thresholded residual, and what bounds it."""
+    """Admittance, eq. (15), on the thresholded residual, and its bounds."""
 
     quiet_s: Annotated[float, Meta(ge=0.1, le=60)] = 2.0  # without a contact, until the arm goes on
     virtual_mass_s: VirtualMass = 0.05  # time constant of the velocity; 0 is none [s]
@@ -99,8 +100,8 @@ class Admittance(Settings, frozen=True):
 
 
 class ReactionSettings(Settings, frozen=True):
-    """What a contact leads to while the arm is armed. While it is not, a contact is only reported
-    and a collision stops the arm, whatever is said here."""
+    """Reactions of the armed arm to contact. While it is not armed, a contact is only reported
+    and a collision stops the arm, whatever is chosen here."""
 
     contact: ContactReaction = ContactReaction.ADMITTANCE  # beyond `thresholds.contact`
     collision: ContactReaction = ContactReaction.ADMITTANCE  # beyond `thresholds.collision`
@@ -109,18 +110,18 @@ class ReactionSettings(Settings, frozen=True):
 
 
 class Sinusoid(Settings, frozen=True):
-    """q = q0 + amplitude * sin(2 pi frequency t), around wherever the joint stands."""
+    """Motion q = q0 + amplitude * sin(2 pi frequency t) around the position q0 at its start."""
 
     amplitude: Annotated[float, Meta(gt=0, le=3.2)]  # [rad]
     frequency_Hz: Annotated[float, Meta(gt=0, le=5)]
 
 
 class Trajectory(Settings, frozen=True):
-    """What the joints do after `contactctl start`; a joint that is not named holds."""
+    """Trajectory that `contactctl start` runs; a joint that is not named holds."""
 
     sinusoids: dict[str, Sinusoid] = msgspec.field(default_factory=dict)  # by joint
     file: Name | None = None  # instead: a CSV file, relative to the configuration
-    from_here: bool = False  # run the file from wherever the arm stands, as sinusoids are
+    from_here: bool = False  # run the file from any pose of the arm, as sinusoids are
     ramp_s: Annotated[float, Meta(ge=0.1, le=30)] = 2.0  # from standstill to full speed
 
 
@@ -131,15 +132,15 @@ class FaultSettings(Settings, frozen=True):
     overrun_ticks: Ticks = 5  # deadlines missed in a row
     # Until every drive is in operation, else off.
     enable_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0
-    # Until the arm stands, else a fault. An ending daemon waits so long, and two seconds for the
-    # drives, and must be through before systemd kills it (TimeoutStopSec=30).
+    # Until the arm stands, else a fault. An ending daemon waits this long, and two seconds for the
+    # drives; it must end before systemd kills it (TimeoutStopSec=30).
     stop_timeout_s: Annotated[float, Meta(gt=0, le=25)] = 3.0
     saturated_ticks: Ticks = 20  # ticks in a row at the current limit
-    # What the measurements are believed beyond what the joint can do by itself.
+    # How far a measurement may exceed what the joint can do by itself, and still be believed.
     position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, a bent gear, a push [rad]
     speed_margin: Annotated[float, Meta(gt=1, le=10)] = 2.0  # times limits.velocity
-    # What a motor may differ from its setpoints while its drive does not press: times
-    # limits.velocity. A soft velocity loop needs more (porting.md, step 8).
+    # How far a motor's speed may differ from its setpoints while its current does not push it
+    # towards them: times limits.velocity. A soft velocity loop needs more (porting.md, step 8).
     following_margin: Annotated[float, Meta(gt=0, le=10)] = 0.2
     residual_margin: Annotated[float, Meta(gt=1, le=100)] = 4.0  # times thresholds.collision
 
@@ -152,7 +153,7 @@ class Configuration(Settings, frozen=True):
     urdf: Name  # path, relative to the configuration
     period_ms: Annotated[int, Meta(ge=1, le=100)]  # of the loop, T, and of SYNC
     bus: BusSettings
-    # By a name of your own, which `wiring.profile` of a joint says.
+    # Each under a name of your own, to which `wiring.profile` of a joint refers.
     drives: Annotated[dict[str, DriveProfile], Meta(min_length=1)]
     joints: Annotated[list[Joint], Meta(min_length=1, max_length=32)]
     identified: Name = "identified.yaml"  # beside the configuration; need not exist
@@ -165,10 +166,18 @@ class Configuration(Settings, frozen=True):
 
     @property
     def period_s(self) -> float:
-        """T, in seconds."""
+        """Period T [s]."""
         return self.period_ms / 1000.0
 
     @property
     def joint_names(self) -> list[str]:
-        """In the order of every vector."""
+        """Names of the joints, in the order of every vector."""
         return [joint.name for joint in self.joints]
+
+    @property
+    def joint_drives(self) -> tuple[Drive, ...]:
+        """The drive of each joint, in the same order."""
+        return tuple(
+            Drive(joint.name, joint.wiring, self.drives[joint.wiring.profile])
+            for joint in self.joints
+        )

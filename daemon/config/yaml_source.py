@@ -1,4 +1,4 @@
-"""YAML, read strictly: no duplicate keys, no NaN, numbers as YAML 1.2 writes them, and for every
+"""Strict reader of YAML: no duplicate keys, no NaN, numbers as YAML 1.2 writes them, and for every
 value the line it came from."""
 
 import math
@@ -13,8 +13,9 @@ from errors import ConfigurationError
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """PyYAML follows YAML 1.1: it reads `1e-3` as text, `off` as a boolean, `010` as 8 and `2:00`
-    as 120, and takes the last of two equal keys in silence. None of this may happen to a limit."""
+    """Loader without the surprises of YAML 1.1. PyYAML by itself reads `1e-3` as text, `off` as a
+    boolean, `010` as 8 and `2:00` as 120, and takes the last of two equal keys in silence: none
+    of this may happen to a limit."""
 
     yaml_implicit_resolvers = {  # noqa: RUF012
         first: [
@@ -75,7 +76,7 @@ _StrictLoader.add_constructor("tag:yaml.org,2002:float", _StrictLoader.construct
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A YAML file as plain data, with the line of every value."""
+    """YAML file as plain data, with the line of every value."""
 
     path: Path
     text: str
@@ -98,7 +99,7 @@ class Source:
 
 
 def read_yaml(path: Path) -> Source:
-    """Read one file; raises ConfigurationError that names file, line and trouble."""
+    """Read one file; raises ConfigurationError with file, line and reason."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
@@ -109,7 +110,7 @@ def read_yaml(path: Path) -> Source:
 
 
 def parse_yaml(text: str, path: Path) -> Source:
-    """The same of a text; `path` is only for messages."""
+    """Read a text; `path` is only for messages. Raises ConfigurationError."""
     try:
         loader = _StrictLoader(text)
         root = loader.get_single_node()

@@ -13,13 +13,12 @@ from daemon.faults.plausibility import Plausibility
 from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import SENSING, Mode
 from drivers.answers import Samples
-from drivers.cia402 import DriveState
+from drivers.cia402 import FAULT_STATES, DriveState
 from drivers.events import BusEvent, BusTrouble, Emergency, LateAnswer, described
 
 CONDITION_OF = {row.source: condition for condition, row in TABLE.items() if row.source}
 # These may be over at once: it counts how many ticks they last.
 DISTURBANCES = (BusTrouble, LateAnswer)
-FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 # A late machine excuses stale samples for so many times `stale_ticks`; drives that fail in turn
 # count as stale after as many.
 STARVED_FACTOR = 3
@@ -54,7 +53,7 @@ class FaultDetector:
         # Ticks in which a sample was missing, less those since in which none was.
         self._incomplete = 0
         self._mode = Mode.OFF
-        self._enabled = [DriveState.OPERATION_ENABLED] * len(joints)
+        self._enabled = (DriveState.OPERATION_ENABLED,) * len(joints)
 
     def findings(
         self,

@@ -1,1 +1,1 @@
-"""`contactd identify`: a process of its own beside the daemon, or on a recorded log."""
+"""Steps of `contactd identify`, in a process beside the daemon or on recorded logs."""

@@ -1,4 +1,4 @@
-"""Measurements from a live arm: what a person does and sees at each step."""
+"""Measurements from a live arm: its motions and the person's part in each step."""
 
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from arrays import Matrix
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
-from daemon.identify.measured import Measured, read_measured, refuse_misfits
+from daemon.identify.measured import Measured, read_measured, refuse_incompatible
 from daemon.identify.motions import (
     HAND_S,
     WIDEST_GUESS,
@@ -21,12 +21,12 @@ from daemon.identify.motions import (
     stand,
     wiring_motion,
 )
-from daemon.identify.session import Session, alone, left_out, spoils_wiring_of
+from daemon.identify.session import Session, discarded, other_joint_touched, wiring_spoiled
 from daemon.identify.show import histogram
 from daemon.protocol.messages import State
 from errors import ConfigurationError, ShortLogError
 from estimator.identification.gap import identify_gap
-from estimator.identification.gap_result import CROSSINGS, Gap
+from estimator.identification.gap_result import CROSSINGS, GapResult
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 from estimator.identification.wiring import follows_both_ways
 from estimator.model import Model
@@ -40,7 +40,10 @@ _HEAVY = 1.0  # [Nm]: a hand lifts less than this softly
 
 
 class LiveArm:
-    """The arm behind a running daemon."""
+    """Arm behind a running daemon, as a source of measurements.
+
+    Raises ConfigurationError if the daemon runs with another configuration than `robot`.
+    """
 
     def __init__(self, robot: Robot, session: Session, console: Console) -> None:
         self._session, self._console = session, console
@@ -53,12 +56,12 @@ class LiveArm:
             )
 
     def serials(self) -> dict[str, int | None]:
-        """Of the drives, by joint."""
+        """Serial numbers of the drives, by joint."""
         status = self._session.status()
         return dict(zip(status.joints, status.serials, strict=False))
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._session.client.close()
 
     def conclude(self, step: str, stamp: str) -> None:
@@ -69,7 +72,7 @@ class LiveArm:
         """Move one joint's motor to and fro, through its gap."""
         step = f"wiring-{joint}"
         for part in self._session.parts(step):
-            part.unlink()  # so short a motion is begun anew
+            part.unlink()  # so short a motion begins anew
         i, period = self._names.index(joint), self._c.period_s
         half_gap = self._c.joints[i].half_gap
         while True:
@@ -77,12 +80,12 @@ class LiveArm:
             path = wiring_motion(here, i, half_gap, period)
             again = f"What passed is kept: to go on, name {joint} and those that are left"
             text = f"{joint} moves a little"
-            felt = spoils_wiring_of(joint)
-            self._move(step, text, path, of_contact=felt, motors_only=True, to_go_on=again)
+            warning = wiring_spoiled(joint)
+            self._move(step, text, path, warning=warning, motors_only=True, to_go_on=again)
             measured = self._read(step)
             if follows_both_ways(measured.log, i) or half_gap >= WIDEST_GUESS:
                 return measured
-            # Its gap is larger than it was thought to be.
+            # Its gap is larger than the configuration says.
             half_gap = min(half_gap + 0.5 * WIRING_TRAVEL, WIDEST_GUESS)
             self._tell(
                 f"{joint} did not move its link both ways: once more, "
@@ -96,11 +99,11 @@ class LiveArm:
         return self._excite("friction", seconds, seed=1)
 
     def thresholds(self, seconds: float) -> Measured:
-        """Likewise, along another."""
+        """Move all joints along another excitation, and take the residuals, too."""
         if not residuals_alike(self._session.configuration(), self._c):
             raise ConfigurationError(
-                "the daemon began before these values of the joints were there, and its residuals "
-                "are those of others: start it again"
+                "the daemon was started before these values of the joints were written, and its "
+                "residuals use older ones: start it again"
             )
         return self._excite("thresholds", seconds, seed=2, residuals=True)
 
@@ -127,8 +130,8 @@ class LiveArm:
                     live.update(histogram(hand.phi, hand.gap), refresh=True)
                 return hand.done
 
-            path, felt = stand(here), alone(joint)
-            self._session.run(step, path, HAND_S, each, of_contact=felt, motors_only=True)
+            path, warning = stand(here), other_joint_touched(joint)
+            self._session.run(step, path, HAND_S, each, warning=warning, motors_only=True)
         if not self._console.is_terminal:
             self._console.line()  # which `Live` owes a file
         return self._read(step)
@@ -137,23 +140,23 @@ class LiveArm:
         motion = excitation(bounds_of(self._c), self._model, self._c.period_s, seed)
         already = 0.0
         if (before := self._before(step, residuals=residuals)) is not None:
-            # Each of them began with the way to the motion, on which little can be learned.
+            # Each began with the way to the excitation, which teaches little and does not count.
             for rows in before.stretches(PAUSE_S):
                 here, t = before.link_position[rows.start], before.time_s[rows]
                 already += max(float(t[-1] - t[0]) - motion.approach_s(here), 0.0)
             self._tell(f"{already:.0f} s of {seconds:.0f} s are measured already")
         if seconds - already > 1.0:
             path = motion.path(np.array(self._session.hold().link_position), seconds - already)
-            self._move(step, "all joints move, hands off", path, of_contact=left_out)
+            self._move(step, "all joints move, hands off", path, warning=discarded)
         return self._read(step)
 
     def _before(self, step: str, *, residuals: bool = False) -> MotionLog | None:
-        """What was measured until the step was stopped; refused while nothing moves yet where it
-        cannot be gone on with."""
+        """Log of a step that was stopped, or None. Raises LogError, before anything moves, if the
+        step cannot go on with it."""
         parts = self._session.parts(step)
         if not parts:
             return None
-        refuse_misfits(parts, self._c, residuals=residuals)
+        refuse_incompatible(parts, self._c, residuals=residuals)
         files = ", ".join(str(part) for part in parts)
         self._tell(f"going on with what was measured before; to begin anew, delete {files}")
         try:
@@ -186,7 +189,7 @@ class LiveArm:
 
 
 class Hand:
-    """phi of one joint as a hand moves it, and whether that is enough."""
+    """phi of one joint as a hand moves it, identified until the gap is clear."""
 
     def __init__(
         self, joint: int, torque_constant: float, name: str, before: MotionLog | None = None
@@ -195,11 +198,11 @@ class Hand:
         self._rows: list[tuple[float, ...]] = []
         self._shown_s = self._judged_s = -1.0
         self.phi: list[float] = []
-        self.gap: Gap | None = None
+        self.gap: GapResult | None = None
         self.done = False
 
     def saw(self, state: State) -> bool:
-        """Take one State; whether it is time to draw."""
+        """Take one State; True if it is time to draw."""
         if not state.updated:
             return False
         i, measured = self._joint, state.motor_position
@@ -223,8 +226,8 @@ class Hand:
 
 
 def rows_until(log: MotionLog, joint: int, time_s: float) -> list[tuple[float, ...]]:
-    """Of one joint: time, current, link position, motor velocity and perhaps position, as if the
-    log had ended at a time."""
+    """Rows of one joint, as if the log had ended at `time_s`: time, current, link position, motor
+    velocity and perhaps motor position."""
     columns = [log.current, log.link_position, log.motor_velocity]
     if log.motor_position is not None:
         columns.append(log.motor_position)
@@ -234,7 +237,7 @@ def rows_until(log: MotionLog, joint: int, time_s: float) -> list[tuple[float, .
 
 
 def open_session(socket: Path | None, console: Console) -> Session:
-    """A session that tells the person in yellow. Raises UnreachableError."""
+    """Session that prints its warnings in yellow. Raises UnreachableError."""
 
     def say(text: str) -> None:
         console.print(text, style="yellow", markup=False, highlight=False)

@@ -1,4 +1,4 @@
-"""Measurements for the identification: from the daemon's stream, an MCAP recording or a CSV."""
+"""Measurements for the identification, from the daemon's stream, MCAP recordings or a CSV."""
 
 import csv
 import dataclasses
@@ -28,7 +28,7 @@ _APART_S = 10.0  # between recordings, so that they are stretches
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A log, what the estimator thought meanwhile, and a hash of it all."""
+    """Log of a motion, the residuals of the daemon's estimator meanwhile, and a hash of the log."""
 
     log: MotionLog
     sha256: str
@@ -36,15 +36,17 @@ class Measured:
     raised: Matrix | None = None  # (N, n) threshold in force beyond its level [Nm]
     touched: NDArray[np.bool_] | None = None  # (N,) thresholded residual not zero
     notes: tuple[str, ...] = ()
-    outdated: str = ""  # which recording's residuals are of other values than today's, in words
+    outdated: str = ""  # recording whose residuals use other values than today's, in words
 
 
 def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
-    """Recordings of `contactctl record`, one after another, or one CSV. Raises LogError, also
-    where they were made with other drives or another wiring than `c` has."""
+    """Measurements of recordings by `contactctl record`, one after another, or of one CSV.
+
+    Raises LogError, also if they were made with other drives or another wiring than `c` has.
+    """
     if any(path.suffix == ".csv" for path in paths):
         if len(paths) > 1:
-            raise LogError("one CSV at a time")
+            raise LogError(f"{len(paths)} files: give one CSV alone, or recordings (.mcap)")
         return from_csv(paths[0], c.joint_names)
     states: list[State] = []
     notes: list[str] = []
@@ -52,9 +54,9 @@ def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
     for path in paths:
         later = states[-1].time_s + _APART_S if states else 0.0
         found, broken, recorded = _states_of(path, c.joint_names)
-        if why := misfit(recorded, c):
+        if why := incompatibility(recorded, c):
             raise LogError(f"{path} {why}")
-        if why := misfit(recorded, c, residuals=True):
+        if why := incompatibility(recorded, c, residuals=True):
             outdated = f"{path} {why}"
         if broken:
             notes.append(f"{broken}; what is whole is used")
@@ -65,15 +67,15 @@ def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
 
 
 def raised(states: Iterable[State], c: Configuration) -> list[State]:
-    """With only that part of the threshold in force which is beyond the contact level of `c`: one
-    recording's level may be another than the next one's."""
+    """States whose threshold is only the part in force beyond the contact level of `c`: recordings
+    may have been made at different levels."""
     levels = [joint.thresholds.contact for joint in c.joints]
     return [replace(s, threshold=np.subtract(s.threshold, levels).tolist()) for s in states]
 
 
-def misfit(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
-    """Why samples, or residuals as well, that were recorded with one configuration are of no use
-    for `c`: to be said behind the recording's name. Empty where they are."""
+def incompatibility(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
+    """Reason why samples (or residuals as well) of one configuration are of no use for `c`, or an
+    empty text. It is meant to follow the recording's name."""
     if not samples_alike(recorded, c):
         return ("was recorded with other drives, another wiring or another period than the "
                 "configuration has now")  # fmt: skip
@@ -82,13 +84,13 @@ def misfit(recorded: Configuration, c: Configuration, *, residuals: bool = False
     return ""
 
 
-def refuse_misfits(paths: Sequence[Path], c: Configuration, *, residuals: bool) -> None:
-    """Look only at how recordings begin, before a motion adds another to them. Raises LogError,
-    which names those that are in its way."""
+def refuse_incompatible(paths: Sequence[Path], c: Configuration, *, residuals: bool) -> None:
+    """Check the beginnings of recordings before a motion adds another to them. Raises LogError,
+    which names those that are of no use beside it."""
     reasons = []
     for path in paths:
         try:
-            if why := misfit(_recorded_with(path), c, residuals=residuals):
+            if why := incompatibility(_recorded_with(path), c, residuals=residuals):
                 reasons.append(f"{path} {why}")
         except ContactdError as error:
             reasons.append(str(error))
@@ -108,8 +110,8 @@ def _recorded_with(path: Path) -> Configuration:
 
 
 def _states_of(path: Path, joints: Sequence[str]) -> tuple[list[State], str, Configuration]:
-    """The States of a recording, why it breaks off, and the configuration of then. Raises LogError
-    where there are none."""
+    """States of a recording, why it breaks off, and the configuration of then. Raises LogError if
+    it has no States."""
     states: list[State] = []
     begun: Snapshot | None = None
     broken: LogError | None = None
@@ -131,7 +133,7 @@ def _states_of(path: Path, joints: Sequence[str]) -> tuple[list[State], str, Con
 
 
 def configuration_of(begun: Snapshot, path: Path | None = None) -> Configuration:
-    """That of the daemon which sent it. Raises ConfigurationError."""
+    """Configuration of the daemon that sent a snapshot. Raises ConfigurationError."""
     name = f"{path}, recorded" if path else "the running daemon's configuration"
     return parse_configuration(begun.configuration, name, begun.identified)
 
@@ -139,8 +141,8 @@ def configuration_of(begun: Snapshot, path: Path | None = None) -> Configuration
 def from_states(
     states: Iterable[State], joints: Sequence[str], notes: tuple[str, ...] = ()
 ) -> Measured:
-    """Of ticks with complete samples in which the arm was energised, `raised` if their thresholds
-    count. Raises LogError."""
+    """Measurements of the ticks with complete samples in which the arm was energised. Pass States
+    through `raised` first if their thresholds count. Raises LogError."""
     used = [s for s in states if s.updated and s.mode in _SENSING]
     if len(used) < 2:
         raise ShortLogError("the log is too short: the arm was never energised in it")
@@ -162,10 +164,13 @@ def from_states(
 
 
 def from_csv(path: Path, joints: Sequence[str]) -> Measured:
-    """Columns `time` [s] and, for every joint, `current.JOINT` [A], `link_position.JOINT` [rad],
-    `motor_velocity.JOINT` [rad/s at the link] and perhaps `motor_position.JOINT` [rad at the link].
+    """Measurements of a CSV file.
 
-    Times that were rounded so that neighbours are equal are spread evenly. Raises LogError.
+    Its columns are `time` [s] and, for every joint, `current.JOINT` [A], `link_position.JOINT`
+    [rad], `motor_velocity.JOINT` [rad/s at the link] and perhaps `motor_position.JOINT` [rad at the
+    link].
+
+    Times rounded so coarsely that neighbours are equal are spread evenly. Raises LogError.
     """
     try:
         with path.open(newline="", encoding="utf-8") as stream:

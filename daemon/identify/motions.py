@@ -1,4 +1,4 @@
-"""The motions of `contactd identify`, as link positions (N, n) [rad] every period."""
+"""Motions of `contactd identify`, as link positions (N, n) [rad] every period."""
 
 from dataclasses import dataclass
 
@@ -16,18 +16,18 @@ from estimator.identification.excitation import (
 from estimator.model import Model
 
 SHARE = 0.7
-"""Of the range, velocity and acceleration that the limits allow."""
+"""Share of the range, velocity and acceleration that the limits allow."""
 HAND_S = 300.0
-"""A hand has so long for one joint."""
+"""Time that a hand has for one joint [s]."""
 WIRING_TRAVEL = 0.02
-"""[rad] of the link, each way."""
+"""Travel of the link, each way [rad]."""
 WIRING_SPEED = 0.03
 WIDEST_GUESS = 0.05
-"""[rad] half-gap up to which a motor goes on when its link does not follow it."""
+"""Largest half-gap for which a motor goes on when its link does not follow it [rad]."""
 
 
 def bounds_of(c: Configuration) -> Bounds:
-    """The configured limits."""
+    """Configured limits as bounds of an excitation."""
     rows = [
         (j.limits.lower, j.limits.upper, j.limits.velocity, j.limits.acceleration) for j in c.joints
     ]
@@ -36,32 +36,32 @@ def bounds_of(c: Configuration) -> Bounds:
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """A Fourier series for all joints, and how to get there from anywhere."""
+    """Excitation: a Fourier series for all joints, and a slow way to it from anywhere."""
 
     motion: Fourier
     slow: Bounds
     period_s: float
 
     def path(self, here: Vector, seconds: float) -> Matrix:
-        """From here to the series, and along it for so long."""
+        """Path (N, n) [rad] from here to the series, and along it for so many seconds."""
         return trajectory(self.motion, here, self.slow, seconds, self.period_s)
 
     def approach_s(self, here: Vector) -> float:
-        """How long it takes from here to the series."""
+        """Time that the way from here to the series takes [s]."""
         start = self.motion.at(np.zeros(1))[0][0]
         return self.period_s * len(point_to_point(here, start, self.slow, self.period_s))
 
 
 def excitation(bounds: Bounds, model: Model, period_s: float, seed: int) -> Excitation:
-    """Within the bounds."""
+    """Random excitation within the bounds; the same for the same seed."""
     motion = fourier_within(bounds.shrunk(SHARE), model, np.random.default_rng(seed))
     slow = Bounds(bounds.lower, bounds.upper, 0.3 * bounds.velocity, 0.3 * bounds.acceleration)
     return Excitation(motion, slow, period_s)
 
 
 def wiring_motion(here: Vector, joint: int, half_gap: float, period_s: float) -> Matrix:
-    """One joint's motor to and fro, twice: through its gap, and further by what its link is to
-    move; ramps of a fifth of a second."""
+    """Motion of one joint's motor to and fro, twice: through its gap, and further by the travel of
+    its link; with ramps of a fifth of a second."""
     way = 2.0 * half_gap + WIRING_TRAVEL
     length = way / WIRING_SPEED
     speeds = np.concatenate(
@@ -78,5 +78,5 @@ def _trapezium(length_s: float, period_s: float) -> Vector:
 
 
 def stand(here: Vector) -> Matrix:
-    """Stay here: two rows, however far apart."""
+    """Motion that stays here: two rows, at any interval."""
     return np.tile(here, (2, 1))

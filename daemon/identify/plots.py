@@ -1,5 +1,7 @@
-"""Pictures of what was identified, after the paper's figures 5, 6 and 7. Needs matplotlib, which
-the daemon does without: where it is not installed, there are none."""
+"""Plots of identification results, after the paper's figures 5, 6 and 7.
+
+They need matplotlib, which is no dependency of the daemon: without it there are no plots.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -24,14 +26,14 @@ def _figure(rows: int, columns: int) -> tuple[Any, Any, Any]:
 
 
 def _curve(axis: Any, time_s: Vector, values: Vector, *style: str, **more: Any) -> None:
-    """With no line through what is missing."""
+    """Draw a curve that breaks off where samples are missing."""
     steps = np.diff(time_s, prepend=time_s[0])
     values = np.where(steps > 3.0 * np.median(steps), np.nan, values)
     axis.plot(time_s - time_s[0], values, *style, lw=0.8, **more)
 
 
 def plot_gap(log: MotionLog, joint: int, half_gap: float, path: Path) -> list[Path]:
-    """phi over time, and how long it was where (figure 5)."""
+    """Plot phi over time with its histogram (figure 5). Returns the files written."""
     try:
         plt, figure, axes = _figure(1, 2)
     except ImportError:
@@ -52,8 +54,8 @@ def plot_gap(log: MotionLog, joint: int, half_gap: float, path: Path) -> list[Pa
 
 
 def plot_friction(log: MotionLog, shown: Reconstruction, folder: Path) -> list[Path]:
-    """phi (figure 5), the motion (figure 6), and r_nl with its reconstruction (figure 7), a row for
-    each joint."""
+    """Plot phi (figure 5), the motion (figure 6), and r_nl with its reconstruction (figure 7), one
+    row for each joint. Returns the files written."""
     paths = []
     for name, label, time_s, values in (
         ("phi.png", "phi [mrad]", shown.time_s, 1e3 * shown.phi),

@@ -1,8 +1,8 @@
 """Session with the running daemon: motions of identification, recorded as they happen.
 
 What is measured goes into recordings like those of `contactctl record`: a step that was stopped
-goes on with what it has, and live steps share all code behind with `--log`. Each step says
-something else of a joint that is touched meanwhile.
+goes on with what it has, and live steps share all code behind with `--log`. Each step has
+its own warning for a joint that is touched meanwhile.
 """
 
 import itertools
@@ -27,17 +27,17 @@ from daemon.protocol.messages import Command, Notice, State, Status
 from errors import ContactdError, ControlError, LogError, UnreachableError
 
 _SETTLE_S = 6.0
-# What may follow a trajectory of ours; anything else ended it.
+# Modes while our trajectory runs and after its end; any other mode ended it.
 _OURS = frozenset({Mode.HOLDING.value, Mode.TRACKING.value})
 
 
-Told = Callable[[Notice], str]
-"""Of a contact; empty where there is nothing to say."""
+ContactWarning = Callable[[Notice], str]
+"""Warning about a contact, for the person; empty where none is due."""
 
 
 def stop_once() -> None:
-    """Let the first Ctrl-C, SIGTERM or closed terminal be a KeyboardInterrupt, and ignore what
-    follows: bringing the arm to rest must not itself be stopped. For the main thread."""
+    """Make the first Ctrl-C, SIGTERM or closed terminal a KeyboardInterrupt, and ignore all later
+    ones: bringing the arm to rest must not itself be stopped. Main thread only."""
     stopped = False
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -51,19 +51,21 @@ def stop_once() -> None:
 
 
 class InterruptedStepError(ContactdError):
-    """A step was stopped; what was measured is kept."""
+    """Step that was stopped; its measurements are kept."""
 
 
 def followed(
-    states: Iterable[State], each: Callable[[State], bool], felt: Callable[[Notice], None]
+    states: Iterable[State], each: Callable[[State], bool], on_contact: Callable[[Notice], None]
 ) -> str:
-    """Until the trajectory has come to its end, or `each`, which sees all of it, has enough. The
-    answer says what else ended it; `felt` is told of contacts as they come."""
+    """Follow the trajectory to its end, or until `each`, called with every State of it, is true.
+
+    Returns what else ended it; `on_contact` gets contacts as they come.
+    """
     begun = False
     for state in states:
         for event in state.notices:
             if event.kind == "contact":
-                felt(event)
+                on_contact(event)
         tracking = state.mode == Mode.TRACKING
         begun = begun or tracking
         if state.mode not in _OURS or (begun and not tracking):
@@ -76,7 +78,7 @@ def followed(
 
 @dataclass(slots=True)
 class Session:
-    """The daemon's door, and the folder for recordings; `say` tells the person."""
+    """Connection to the daemon, and the folder for recordings; `say` shows the person a text."""
 
     socket: Path | None
     folder: Path
@@ -87,14 +89,14 @@ class Session:
         self.client = Client(self.socket)
 
     def status(self) -> Status:
-        """Of the daemon now."""
+        """Status of the daemon now. Raises ControlError."""
         reply = self.client.request("status")
         if reply.status is None:
             raise ControlError("; ".join([reply.message or "no status", *reply.reasons]))
         return reply.status
 
     def configuration(self) -> Configuration:
-        """That of the daemon as it runs, whatever its files say by now."""
+        """Configuration that the daemon runs with, whatever its files say by now."""
         with Client(self.socket) as reader:
             return configuration_of(reader.subscribe()[0])
 
@@ -118,17 +120,17 @@ class Session:
         return status
 
     def ask(self, command: Command) -> None:
-        """Raises ControlError with the reasons of a refusal."""
+        """Send a command. Raises ControlError with the reasons of a refusal."""
         reply = self.client.request(command)
         if not reply.ok:
             raise ControlError("; ".join([reply.message, *reply.reasons]))
 
     def parts(self, step: str) -> list[Path]:
-        """Recordings of a step that is not concluded, in the order of their making."""
+        """Recordings of a step that is not concluded, oldest first."""
         return sorted(self.folder.glob(f"{step}.part*.mcap"))
 
     def conclude(self, step: str, stamp: str) -> None:
-        """The results are written: the recordings are evidence now."""
+        """Rename the recordings of a step whose results are written: they are evidence now."""
         for number, path in enumerate(self.parts(step), start=1):
             path.rename(self.folder / f"{step}-{stamp.replace(':', '')}-{number}.mcap")
 
@@ -139,20 +141,20 @@ class Session:
         period_s: float,
         each: Callable[[State], bool],
         *,
-        of_contact: Told,
+        warning: ContactWarning,
         motors_only: bool = False,
         to_go_on: str = "What was measured is kept: the same command goes on from there",
     ) -> None:
-        """Run link positions (N, n) and record them; `each` sees every State of it and may end it,
-        and what `of_contact` has to say of a contact is told at once.
+        """Run link positions (N, n) and record them; `each` gets every State of it and may end
+        it; a `warning` about a contact is shown at once.
 
         Raises InterruptedStepError for Ctrl-C and for whatever else ends it, with what `to_go_on`
         says; ControlError and TrajectoryError where it cannot begin, LogError where it cannot be
         recorded. The arm holds afterwards if it still can.
         """
 
-        def felt(event: Notice) -> None:
-            if text := of_contact(event):
+        def on_contact(event: Notice) -> None:
+            if text := warning(event):
                 self.say(text)
 
         status = self.hold()
@@ -170,7 +172,7 @@ class Session:
                     reply = self.client.start_loaded()
                     if not reply.ok:
                         raise ControlError("; ".join([reply.message, *reply.reasons]))
-                    ended = followed(states, each, felt)
+                    ended = followed(states, each, on_contact)
             except KeyboardInterrupt:
                 ended = "stopped by you"
             except UnreachableError as error:
@@ -183,7 +185,7 @@ class Session:
 
     @contextmanager
     def _recording(self, path: Path) -> Iterator[None]:
-        """Record beside what the block does; not at all if it could not begin."""
+        """Record while the block runs; delete the recording if the block could not begin."""
         try:
             self.folder.mkdir(exist_ok=True)
         except OSError as error:
@@ -221,27 +223,27 @@ class Session:
             raise failures[0]
 
 
-def left_out(event: Notice) -> str:
-    """Friction and thresholds learn nothing from what lies around a touch."""
+def discarded(event: Notice) -> str:
+    """Warning for friction and thresholds, which leave out the time around a touch."""
     return f"{event.text}: if that was you, hands off; it is discarded"
 
 
-def spoils_wiring_of(joint: str) -> Told:
-    """The wiring is judged by all of so short a motion."""
+def wiring_spoiled(joint: str) -> ContactWarning:
+    """Warning for the wiring check, which needs all of its short motion."""
 
-    def told(event: Notice) -> str:
+    def warning(event: Notice) -> str:
         return f"{event.text}: if that was you, hands off, and check the wiring of {joint} again"
 
-    return told
+    return warning
 
 
-def alone(joint: str) -> Told:
-    """A hand is to push this joint, of which there is nothing to say, and no other."""
+def other_joint_touched(joint: str) -> ContactWarning:
+    """Warning about a contact of any joint except the one that a hand is to push."""
 
-    def told(event: Notice) -> str:
+    def warning(event: Notice) -> str:
         contact = event.contact
         if contact is None or contact.joint == joint:
             return ""
         return f"{contact.joint} feels {contact.torque:+.2f} Nm: move {joint} alone"
 
-    return told
+    return warning

@@ -1,4 +1,4 @@
-"""What a person sees of an identification: tables, and phi as it is moved by hand."""
+"""Display of an identification: tables, and phi while it is moved by hand."""
 
 import numpy as np
 from rich.console import Console, Group, RenderableType
@@ -6,15 +6,14 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.identify.steps import Outcome
-from estimator.identification.gap_result import CROSSINGS, Gap
+from estimator.identification.gap_result import CROSSINGS, GapResult
 
 _BARS = " ▁▂▃▄▅▆▇█"
 _WIDTH = 64
 
 
 def print_outcome(console: Console, outcome: Outcome, width: int) -> None:
-    """One row for each joint, names in `width` columns; reasons under the table, which would not
-    fit in it."""
+    """Print one row for each joint, names in `width` columns; reasons, which are long, below."""
     table = Table(box=None, pad_edge=False, show_header=len(outcome.lines) > 1)
     for column, least in (("joint", width), ("verdict", None), ("figures", None)):
         table.add_column(column, overflow="fold", min_width=least)
@@ -29,12 +28,12 @@ def print_outcome(console: Console, outcome: Outcome, width: int) -> None:
         console.print(f"note: {note}", markup=False, highlight=False)
 
 
-def histogram(phi: list[float], gap: Gap | None) -> RenderableType:
-    """phi [rad] so far: where it was how long, its range, and how many crossings are missing."""
+def histogram(phi: list[float], gap: GapResult | None) -> RenderableType:
+    """Histogram of phi [rad] so far, with its range and the crossings counted."""
     values = 1e3 * np.array(phi)
     low, high = float(values.min()), float(values.max())
     counts, _ = np.histogram(values, bins=_WIDTH, range=(low, max(high, low + 0.1)))
-    # Of a root, or the few samples on the way would not be seen beside the many at rest.
+    # Roots show the few samples on the way beside the many at rest.
     heights = np.sqrt(counts / max(int(counts.max()), 1))
     bars = "".join(_BARS[round(h * (len(_BARS) - 1))] for h in heights)
     here = int((values[-1] - low) / max(high - low, 0.1) * (_WIDTH - 1))

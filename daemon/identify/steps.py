@@ -1,4 +1,4 @@
-"""One step each: from measurements to entries of `identified.yaml` and lines for a person."""
+"""Steps of the identification: from measurements to entries of `identified.yaml` and to text."""
 
 from dataclasses import dataclass, field
 
@@ -20,7 +20,7 @@ from estimator.identification.friction import (
     identify_friction,
 )
 from estimator.identification.gap import identify_gap
-from estimator.identification.gap_result import Gap
+from estimator.identification.gap_result import GapResult
 from estimator.identification.log_checks import refuse_implausible
 from estimator.identification.thresholds import LevelSettings, LevelVerdict, identify_levels
 from estimator.identification.wiring import check_wiring
@@ -29,7 +29,7 @@ from estimator.model import Model
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """What is said of one joint."""
+    """Result of a step for one joint, for a person."""
 
     joint: str
     verdict: str
@@ -40,17 +40,17 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Lines for a person, entries for the file by joint, and what is worth a plot."""
+    """Result of a step: lines for a person, entries for the file by joint, and data for plots."""
 
     lines: list[Line]
     entries: dict[str, file.Entry]
     notes: tuple[str, ...] = ()
     shown: Reconstruction | None = None
-    gaps: list[Gap] = field(default_factory=list)
+    gaps: list[GapResult] = field(default_factory=list)
 
 
 def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> Outcome:
-    """Half-gaps of the named joints."""
+    """Identify the half-gaps of the named joints."""
     names = robot.configuration.joint_names
     constants = [joint.torque_constant for joint in robot.configuration.joints]
     lines, entries, gaps = [], dict[str, file.Entry](), []
@@ -67,7 +67,7 @@ def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> 
             figures += f"; link encoder {1e3 * gap.skew_s:+.2f} ms late"
         lines.append(Line(name, gap.verdict.value, gap.usable, figures, gap.reason))
         if gap.usable:
-            entries[name] = file.Gap(
+            entries[name] = file.GapEntry(
                 date=date,
                 log=measured.sha256,
                 half_gap=round(float(gap.half_gap), 6),
@@ -78,7 +78,10 @@ def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> 
 
 
 def friction_step(robot: Robot, measured: Measured, date: str) -> Outcome:
-    """Friction and rotor inertia of all joints, from contact-free motion."""
+    """Identify friction and rotor inertia of all joints from contact-free motion.
+
+    Raises LogError for measurements that cannot be true.
+    """
     c = robot.configuration
     limit = np.array([joint.wiring.max_current_A for joint in c.joints])
     refuse_implausible(measured.log, limit)
@@ -132,7 +135,7 @@ def _friction_figures(fit: FrictionFit) -> str:
 
 
 def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str) -> Outcome:
-    """Two levels per joint from contact-free motion."""
+    """Identify two levels per joint from contact-free motion. Raises LogError without residuals."""
     c = robot.configuration
     r, raised, touched = measured.residual, measured.raised, measured.touched
     if r is None or raised is None or touched is None:
@@ -151,7 +154,7 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
                        f"largest |r| {one.largest:.3g} Nm in {one.used_s:.0f} s")  # fmt: skip
         lines.append(Line(one.joint, one.verdict.value, good, figures, one.reason))
         if good:
-            entries[one.joint] = file.Thresholds(
+            entries[one.joint] = file.ThresholdsEntry(
                 date=date,
                 log=measured.sha256,
                 thresholds=Levels(
@@ -167,15 +170,15 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
 
 
 def _level_settings(c: Configuration, per_hour: float) -> LevelSettings:
-    """Floor: two counts of the current's noise cannot be a touch. Ceiling: a fifth of the torque
-    that the drive can give; a level above it protects nobody."""
+    """Floor and ceiling of the levels. Two counts of the current's noise, the floor, cannot be a
+    touch. The ceiling is a fifth of the drive's largest torque: a level above protects nobody."""
     strongest = np.array([j.torque_constant * j.wiring.max_current_A for j in c.joints])
     floor: Vector = 0.01 * strongest
     return LevelSettings(per_hour, per_hour / 100.0, floor, 0.2 * strongest)
 
 
 def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outcome:
-    """Signs and scales of joints that were moved one by one: the log of each."""
+    """Check signs and scales of joints that were moved one by one; `measured` has a log of each."""
     c = robot.configuration
     model = Model(robot.urdf, c.joint_names)
     lines, entries = [], dict[str, file.Entry]()
@@ -190,7 +193,7 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
         verdict = "good" if found.passed else "wrong"
         lines.append(Line(name, verdict, found.passed, figures, reason))
         if found.passed:
-            entries[name] = file.Wiring(
+            entries[name] = file.WiringEntry(
                 date=date, log=one.sha256, follows=round(float(found.follows), 4)
             )
     return Outcome(lines, entries)
@@ -199,9 +202,9 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
 def merged(
     robot: Robot, step: str, entries: dict[str, file.Entry], serials: dict[str, int | None]
 ) -> file.Identified:
-    """The robot's file with the entries of one step in it.
+    """Content of the robot's file with the entries of one step in it.
 
-    What belongs to another configuration, or another drive, is dropped.
+    Entries that belong to another configuration, or another drive, are dropped.
     """
     mark = file.fingerprint(robot.configuration, robot.urdf)
     old = robot.identified

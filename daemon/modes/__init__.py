@@ -1,1 +1,1 @@
-"""Modes of motion, and what a contact leads to: tables. Pure."""
+"""Tables of motion modes and of reactions to contact. Pure data."""

@@ -1,5 +1,5 @@
-"""What a contact leads to: for each level one choice of the configuration, one event of the mode
-table. Pure data."""
+"""Reactions to contact: for each level one choice of the configuration, and the event of the mode
+table that it leads to. Pure data."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -8,9 +8,9 @@ from daemon.modes.table import Event, Mode
 
 
 class ContactReaction(StrEnum):
-    """What the arm does about a contact while it is armed."""
+    """Reaction of the armed arm to a contact."""
 
-    REPORT = "report"  # nothing but say so
+    REPORT = "report"  # nothing else
     ADMITTANCE = "admittance"  # yield, eq. (15)
     RETRACT = "retract"  # back away a fixed distance, the way it was pushed
     HOLD = "hold"  # decelerate and hold
@@ -18,7 +18,7 @@ class ContactReaction(StrEnum):
 
 
 class AfterQuiet(StrEnum):
-    """How a trajectory goes on when the quiet time is over."""
+    """Continuation of an interrupted trajectory when the quiet time is over."""
 
     RESUME = "resume"  # around where the person left the arm
     HOLD = "hold"  # not at all; it takes a new `start`
@@ -40,17 +40,17 @@ ATTENTIVE = frozenset({Mode.HOLDING, Mode.TRACKING, Mode.RETURNING})
 
 @dataclass(frozen=True, slots=True)
 class Reactions:
-    """The reaction to each level."""
+    """Configured reaction to each level."""
 
     contact: ContactReaction = ContactReaction.ADMITTANCE
     collision: ContactReaction = ContactReaction.ADMITTANCE
 
     def to_contact(self, armed: bool) -> Event | None:
-        """What a contact that lasts leads to: nothing while the arm is not armed."""
+        """Event of a contact, as long as it lasts; None while the arm is not armed."""
         return EVENT_OF[self.contact] if armed else None
 
     def to_collision(self, armed: bool) -> Event | None:
-        """What a collision that begins leads to: not armed, the arm stops whatever is chosen."""
+        """Event of a collision that begins; while not armed, the arm stops whatever is chosen."""
         if armed or self.collision is ContactReaction.QUICK_STOP:
             return EVENT_OF[self.collision]
         return Event.HALT

@@ -12,7 +12,7 @@ from typing import Literal
 
 
 class Mode(StrEnum):
-    """What the arm is doing."""
+    """Motion mode of the arm."""
 
     # The daemon energises nothing. A joint whose `end` is `hold` stays in quick stop, where its
     # drive holds it; `brake` and `limp` have no torque.
@@ -38,7 +38,7 @@ class Mode(StrEnum):
 
 
 class Event(StrEnum):
-    """What may change the mode: commands of a person, then what happens to the arm."""
+    """Event that may change the mode: a command of a person, or what happens to the arm."""
 
     ENABLE = "enable"  # a person: energise the drives
     START = "start"  # a person: run a trajectory, or go on with the paused one
@@ -149,24 +149,24 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.FAULTED, _E.DISARM): _M.FAULTED,
 }
 
-# What a contact sets in motion; a trajectory that it interrupted goes on after these.
+# Modes that a contact leads to; a trajectory that it interrupted goes on after these.
 GUIDED = frozenset({_M.ADMITTANCE, _M.RETRACTING, _M.RETURNING})
-# Who feels contacts: elsewhere the drives carry nothing that the residual could be read from.
+# Modes in which contacts are detected: in others the motor currents say nothing of contact.
 SENSING = frozenset({_M.HOLDING, _M.TRACKING, _M.STOPPING, *GUIDED})
 ARMABLE = frozenset({_M.HOLDING, _M.TRACKING})
 ENERGISED = frozenset({_M.ENABLING, *SENSING})
 
-# Events after which a person must arm again.
+# Events that take the permission back: a person must arm again.
 DISARMING = frozenset(
     {_E.DISARM, _E.STOP, _E.DISABLE, _E.BOUND, _E.TIMEOUT, _E.DOUBT, _E.FAULT, _E.RESET}
 )
 
-# Events after which a trajectory that was halted goes on with the next `start`...
+# Events that halt a trajectory, which goes on with the next `start`...
 HALTING = frozenset({_E.PAUSE, _E.SETTLE, _E.HALT})
-# ...and after which it begins anew.
+# ...and events after which it begins anew.
 FORGETTING = frozenset({_E.STOP, _E.DISABLE, _E.TIMEOUT, _E.FAULT, _E.RESET})
 
-# Why a command is refused in a mode...
+# Reason for a refusal in each mode...
 REFUSALS: dict[Mode, str] = {
     _M.OFF: "the drives are off",
     _M.ENABLING: "the drives are still being enabled",
@@ -178,7 +178,7 @@ REFUSALS: dict[Mode, str] = {
     _M.STOPPING: "the arm is still stopping",
     _M.FAULTED: "a fault is latched",
 }
-# ...and what leads from there to where the arm can be started or armed.
+# ...and the command that leads from there to a mode in which the arm can be started or armed.
 ADVICE: dict[Mode, str] = {
     _M.OFF: "`contactctl enable` first",
     _M.TRACKING: "`contactctl pause` or `stop` first",
@@ -191,31 +191,31 @@ _ADVISED = frozenset({"start", "arm"})
 
 
 def refusal(mode: Mode, command: str) -> str:
-    """Why `command` is refused in this mode, and what to do about it where that helps."""
+    """Reason why `command` is refused in this mode, with advice where there is any."""
     if command == _E.RESET:
         return "no fault is latched"
-    # A latched fault is in the way of everything; what leads to holding, of start and arm alone.
+    # `reset` helps every command; the other advice leads to holding, which only start and arm need.
     advised = mode in ADVICE and (command in _ADVISED or mode is _M.FAULTED)
     return f"{REFUSALS[mode]} ({ADVICE[mode]})" if advised else REFUSALS[mode]
 
 
 def next_mode(mode: Mode, event: Event) -> Mode | None:
-    """The mode after `event`, or None where the event means nothing in this mode."""
+    """Mode after `event`, or None where the table has no such row."""
     return TRANSITIONS.get((mode, event))
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A mode was left for another, or the permission changed, and why."""
+    """Change of the mode or of the permission, with its cause."""
 
     text: str
     cause: str
 
 
 class ModeMachine:
-    """The present mode and the permissions beside it; every change leaves a line of why.
+    """Present mode and the permissions beside it.
 
-    `changes` collects these lines; whoever tells them empties it every tick.
+    `changes` collects every change with its cause; the tick reports them and empties the list.
     """
 
     def __init__(self) -> None:
@@ -230,19 +230,19 @@ class ModeMachine:
 
     @property
     def trajectory(self) -> Literal["ready", "running", "interrupted", "paused"]:
-        """What is with the trajectory: interrupted, it goes on after this contact."""
+        """State of the trajectory; an interrupted one goes on after this contact."""
         if self.moving:
             return "running" if self.mode is Mode.TRACKING else "interrupted"
         return "paused" if self.paused else "ready"
 
     def arm(self, cause: str) -> None:
-        """Allow contacts to lead to admittance; whether they may is decided elsewhere."""
+        """Allow contacts to lead to admittance. The arming checks have passed by then."""
         if not self.armed:
             self.armed = True
             self.changes.append(Change("armed", cause))
 
     def can(self, event: Event) -> bool:
-        """Whether `event` means anything in this mode."""
+        """True if the table has a row for `event` in this mode."""
         return next_mode(self.mode, event) is not None
 
     def apply(self, event: Event, cause: str, time_s: float) -> bool:

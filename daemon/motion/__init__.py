@@ -1,1 +1,1 @@
-"""From mode and measurements to target velocities: paths, admittance, limits. Pure."""
+"""Target velocities from mode and measurements: paths, admittance, limits. Pure."""

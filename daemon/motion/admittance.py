@@ -14,13 +14,13 @@ from arrays import Vector
 
 # The softest admittance that may be asked for [rad/s per Nm].
 MAX_GAIN = 5.0
-# A changed gain is reached evenly over this time, so that the hand feels no bump [s].
+# A changed gain is reached evenly over this time, without a jerk in the person's hand [s].
 GAIN_RAMP_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class AdmittanceLaw:
-    """Virtual mass and largest speed of each joint, shape (n,)."""
+    """Admittance law, eq. (15), with virtual mass and largest speed of each joint, (n,)."""
 
     virtual_mass_s: Vector  # tau, time constant of the velocity [s]; 0 follows at once
     velocity: Vector  # [rad/s]
@@ -36,7 +36,7 @@ class AdmittanceLaw:
 
 
 class Gains:
-    """K_a per joint [rad/s per Nm], and how it gets from one value to the next."""
+    """Gains K_a per joint (n,) [rad/s per Nm], changed as ramps."""
 
     def __init__(self, gain: Vector) -> None:
         self.value = gain.copy()
@@ -60,18 +60,18 @@ class Gains:
 
 @dataclass(frozen=True, slots=True)
 class AllowanceSettings:
-    """How long [s] and how far [rad] contacts may lead the arm."""
+    """Bounds on how long [s] and how far [rad] contacts may lead the arm."""
 
     max_duration_s: float
     max_excursion: float
 
 
 class Allowance:
-    """What is left of the bounds of one arming.
+    """Allowance of one arming: what contacts have used up of its bounds.
 
-    Time counts up while the arm yields and down while it does not, so that a residual that lets go
-    now and then is no way around it. Distance is how far all contacts since the arming have moved
-    what the arm does by itself, in sum: a biased residual cannot walk the arm away in small steps.
+    Time counts up while the arm yields and down while it does not, so that short breaks of contact
+    do not restart it. Distance is the sum by which all contacts since the arming have displaced the
+    arm: a biased residual cannot walk it away in small steps.
     """
 
     def __init__(self, bounds: AllowanceSettings, n: int) -> None:
@@ -79,34 +79,34 @@ class Allowance:
         self._spent_s = 0.0
         self._moved = np.zeros(n)
         self.home: Vector | None = None
-        """Where the arm was to be when a contact took it [rad]; None while none has."""
+        """Reference at which a contact took the arm (n,) [rad]; None without a contact."""
 
     def renew(self) -> None:
-        """The arm was armed anew."""
+        """Begin a new arming with nothing used up."""
         self._spent_s = 0.0
         self._moved[:] = 0.0
 
     def take(self, reference: Vector) -> None:
-        """A contact takes the arm from its reference (n,) [rad]; during another, nothing new."""
+        """Begin a contact, from the reference (n,) [rad]; no change during another."""
         if self.home is None:
             self.home = reference.copy()
 
     def leave(self, reference: Vector) -> None:
-        """The arm goes on by itself from a reference (n,) [rad]."""
+        """End a contact: the arm goes on by itself from the reference (n,) [rad]."""
         if self.home is not None:
             self._moved += reference - self.home
             self.home = None
 
     def spend(self, dt: float) -> None:
-        """The arm yielded for dt [s]."""
+        """Count dt [s] in which the arm yielded."""
         self._spent_s += dt
 
     def recover(self, dt: float) -> None:
-        """The arm did not yield for dt [s]."""
+        """Count dt [s] in which the arm did not yield."""
         self._spent_s = max(self._spent_s - dt, 0.0)
 
     def bound_reached(self, q: Vector) -> str:
-        """Which bound the arm has passed at q (n,) [rad], in words; empty while none."""
+        """Bound that the arm has passed at q (n,) [rad], in words; empty while none."""
         bounds = self._bounds
         # Times are sums of periods; half a millisecond keeps their rounding out of it.
         if self._spent_s > bounds.max_duration_s + 5e-4:

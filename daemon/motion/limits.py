@@ -1,5 +1,7 @@
-"""What no setpoint goes beyond: velocity, acceleration, and a braking distance before every joint
-limit. Pure; arrays of shape (n,), SI units at the link side."""
+"""Limits of every setpoint: velocity, acceleration, and a braking distance before each joint limit.
+
+Pure; arrays of shape (n,), SI units at the link side.
+"""
 
 import math
 from dataclasses import dataclass
@@ -12,15 +14,15 @@ from arrays import Vector
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Bounds per joint, each of shape (n,), and how long a setpoint takes to act."""
+    """Bounds per joint, each of shape (n,), and the time a setpoint takes to act."""
 
     lower: Vector
     upper: Vector
     velocity: Vector
     acceleration: Vector
-    # From a sample until the joint moves as the setpoint that was made from it says [s].
+    # Delay from a sample until the joint moves at the setpoint made from it [s].
     reaction_s: float
-    # How far beyond a limit a joint may stand and still lead itself back [rad].
+    # Distance beyond a limit from which a joint may still be led back [rad].
     tolerance: float = 0.0
 
     def bound_velocity(
@@ -31,10 +33,10 @@ class Limits:
         dt: float,
         play: Vector | float = 0.0,
     ) -> Vector:
-        """The velocity nearest to `desired` that respects every limit.
+        """Velocity (n,) [rad/s] nearest to `desired` that respects every limit.
 
-        `play` (2, n) [rad] is how far the links may fall downwards and upwards in their gaps: a
-        limit is one for wherever the link can be while its motor stands.
+        `play` (2, n) [rad] is the distance that the links may fall downwards and upwards in their
+        gaps: a limit holds for every position of the link while its motor stands.
 
         `before` is the velocity commanded one interval `dt` [s] ago. Acceleration is respected
         first; only where the braking distance to a joint limit asks for more deceleration than
@@ -53,16 +55,16 @@ class Limits:
         return within
 
     def funnel(self, distance: Vector) -> Vector:
-        """The largest speed [rad/s] towards a limit that is `distance` [rad] away, both (..., n),
-        from which the joint still stops before it: v tau + v^2 / (2 a) = distance.
+        """Largest speed [rad/s] towards a limit that is `distance` [rad] away, both (..., n), from
+        which the joint still stops before it: v tau + v^2 / (2 a) = distance.
 
         v^2 / (2 a) is the braking distance, and v tau what the joint travels while the setpoint is
         on its way. Near the limit the funnel is a loop, v = distance / tau, around the delay
         reaction_s: it comes to rest without swinging across from tau = e reaction_s up if that is
         a dead time, from 4 reaction_s up if it is a first-order lag. It is some of each.
 
-        Zero at and beyond the limit, and where the distance is not a number: a joint that stands
-        nobody knows where does not move.
+        Zero at and beyond the limit, and where the distance is not a number: a joint whose
+        position is not known does not move.
         """
         slack = 4.0 * self.reaction_s * self.acceleration
         room = np.fmax(distance, 0.0)  # 0 for NaN
@@ -72,23 +74,23 @@ class Limits:
     def soft_stop(
         self, q: Vector, desired: Vector, gain: float, play: Vector | float = 0.0
     ) -> Vector:
-        """`desired` [rad/s], at each limit replaced by a loop of that gain [1/s] on the distance
-        to it: a push that yields the drive's velocity loop past a limit is led back to it."""
+        """Desired velocity (n,) [rad/s], at each limit replaced by a loop of that gain [1/s] on the
+        distance to it: a joint that a hand pushed past its limit is led back to it."""
         down, up = gain * self._room(q, play)
         bounded: Vector = np.maximum(np.minimum(desired, up), -down)
         return bounded
 
     def _room(self, q: Vector, play: Vector | float) -> Vector:
-        """From where the link can be to the lower and to the upper limit, (2, n) [rad]."""
+        """Least distance of the link to its lower and to its upper limit, (2, n) [rad]."""
         room: Vector = np.array((q - self.lower, self.upper - q)) - play
         return room
 
     def outside(self, q: Vector) -> NDArray[np.bool_]:
-        """Joints that stand beyond their limits, by more than the tolerance."""
+        """Mask (n,) of joints that stand beyond their limits by more than the tolerance."""
         return (q < self.lower - self.tolerance) | (q > self.upper + self.tolerance)
 
 
 def all_finite(values: Vector) -> bool:
-    """Whether no value is NaN or infinite: their sum would be, too. On so few values five times
-    cheaper than to ask numpy, whose reductions cost more than all else in a tick."""
+    """True if no value is NaN or infinite: their sum would be, too. On so few values this is five
+    times cheaper than numpy, whose reductions cost more than all else in a tick."""
     return math.isfinite(sum(values.tolist()))

@@ -1,4 +1,4 @@
-"""A straight line through joint space, speeding up and slowing down evenly. Pure."""
+"""Straight line through joint space with a trapezoid of speed. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from daemon.motion.path import Reference
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """q(t) = start + s(t) way, s from 0 to 1 with a trapezoid of speed; vectors of shape (n,).
+    """Line q(t) = start + s(t) way, s from 0 to 1 with a trapezoid of speed; vectors (n,).
 
     All joints start and arrive together, so no joint leaves the box that both ends span.
     """
@@ -23,7 +23,7 @@ class Line:
 
     @classmethod
     def between(cls, start: Vector, end: Vector, velocity: Vector, acceleration: Vector) -> "Line":
-        """As fast as every joint's `velocity` [rad/s] and `acceleration` [rad/s2] allow."""
+        """Fastest line within each joint's `velocity` [rad/s] and `acceleration` [rad/s2], (n,)."""
         way = end - start
         slowest = float(np.max(np.abs(way) / velocity))  # 1 / (ds/dt)
         if slowest == 0.0:
@@ -34,11 +34,11 @@ class Line:
 
     @property
     def duration_s(self) -> float:
-        """From standstill to standstill."""
+        """Time from standstill to standstill [s]."""
         return 1.0 / self.rate + self.ramp_s
 
     def at(self, t: float) -> Reference:
-        """Where the arm should be t [s] after the start."""
+        """Reference t [s] after the start."""
         if t >= self.duration_s:
             return Reference(self.start + self.way, np.zeros_like(self.way))
         before_end = self.duration_s - t

@@ -1,4 +1,4 @@
-"""How the arm moves in each mode: reference and target velocity. Decides nothing; no clock."""
+"""Motion in each mode: reference and target velocity. It decides no mode and reads no clock."""
 
 from dataclasses import dataclass
 from typing import assert_never
@@ -12,15 +12,15 @@ from daemon.motion.limits import Limits
 from daemon.motion.line import Line
 from daemon.motion.path import Follower
 
-# A joint is back where it was to go when it is as near as this [rad]...
+# A joint has arrived when it is as near as this to the line's end [rad].
 ARRIVED_RAD = 0.01
-# ...and a planned line leaves this share of the acceleration to the position loop.
+# Share of the acceleration limit that a line uses; the position loop has the rest.
 PLANNED_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class MotionSettings:
-    """What the configuration says about motion."""
+    """Configured speeds, distance and gain of motion."""
 
     position_gain: float  # [1/s]
     return_velocity: float  # [rad/s]
@@ -38,18 +38,21 @@ class Motion:
         law: AdmittanceLaw,
         gains: Gains,
         follower: Follower,
+        *,
+        blind: bool = False,
     ) -> None:
+        """blind: the links' signs were never checked: hold by the motors, close no loop over the
+        links."""
         self.velocity = np.zeros_like(limits.lower)
         """target velocity [rad/s]"""
         self.reference = np.zeros_like(limits.lower)
         """desired q [rad]"""
-        self.blind = False
-        """The links' signs were never checked: hold by the motors, close no loop over the links."""
+        self.blind = blind
         self.limits, self.gains, self.follower = limits, gains, follower
         self._manner, self._law = manner, law
         self._go(self.reference, self.reference, 1.0)
 
-    # --- what a new mode starts from: the pose q that was measured, within the limits ----------
+    # --- begin a mode, from the measured pose q within the limits ------------------------------
 
     def hold(self, q: Vector) -> None:
         """Stay at q [rad]."""
@@ -83,27 +86,27 @@ class Motion:
         )
         self._line_s = 0.0
 
-    # --- how the line is getting on -----------------------------------------------------------
+    # --- progress along the line ---------------------------------------------------------------
 
     @property
     def under_way(self) -> bool:
-        """Whether the line's reference still moves."""
+        """True while the line's reference still moves."""
         return self._line_s < self._line.duration_s
 
     @property
     def line_duration_s(self) -> float:
-        """Of the line that was begun last."""
+        """Duration of the line that was begun last [s]."""
         return self._line.duration_s
 
     def arrived(self, q: Vector) -> bool:
-        """Whether the arm is at the line's end."""
+        """True if the arm stands at the line's end."""
         return not self.under_way and float(np.abs(q - self.reference).max()) < ARRIVED_RAD
 
     def opposed(self, thresholded: Vector) -> bool:
-        """Whether somebody pushes against the line [Nm]."""
+        """True if the thresholded residual (n,) [Nm] pushes against the line."""
         return self.under_way and float(self._line.way @ thresholded) < 0.0
 
-    # --- one tick -----------------------------------------------------------------------------
+    # --- one tick ------------------------------------------------------------------------------
 
     def step(
         self,
@@ -114,12 +117,15 @@ class Motion:
         dt: float,
         play: Vector | float = 0.0,
     ) -> None:
-        """Set velocity and reference for the next dt [s], from the thresholded residual `push`
-        [Nm] and q [rad], which was measured age_s [s] ago (None: now), and from where the links
-        may fall within their `play`, as of `Limits.bound_velocity`."""
+        """Set velocity and reference for the next dt [s].
+
+        They follow from the thresholded residual `push` (n,) [Nm], from q (n,) [rad], which was
+        measured age_s [s] ago (None: now), and from the links' `play`, as in
+        `Limits.bound_velocity`.
+        """
         self.gains.step(dt)
         desired = self._desired(mode, q, push, dt, play)
-        # A joint that was not heard of in this tick has moved on as it was told to.
+        # A joint whose sample is old has moved on at its setpoint.
         here = q if age_s is None else q + self.velocity * age_s
         if mode in SENSING:
             self.velocity = self.limits.bound_velocity(here, desired, self.velocity, dt, play)

@@ -1,8 +1,8 @@
-"""The trajectory: a path around an anchor, run along a path time that starts and stops softly.
+"""Trajectory: a path around an anchor, run along a path time that starts and stops softly.
 
 The path is a function of a path time s. Pausing, stopping and resuming change how fast s runs,
-never the path itself, so the setpoint cannot leave it. What is followed are displacements: after a
-person moved the arm, the same path is anchored anew where the arm stands.
+never the path itself, so the setpoint cannot leave it. A path consists of displacements:
+after a person has moved the arm, the same path is anchored anew where the arm stands.
 """
 
 import math
@@ -16,11 +16,11 @@ from arrays import Vector
 
 
 class JointPath(Protocol):
-    """A displacement of every joint as a function of path time; vectors of shape (n,)."""
+    """Path: a displacement of every joint as a function of path time; vectors of shape (n,)."""
 
     @property
     def name(self) -> str:
-        """For people."""
+        """Name for people."""
 
     @property
     def duration(self) -> float:
@@ -28,12 +28,12 @@ class JointPath(Protocol):
 
     @property
     def begin(self) -> Vector | None:
-        """Where the path asks the arm to stand at s = 0 [rad], NaN for a joint that may stand
-        anywhere; None where it may begin from any pose."""
+        """Pose that the path asks for at s = 0 [rad], NaN for a joint that may stand anywhere; None
+        if it may begin from any pose."""
 
     @property
     def motors_only(self) -> bool:
-        """Whether the motors follow the slope and no loop closes over the links."""
+        """True if the motors follow the slope and no loop closes over the links."""
 
     def offset(self, s: float) -> Vector:
         """Displacement from the anchor's origin [rad] at path time s [s]."""
@@ -47,7 +47,7 @@ class JointPath(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Sinusoids:
-    """offset(s) = amplitude sin(omega s), per joint; zero amplitude holds."""
+    """Sinusoids: offset(s) = amplitude sin(omega s), per joint; zero amplitude holds."""
 
     amplitude: Vector
     omega: Vector
@@ -65,13 +65,13 @@ class Sinusoids:
         return self.amplitude * self.omega * np.cos(self.omega * s)
 
     def extent(self, s: float) -> tuple[Vector, Vector]:
-        """The whole swing: it has no end."""
+        """Lowest and highest offset [rad]: the whole swing, which has no end."""
         return -self.amplitude, self.amplitude
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """Where the arm should be: q [rad] and its velocity [rad/s]."""
+    """Reference of the position loop: q (n,) [rad] and its velocity (n,) [rad/s]."""
 
     q: Vector
     velocity: Vector
@@ -79,20 +79,20 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place on a path, from which a Follower can run it."""
+    """Place on a path, from which a Follower can run it."""
 
     path: JointPath
     s: float = 0.0
 
     def misfits(self, q: Vector, lower: Vector, upper: Vector) -> NDArray[np.bool_]:
-        """Joints whose path from here on, anchored at q, would go beyond [lower, upper]."""
+        """Mask (n,) of joints whose path from here on, anchored at q, leaves [lower, upper]."""
         origin = q - self.path.offset(self.s)
         low, high = self.path.extent(self.s)
         return (high > low) & ((origin + low < lower) | (origin + high > upper))
 
     def astray(self, q: Vector, tolerance: float) -> NDArray[np.bool_]:
-        """Joints that stand further than `tolerance` [rad] from where the path asks them to begin;
-        none where it goes on from somewhere on its way."""
+        """Mask (n,) of joints further than `tolerance` [rad] from the pose that the path begins at;
+        all false if it goes on from a later place."""
         begin = self.path.begin
         if begin is None or self.s > 0.0:
             return np.zeros(len(q), dtype=np.bool_)
@@ -101,7 +101,7 @@ class Place:
 
 @dataclass(slots=True)
 class Follower:
-    """Runs one path: where on it, how fast, and around which origin."""
+    """Follower of one path: its place, its rate, and the origin that the path is anchored to."""
 
     place: Place
     ramp_s: float
@@ -110,12 +110,11 @@ class Follower:
 
     @property
     def finished(self) -> bool:
-        """Whether the path has come to its end."""
+        """True if the path has come to its end."""
         return self.place.s >= self.place.path.duration
 
     def anchor(self, q: Vector) -> None:
-        """Put the path where the arm stands: from q [rad], at standstill, at the present path
-        time."""
+        """Anchor the path at q (n,) [rad] for the present path time, at standstill."""
         self._rate = 0.0
         self._origin = q - self.place.path.offset(self.place.s)
 
@@ -133,6 +132,6 @@ class Follower:
 
 
 def _braking_rate(room: float, dt: float, ramp_s: float) -> float:
-    """The largest ds/dt from which path time still stops `room` [s] ahead, falling by 1 in
+    """Largest ds/dt from which path time still stops `room` [s] ahead, falling by 1 in
     `ramp_s`: r dt + r^2 ramp / 2 = room."""
     return (math.sqrt(dt * dt + 2.0 * ramp_s * room) - dt) / ramp_s

@@ -1,8 +1,8 @@
-"""A path through samples: cubic Hermite between knots (time, position, velocity), so that position
+"""Path through samples: cubic Hermite between knots (time, position, velocity), so that position
 and velocity are continuous and the extremes of every piece are known exactly.
 
-It is built from chunks of rows, each judged when it comes: whoever appends a bounded number of
-rows does a bounded amount of work. Pure; arrays of shape (m, n), one row per knot, SI units.
+It is built from chunks of rows, each checked when it comes: a bounded number of rows takes a
+bounded amount of work. Pure; arrays of shape (m, n), one row per knot, SI units.
 """
 
 from bisect import bisect_right
@@ -19,9 +19,9 @@ from errors import TrajectoryError
 
 Tensor = NDArray[np.float64]
 
-# Few enough blocks for a moment's work on all of them, and short ones to copy when they grow.
+# Rows of a block: few blocks to search, and short ones to copy when they grow.
 BLOCK_ROWS = 512
-# Of a sum of rounded numbers; far below what a drive can tell.
+# Tolerance for sums of rounded numbers; far below the resolution of any drive.
 ROUNDING = 1e-9
 
 
@@ -54,7 +54,7 @@ class SampledPath:
         self._first = blocks[0].knots[0, 0]
         self.duration = float(blocks[-1].times[-1])
         self.begin = None if from_here else np.where(named, self._first, np.nan)
-        # Of each block and all behind it.
+        # Extremes of each block and all later ones.
         low = np.array([block.low for block in blocks]) - self._first
         high = np.array([block.high for block in blocks]) - self._first
         self._low = np.minimum.accumulate(low[::-1])[::-1]
@@ -87,7 +87,7 @@ class SampledPath:
         return max(bisect_right(self._starts, s) - 1, 0)
 
     def _piece(self, s: float) -> tuple[float, float, Matrix]:
-        """Length [s] of the piece around s, the share of it that has passed, and its ends, (4, n):
+        """Piece around s: its length [s], the share of it that has passed, and its ends (4, n):
         position and velocity of the first, then of the second."""
         block = self._blocks[self._block(s)]
         j = int(block.times.searchsorted(s, side="right")) - 1
@@ -99,9 +99,9 @@ class SampledPath:
 
 
 class PathBuilder:
-    """Takes the rows of a trajectory piece by piece and refuses what breaks a limit.
+    """Builder of a SampledPath: takes its rows chunk by chunk, refuses what breaks a limit.
 
-    `columns` are the joints that the rows name, in the rows' order; all others hold. Matrix are
+    `columns` are the joints that the rows name, in the rows' order; all others hold. Rows are
     [t, q of each column, q_dot of each column]. Raises TrajectoryError for an unknown, doubled or
     missing column.
     """
@@ -149,7 +149,7 @@ class PathBuilder:
         self.rows += len(rows)
 
     def finish(self) -> SampledPath:
-        """The whole path. Raises TrajectoryError if there are fewer than two rows."""
+        """Whole path. Raises TrajectoryError if there are fewer than two rows."""
         if not self._blocks:
             raise TrajectoryError(f"{self.rows} rows of samples; a trajectory needs two or more")
         return SampledPath(
@@ -161,7 +161,7 @@ class PathBuilder:
         )
 
     def _keep(self, times: Vector, knots: Tensor, low: Vector, high: Vector) -> None:
-        """As a block of its own, or behind the last one while that is short."""
+        """Keep knots as a new block, or in the last one while that is short."""
         if self._blocks and len(self._blocks[-1].times) < BLOCK_ROWS:
             block = self._blocks.pop()
             times = np.concatenate([block.times, times[1:]])
@@ -170,7 +170,7 @@ class PathBuilder:
         self._blocks.append(_Block(times, knots, low, high))
 
     def _knots_of(self, rows: Sequence[Sequence[float]]) -> tuple[Vector, Tensor]:
-        """The rows as times from the trajectory's beginning (m,) and knots of all joints
+        """Rows as times from the trajectory's beginning (m,) and knots of all joints
         (m, 2, n)."""
         k, n = len(self._columns), len(self._joints)
         wrong = next((i for i, row in enumerate(rows) if len(row) != 1 + 2 * k), None)
@@ -182,7 +182,7 @@ class PathBuilder:
         if not good.all():
             i, j = divmod(int(np.argmin(good)), table.shape[1])
             where = "time_s" if j == 0 else self._joints[self._columns[(j - 1) % k]]
-            text = f"{where}: {table[i, j]} is no number that an arm can follow"
+            text = f"{where}: {table[i, j]} is not a number of at most {PLAUSIBLE:g}"
             raise TrajectoryError(text, row=self.rows + i)
         if self.rows == 0:
             self._start_s = float(table[0, 0])
@@ -250,8 +250,8 @@ class PathBuilder:
 
 
 def _piece_extremes(knots: Tensor, h: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Of each cubic piece: lowest and highest position, largest speed and acceleration, each
-    (m - 1, n); h (m - 1, 1) are the lengths [s].
+    """Extremes of each cubic piece: lowest and highest position, largest speed and acceleration,
+    each (m - 1, n); h (m - 1, 1) are the lengths [s].
 
     In u = 0 ... 1 the velocity is a u^2 + b u + v0 with its extreme where the acceleration, which
     is linear, is zero; the position has its extremes where the velocity is zero.

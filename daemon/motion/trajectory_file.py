@@ -1,11 +1,11 @@
-"""A trajectory in a CSV file: `time_s` and one column [rad] for each joint that moves.
+"""Trajectory in a CSV file: `time_s` and one column [rad] for each joint that moves.
 
     time_s,LShoulderPitch,LElbowRoll
     0.00,0.10,-0.50
     0.05,0.11,-0.49
 
 Empty lines and lines that begin with # are left out. Read without numpy, for clients that must
-start at once; what needs the arm's limits is judged by `daemon.motion.sampled_path`.
+start at once; `daemon.motion.sampled_path` checks the rows against the arm's limits.
 """
 
 import csv
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 TIME = "time_s"
 #: Ten minutes at 100 Hz; 7 MB in the daemon for seven joints.
 MAX_ROWS = 60_000
-#: What no time, position or velocity of an arm is beyond, so that no sum overflows.
+#: Largest time, position or velocity that is accepted, so that no sum overflows.
 PLAUSIBLE = 1e9
 SHORTEST_STEP_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryFile:
-    """What a file says; row i of `times` [s] and `positions` [rad] stands in line `lines[i]`."""
+    """Content of a file; row i of `times` [s] and `positions` [rad] stands in line `lines[i]`."""
 
     path: Path
     joints: tuple[str, ...]
@@ -39,11 +39,11 @@ class TrajectoryFile:
     lines: list[int]
 
     def rows(self) -> list[list[float]]:
-        """[t, q of each joint, q_dot of each joint], for a PathBuilder."""
+        """Rows for a PathBuilder: [t, q of each joint, q_dot of each joint]."""
         return rows_of(self.times, self.positions, slopes(self.times, self.positions))
 
     def placed(self, error: TrajectoryError) -> TrajectoryError:
-        """The error of a row, put on its line of the file."""
+        """The error of a row, with file and line in front."""
         line = "" if error.row is None else f":{self.lines[min(error.row, len(self.lines) - 1)]}"
         return TrajectoryError(f"{self.path}{line}: {error}", row=error.row)
 
@@ -51,7 +51,7 @@ class TrajectoryFile:
 def read_trajectory(path: Path, known: Sequence[str]) -> TrajectoryFile:
     """Read a file whose joints must be among `known`.
 
-    Raises TrajectoryError that names file, line, column and reason of the first fault.
+    Raises TrajectoryError with file, line, column and reason of the first fault.
     """
     try:
         # The mark that some spreadsheets put in front is no part of the header.
@@ -64,7 +64,7 @@ def read_trajectory(path: Path, known: Sequence[str]) -> TrajectoryFile:
 
 
 def refuse_columns(columns: Sequence[str], joints: Sequence[str]) -> None:
-    """Raises TrajectoryError unless `columns` are some of `joints`, each once."""
+    """Raise TrajectoryError unless `columns` are some of `joints`, each once."""
     for i, column in enumerate(columns):
         if column not in joints:
             raise TrajectoryError(f"no joint `{printable(column)}`; there are: {', '.join(joints)}")
@@ -80,8 +80,8 @@ def refuse_shapes(
     positions: Sequence[Sequence[float]],
     velocities: Sequence[Sequence[float]] | None,
 ) -> None:
-    """Raises TrajectoryError, with the row, unless the times rise and everything has one row for
-    each of them, with one number for each joint."""
+    """Raise TrajectoryError, with the row, unless the times rise, and positions and velocities have
+    one row for each time and one number for each joint."""
     for what, table in (("positions", positions), ("velocities", velocities)):
         if table is None:
             continue
@@ -98,8 +98,8 @@ def refuse_shapes(
 
 
 def slopes(times: Sequence[float], positions: Sequence[Sequence[float]]) -> list[list[float]]:
-    """Velocities [rad/s] at samples: of the parabola through each and its neighbours, of the line
-    at both ends. `times` (m,) rising, `positions` (m, k), result (m, k)."""
+    """Velocities at samples (m, k) [rad/s]: of the parabola through each and its neighbours, of the
+    line at both ends. `times` (m,) [s] rise, `positions` are (m, k) [rad]."""
     if len(times) < 2:
         return [[0.0] * len(row) for row in positions]
     secants = [
@@ -120,7 +120,7 @@ def rows_of(
     positions: Sequence[Sequence[float]],
     velocities: Sequence[Sequence[float]],
 ) -> list[list[float]]:
-    """[t, q..., q_dot...] for each sample, as plain numbers."""
+    """Rows [t, q..., q_dot...] of plain numbers, one for each sample."""
     return [
         [float(t), *map(float, q), *map(float, v)]
         for t, q, v in zip(times, positions, velocities, strict=True)
@@ -158,7 +158,7 @@ def _read(path: Path, reader: "Reader", known: Sequence[str]) -> TrajectoryFile:
 
 
 def _lines(path: Path, reader: "Reader") -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of each line that says something."""
+    """Line number and cells of each line that is neither empty nor a comment."""
     try:
         for row in reader:
             cells = [cell.strip() for cell in row]
@@ -183,10 +183,10 @@ def _number(path: Path, line: int, column: str, cell: str) -> float:
         value = float(cell)
     except ValueError:
         raise TrajectoryError(
-            f"{path}:{line}: {column}: `{printable(cell[:40])}` is no number"
+            f"{path}:{line}: {column}: `{printable(cell[:40])}` is not a number"
         ) from None
     if not abs(value) <= PLAUSIBLE:  # nor NaN
         raise TrajectoryError(
-            f"{path}:{line}: {column}: {cell[:40]} is no number that an arm can follow"
+            f"{path}:{line}: {column}: {cell[:40]} is not a number of at most {PLAUSIBLE:g}"
         )
     return value

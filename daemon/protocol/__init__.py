@@ -1,1 +1,1 @@
-"""Both ends of the control socket: what is said, who may arm, where it is. Pure."""
+"""Protocol of the control socket, shared by daemon and clients: messages, lease, path. Pure."""

@@ -1,13 +1,13 @@
-"""Who may keep the arm armed, and until when: a lease with one owner. Pure; time is an argument.
+"""Lease on the armed arm: one owner, who keeps it armed until a time. Pure; time is an argument.
 
-Two kinds of owner. A program owns by its connection, renews every moment, and its lease ends with
-the connection. A person at a command line, whose connection closes at once, owns by the user id
-alone, and the lease ends with its time.
+There are two kinds of owner. A program owns by its connection, renews often, and its lease ends
+with the connection. A person at a command line, whose connection closes at once, owns by the user
+id alone, and the lease ends with its time.
 """
 
 from dataclasses import dataclass
 
-#: How long without a word, unless something else is asked for [s].
+#: Length of a lease that asks for no other [s].
 PROGRAM_S = 0.5
 PERSON_S = 600.0
 LONGEST_S = 86_400.0
@@ -15,14 +15,14 @@ LONGEST_S = 86_400.0
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """Who armed; `connection` is 0 for a person, whose every process may renew."""
+    """Owner of a lease; `connection` is 0 for a person, whose every process may renew it."""
 
     uid: int
     pid: int
     connection: int = 0
 
     def is_same(self, other: "Owner") -> bool:
-        """Whether the other may renew what this one holds."""
+        """True if `other` may renew the lease that this owner holds."""
         return self.connection == other.connection and (
             self.connection != 0 or self.uid == other.uid
         )
@@ -33,13 +33,13 @@ class Owner:
 
 @dataclass(frozen=True, slots=True)
 class Lease:
-    """The permission of one owner, good before `until_s` and no longer."""
+    """Permission of one owner, valid before `until_s` and no longer."""
 
     owner: Owner
     until_s: float
 
     def refusal(self, other: Owner, time_s: float) -> str:
-        """Why `other` may not arm now; empty if it may."""
+        """Reason why `other` may not arm at `time_s`; empty if it may."""
         if self.ended(time_s) or self.owner.is_same(other):
             return ""
         return (
@@ -48,8 +48,8 @@ class Lease:
         )
 
     def ended(self, time_s: float, closed: int = 0) -> str:
-        """Why the lease is over, at `time_s` or because connection number `closed` was closed;
-        empty while it lasts."""
+        """Reason why the lease is over, at `time_s` or because connection number `closed` was
+        closed; empty while it lasts."""
         if closed and closed == self.owner.connection:
             return f"{self.owner}, who had armed it, is gone"
         if time_s >= self.until_s:
@@ -57,12 +57,12 @@ class Lease:
         return ""
 
     def left_s(self, time_s: float) -> float:
-        """Time until it runs out [s]."""
+        """Time until the lease runs out [s]; 0 after that."""
         return max(self.until_s - time_s, 0.0)
 
 
 def in_words(seconds: float) -> str:
-    """0.5 s, 42 s, 9 min 12 s."""
+    """Duration for people: 0.5 s, 42 s, 9 min 12 s."""
     if seconds < 10.0:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)

@@ -1,4 +1,4 @@
-"""What goes through the daemon's doors: requests, replies, and one `State` per tick.
+"""Messages of the control socket: requests, replies, and one `State` per tick.
 
 Everything is JSON. Numbers keep every bit on the way (shortest round-trip representation), so a
 recording can be replayed bit-identically. Vectors have one entry per joint, in the order of
@@ -28,7 +28,7 @@ Command = Literal[
 ]
 COMMANDS: tuple[str, ...] = get_args(Command)
 MAX_REQUEST_BYTES = 8192  # of one message to the daemon
-# What lets the arm move is not done for somebody who does not wait for the answer any more.
+# Commands that let the arm move: dropped if the client closed the connection before the answer.
 AWAITED: frozenset[Command] = frozenset({"enable", "start", "arm"})
 
 PerJoint = list[float]
@@ -37,19 +37,19 @@ PerJoint = list[float]
 SideName = Literal["left", "gap", "right", "unknown"]
 """Gap state of a joint: `motor_position.Side` in words."""
 
-# What may stand in a line of the log: nothing that begins another line, speaks to a terminal (C0,
-# C1), or turns around what stands beside it (embeddings and isolates of bidirectional text).
+# Text that may stand in one line of the log: no line breaks, no control characters for a terminal
+# (C0, C1), none that reverse the text beside them (bidirectional embeddings and isolates).
 ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]*\Z"
 
 
 def printable(text: str) -> str:
-    """`text`, for people: a question mark for each character that is not to be printed, such as a
-    file's name, or what stands in the file, may hold. Passes ONE_LINE."""
+    """`text` with a question mark for each character that cannot be printed: names and contents of
+    files may hold any. The result matches ONE_LINE."""
     return "".join(character if character.isprintable() else "?" for character in text)
 
 
 class Header(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What the rows of a trajectory mean: [t, q of each joint, q_dot of each joint]."""
+    """Header of a trajectory, whose rows are [t, q of each joint, q_dot of each joint]."""
 
     name: Annotated[str, msgspec.Meta(min_length=1, max_length=64, pattern=ONE_LINE)]
     joints: Annotated[list[str], msgspec.Meta(max_length=32)]  # all others hold
@@ -58,7 +58,7 @@ class Header(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """One command from a client, and what only some commands take."""
+    """One command from a client, with the arguments that only some commands take."""
 
     command: Command
     header: Header | None = None  # `load`: begin a trajectory
@@ -73,7 +73,7 @@ class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
 
 
 class Check(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing that must be right before the arm may be armed; why it is, or why not."""
+    """One check before the arm may be armed, with the reason why it passed or failed."""
 
     name: str
     passed: bool
@@ -84,16 +84,16 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Permit(msgspec.Struct, frozen=True, kw_only=True):
-    """Who armed the arm, and for how long from now."""
+    """Owner of the lease on the armed arm, and the time it has left."""
 
     uid: int
     pid: int
-    detached: bool  # lives by time alone; otherwise it ends with the connection of `pid`, too
+    detached: bool  # ends by time alone; otherwise also with the connection of `pid`
     left_s: float
 
 
 class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """The answer to one `Request`: done or refused, and every reason of a refusal."""
+    """Answer to one `Request`: done or refused, with every reason for a refusal."""
 
     ok: bool
     message: str = ""
@@ -107,7 +107,7 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class Contact(msgspec.Struct, frozen=True, kw_only=True):
-    """A joint's residual went past one of its levels."""
+    """Contact: the residual of a joint passed one of its levels."""
 
     joint: str
     torque: float  # the residual, signed [Nm]
@@ -117,7 +117,7 @@ class Contact(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Notice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Something that happened in this tick: a change of mode or permission, a contact, a fault."""
+    """Event of one tick: a change of mode or permission, a contact, or a fault."""
 
     kind: Literal["mode", "contact", "fault"]
     text: str
@@ -125,19 +125,19 @@ class Notice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class Timing(msgspec.Struct, frozen=True, kw_only=True):
-    """How the loop kept its time. The only fields of a State that differ between two lockstep
-    runs with one seed."""
+    """Timing of the loop: the only fields of a State that differ between two lockstep runs with one
+    seed."""
 
     wall_s: float  # Unix time of the tick
     monotonic_s: float  # CLOCK_MONOTONIC of the wake-up
     lateness_us: float  # wake-up after the deadline
     work_us: float  # from the wake-up to the last frame sent, in the tick before this one
     missed: int  # deadlines missed since the start
-    doors_us: float = 0.0  # what clients and the log took, after the tick before this one
+    doors_us: float = 0.0  # spent on clients and the log, after the tick before this one
 
 
 class State(msgspec.Struct, frozen=True, kw_only=True):
-    """Everything that one tick knew and decided."""
+    """Record of one tick: everything it measured, estimated and decided."""
 
     tick: int
     time_s: float  # time of the tick since the loop started
@@ -163,9 +163,9 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     residual: PerJoint  # [Nm]
     threshold: PerJoint  # in force in this tick [Nm]
     thresholded: PerJoint  # sign(r) max(|r| - threshold, 0) [Nm]
-    touched_link: str  # named by its joint; empty: nothing is felt, or nobody can tell
+    touched_link: str  # named by its joint; empty: no contact, or its link is not known
     beside: dict[str, PerJoint]  # other residuals on the same samples [Nm]
-    flags: list[str]  # what the estimator complains about
+    flags: list[str]  # warnings of the estimator
     updated: bool  # the estimator took these samples
     # decided
     reference: PerJoint  # desired q [rad]
@@ -175,8 +175,24 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     timing: Timing
 
 
+STATE_FORMAT = 1
+"""Version of State and Snapshot. It rises when a field changes its name or its meaning; a new field
+with a default needs no new version. Recordings of every version from 1 on stay readable."""
+
+
+def format_refusal(version: int) -> str:
+    """Why States of this version are not read; empty where they are."""
+    if version < 1:
+        return "of a contactd before format 1, whose States have other fields: record anew"
+    if version > STATE_FORMAT:
+        return f"of format {version}; this contactd reads up to {STATE_FORMAT}: use a newer one"
+    return ""
+
+
 class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
-    """What a recording needs to be read alone: sent once to each reader, before its States."""
+    """Context of a recording: all that is needed to read its States. Sent to each reader first."""
+
+    format: int = 0  # STATE_FORMAT of its program; 0: made before there was one
 
     joints: list[str]
     half_gap: PerJoint
@@ -191,7 +207,7 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Grant(msgspec.Struct, frozen=True):
-    """One part of the real-time set-up: whether the machine granted it, and in words."""
+    """One part of the real-time set-up, granted by the machine or not, and the same in words."""
 
     name: str
     achieved: bool
@@ -199,7 +215,7 @@ class Grant(msgspec.Struct, frozen=True):
 
 
 class Trajectory(msgspec.Struct, frozen=True, kw_only=True):
-    """What runs, goes on, or would be run by `start`."""
+    """The trajectory that runs, is interrupted, or would be run by `start`."""
 
     name: str
     state: Literal["ready", "running", "interrupted", "paused"]
@@ -208,7 +224,7 @@ class Trajectory(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):
-    """What `contactctl status` shows."""
+    """Status of the daemon, as `contactctl status` shows it."""
 
     name: str
     configuration: str  # absolute path

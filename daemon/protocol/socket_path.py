@@ -1,6 +1,6 @@
-"""File of the control socket: where daemon and clients meet, who may open it, and who did.
+"""File of the control socket: its path, its permissions, and the credentials of its peers.
 
-The file's group decides who may connect; the kernel knows who is at the other end.
+The file's group decides who may connect; the kernel reports who is at the other end.
 """
 
 import contextlib
@@ -25,10 +25,10 @@ _log = logging.getLogger("contactd")
 
 
 def default_socket_path() -> Path:
-    """Where daemon and clients meet unless told otherwise.
+    """Path of the control socket where no other is given.
 
     `$CONTACTD_SOCKET`, else `/run/contactd/control` where that directory exists, else
-    `$XDG_RUNTIME_DIR/contactd.sock`, else `/tmp/contactd-UID.sock`. Everybody may create files in
+    `$XDG_RUNTIME_DIR/contactd.sock`, else `/tmp/contactd-UID.sock`. Any user may create files in
     /tmp: a file of another user at that name raises ControlError.
     """
     if chosen := os.environ.get("CONTACTD_SOCKET"):
@@ -47,7 +47,8 @@ def default_socket_path() -> Path:
 
 
 def listen(path: Path) -> socket.socket:
-    """A listening socket that appears at `path` complete: open to its group, and never deaf."""
+    """Listening socket at `path`, which appears there complete: bound, open to its group, and
+    listening. Raises ControlError if another daemon serves it or it cannot be made."""
     hidden = path.with_name(f".{path.name}.{os.getpid()}")
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
     try:
@@ -73,7 +74,7 @@ def listen(path: Path) -> socket.socket:
 
 
 def _refuse_unless_stale(path: Path) -> None:
-    """Only nothing, or the socket that a dead daemon left behind, may be replaced."""
+    """Raise ControlError unless `path` is free or holds the socket of a dead daemon."""
     try:
         mode = path.lstat().st_mode
     except FileNotFoundError:
@@ -91,7 +92,7 @@ def _refuse_unless_stale(path: Path) -> None:
 
 
 def how_to_be_let_in(path: Path) -> str:
-    """For somebody who may not use the control socket, or what lies beside it."""
+    """Advice for a user who may not open the control socket, or a file beside it."""
     try:
         group = path.group()
     except KeyError:  # without a name
@@ -109,7 +110,8 @@ def how_to_be_let_in(path: Path) -> str:
 
 
 def open_to_group(path: Path, mode: int) -> str:
-    """Let the group in with `mode`; returns why that is another group than it should be, if so."""
+    """Give the file to the group `contact` with `mode`. Returns the reason where its group had to
+    stay another one, else an empty text."""
     why = ""
     try:
         group = grp.getgrnam(GROUP).gr_gid
@@ -124,11 +126,11 @@ def open_to_group(path: Path, mode: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Who is at the other end of a connection, as the kernel saw it connect."""
+    """Process at the other end of a connection, as the kernel saw it connect."""
 
     uid: int
     pid: int
-    connection: int = 0  # counts up: no two connections of one daemon have the same
+    connection: int = 0  # serial number, unique within one daemon
 
 
 def peer_of(connected: socket.socket, connection: int = 0) -> Peer:

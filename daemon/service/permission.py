@@ -1,12 +1,12 @@
 """Who may keep the arm armed, asked at the daemon's door: the lease over the controller."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from daemon.protocol.lease import PERSON_S, PROGRAM_S, Lease, Owner, in_words
 from daemon.protocol.messages import Check, Permit, Request
 from daemon.protocol.socket_path import Peer
-from daemon.tick.controller import Controller
+from daemon.tick.tick import Tick
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +22,7 @@ class Answer:
 class Permission:
     """One lease at a time; it ends with its time, or with its owner's connection."""
 
-    controller: Controller
-    checks: Callable[[], list[Check]]
+    tick: Tick
     _lease: Lease | None = None
 
     @property
@@ -42,9 +41,9 @@ class Permission:
             if not refusal and owner.connection:
                 refusal = "this connection has armed it already: `renew` it"
             return self._grant(owner, duration_s, time_s, [refusal] if refusal else [])
-        checks = self.checks()
-        reasons = self.controller.arm(f"{owner}, for {in_words(duration_s)}")
-        return self._grant(owner, duration_s, time_s, reasons, checks)
+        found = self.tick.check_arming(time_s)
+        reasons = found.reasons or self.tick.controller.arm(f"{owner}, for {in_words(duration_s)}")
+        return self._grant(owner, duration_s, time_s, reasons, found.checks)
 
     def renew(self, request: Request, peer: Peer, time_s: float) -> Answer:
         """Prolong what this connection holds. Never arms: a program that renews every moment must
@@ -58,7 +57,7 @@ class Permission:
     def _held(self, time_s: float) -> Lease | None:
         # What has run out since the last tick is nobody's: there is nothing to take over.
         self.expire(time_s)
-        return self._lease if self.controller.machine.armed else None
+        return self._lease if self.tick.controller.machine.armed else None
 
     def _grant(
         self,
@@ -74,7 +73,7 @@ class Permission:
 
     def expire(self, time_s: float, closed: int = 0) -> None:
         """End what has run out, or was held by connection number `closed`."""
-        lease, controller = self._lease, self.controller
+        lease, controller = self._lease, self.tick.controller
         if lease is None:
             return
         if not controller.machine.armed:
@@ -86,7 +85,7 @@ class Permission:
     def permit(self, time_s: float) -> Permit | None:
         """Who armed the arm, and for how long from now; None while it is not."""
         lease = self._lease
-        if lease is None or not self.controller.machine.armed:
+        if lease is None or not self.tick.controller.machine.armed:
             return None
         return Permit(
             uid=lease.owner.uid,

@@ -24,6 +24,7 @@ from daemon.service.socket import ControlSocket
 from daemon.service.status import snapshot_of, status_of
 from daemon.service.upload import TrajectoryUpload
 from daemon.tick.loop import Loop
+from daemon.tick.telemetry import state_of
 from drivers.boot.boot_up import DriveBoot
 from errors import ContactdError, TrajectoryError
 
@@ -90,30 +91,31 @@ class Service:
         c = self.robot.configuration
         self.place = str(self.robot.place())
         self.dock = TrajectoryUpload(c.joint_names, limits_of(c), c.trajectory.ramp_s)
-        tick = self.loop.tick
-        self.permission = Permission(tick.controller, tick.checks)
+        self.permission = Permission(self.loop.tick)
         self.control.on_close = self._on_close
 
     # --- after every tick -------------------------------------------------------------------
 
     def doors(self) -> None:
         """Publish the tick, log its events, serve the control socket: bounded work."""
-        tick = self.loop.tick
-        if self.control.readers and tick.decision is not None:
-            self.control.publish(tick.state(self.loop.wakeup))
-        for event in tick.notices:
-            if event.kind == "fault" or self._limit.admit(event.text, self.loop.time_s):
-                self._tell(event.kind, event.text)
-            if event.kind == "fault":
-                self.on_fault(event.text)
-            if event.kind == "mode":
+        record = self.loop.tick.last
+        if record is None:
+            return
+        if self.control.readers and record.decision is not None:
+            self.control.publish(state_of(record))
+        for notice in record.notices:
+            if notice.kind == "fault" or self._limit.admit(notice.text, self.loop.time_s):
+                self._tell(notice.kind, notice.text)
+            if notice.kind == "fault":
+                self.on_fault(notice.text)
+            if notice.kind == "mode":
                 self.notifier.status(self.summary())
         if left_out := self._limit.summary(self.loop.time_s):
             self._tell("mode", left_out)
         # After the State, which tells of what was decided in its tick: the next one tells of this.
         self.permission.expire(self.loop.time_s)
         self.control.poll(self.handle, DOORS_SHARE * self.robot.configuration.period_s)
-        self.notifier.ticked(self.loop.wakeup.monotonic_s)
+        self.notifier.ticked(record.wakeup.monotonic_s)
 
     def _tell(self, kind: str, text: str) -> None:
         place = {"kind": kind, "tick": self.loop.tick.number}
@@ -243,7 +245,7 @@ class Service:
             return str(error).splitlines()
         else:
             tick.drives.start(self.loop.time_s)
-            tick.prearm.renewed(joints)
+            tick.arming_checks.renewed(joints)
             return []
         finally:
             self.loop.resume()

@@ -6,10 +6,11 @@ from importlib.metadata import version
 
 from daemon.config.load import Robot
 from daemon.faults.finding import advice_on
-from daemon.protocol.messages import Grant, Permit, Snapshot, Status, Trajectory
+from daemon.protocol.messages import STATE_FORMAT, Grant, Permit, Snapshot, Status, Trajectory
 from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
-from daemon.tick.tick import DRIVE_STATE_NAMES, SIDE_NAMES, Tick, finite_list
+from daemon.tick.telemetry import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
+from daemon.tick.tick import Tick
 from errors import ControlError
 
 
@@ -28,7 +29,8 @@ def status_of(
     """Everything that a person asks for; `place` is that of config.yaml, whoever asks from where;
     `identities` and `serials` are the drives'."""
     c, tick = robot.configuration, loop.tick
-    samples, estimate = tick.samples, tick.estimate
+    last = tick.last
+    samples, estimate = (last.samples, last.estimate) if last else (None, None)
     zeros = [0.0] * len(c.joints)
     machine = tick.controller.machine
     return Status(
@@ -42,7 +44,7 @@ def status_of(
         cause=machine.cause,
         advice="" if machine.armed else advice_on(machine.cause),
         trajectory=_trajectory(tick.controller),
-        checks=tick.checks(),
+        checks=list(tick.check_arming(loop.time_s).checks),
         ticks=tick.number + 1,
         missed=loop.missed,
         lateness_max_us=loop.lateness_max_s * 1e6,
@@ -76,14 +78,16 @@ def _trajectory(controller: Controller) -> Trajectory:
 def snapshot_of(robot: Robot, tick: Tick) -> Snapshot:
     """What a reader needs beside the States. Raises ControlError before the first sample."""
     c = robot.configuration
-    if tick.decision is None:
+    last = tick.last
+    if last is None or last.decision is None:
         raise ControlError("the drives have not sent all their samples yet; try again")
     return Snapshot(
+        format=STATE_FORMAT,
         joints=c.joint_names,
         half_gap=[joint.half_gap for joint in c.joints],
         thresholds=[joint.thresholds.contact for joint in c.joints],
         period_s=c.period_s,
-        tick=tick.number,
+        tick=last.number,
         memory=tick.estimator.memory(),
         configuration=robot.text,
         urdf=robot.urdf,

@@ -1,23 +1,26 @@
-"""What must be right before the arm may yield to hands: named checks, each passed or failed.
+"""Arming checks: what must be right before the arm may yield to hands, each passed or failed.
 
-A tick only takes note of what will be forgotten (`watch`); `objections` and `checks` are for those
-who ask between two ticks. No I/O; time is an argument.
+`run` judges the record of the last tick, between two ticks. A tick itself only takes note of what
+its record will not show later (`watch`). No I/O; time is an argument.
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
+from daemon.modes.table import ARMABLE, Mode, refusal
 from daemon.motion.limits import Limits
 from daemon.protocol.messages import Check
+from daemon.tick.record import TickRecord
+from daemon.tick.telemetry import FLAG_NAMES
 from drivers.answers import Samples
-from drivers.cia402 import DriveState
+from drivers.cia402 import FAULT_STATES, DriveState
 from drivers.events import Emergency, Rebooted, described
-from estimator.estimate import Estimate, Flag
+from estimator.estimate import Estimate
 
 #: In the order in which they are shown, after the mode.
 NAMES = (
@@ -37,51 +40,45 @@ NAMES = (
 # A busy machine is late now and then, and one tick is made up for; a loop that is not on time is
 # late more than so often in so many seconds.
 LATE_TICKS, LATE_WITHIN_S = 2, 1.0
+# Between two ticks the last one is at most a period old; a thousandth of it is rounding.
+OLDEST = 1.001  # periods
 # EMCY: the drive misses the master's heartbeat (CiA 301).
 MASTER_SILENT = 0x8130
-FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
-FAULT_STATES = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 
 
 @dataclass(frozen=True, slots=True)
-class Objection:
-    """Why a check fails."""
+class ArmingResult:
+    """Result of all arming checks at one moment."""
 
-    check: str
-    reason: str
-
-    def __str__(self) -> str:
-        return self.reason
+    checks: tuple[Check, ...]  # the mode, then NAMES; only the mode before the first samples
+    reasons: tuple[str, ...]  # every one against arming, in the order of finding; empty: arm
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """What was found once, at start, of a check that does not change while the daemon runs."""
+class ArmingChecks:
+    """All checks of one arm, and the memory of what a single tick does not show: emergencies that
+    are not over, late ticks."""
 
-    passed: bool
-    text: str
-
-
-class PreArm:
-    """Remembers what a single tick does not show: emergencies, late ticks.
-
-    `identification` is the verdict on identified values: do they belong to these drives, and did
-    they pass? Whoever reads them sets it before the first tick.
-    """
-
-    def __init__(self, joints: Sequence[str], nodes: Sequence[int], limits: Limits) -> None:
-        self.identification = Verdict(True, "none; the values of config.yaml are trusted")
+    def __init__(
+        self,
+        joints: Sequence[str],
+        nodes: Sequence[int],
+        limits: Limits,
+        period_s: float,
+        identification: Check,
+    ) -> None:
+        """joints, nodes: names and node-IDs in the order of the arm. identification: the check of
+        the identified values against the drives that answered, which holds for the whole run."""
         self._joints, self._limits = tuple(joints), limits
+        self._period_s = period_s
+        self._identification = identification
         self._index = {node: i for i, node in enumerate(nodes)}
         self._joint_of = dict(zip(nodes, self._joints, strict=True))
         self._emergencies: dict[int, Emergency] = {}
         self._in_fault: set[int] = set()
         self._late_s: deque[float] = deque(maxlen=LATE_TICKS + 1)
-        self._time_s = 0.0
 
     def watch(self, samples: Samples, findings: Sequence[Finding], time_s: float) -> None:
         """Take note of one tick."""
-        self._time_s = time_s
         for event in samples.events:
             if isinstance(event, Rebooted) or (isinstance(event, Emergency) and event.code == 0):
                 self._over(event.node)
@@ -98,8 +95,8 @@ class PreArm:
             self._late_s.append(time_s)
 
     def renewed(self, joints: Sequence[int]) -> None:
-        """These drives were set up again, and what they had said before is over: without ticks
-        nobody heard them say so."""
+        """Forget the emergencies of drives that were set up again: without ticks, the end of none
+        was received."""
         for node, joint in self._index.items():
             if joint in joints:
                 self._over(node)
@@ -108,98 +105,106 @@ class PreArm:
         self._emergencies.pop(node, None)
         self._in_fault.discard(node)
 
-    def objections(
+    def run(
         self,
-        samples: Samples,
-        estimate: Estimate,
-        findings: Sequence[Finding],
+        record: TickRecord | None,
+        mode: Mode,
         silent: Sequence[str],
         restarted: Sequence[str],
-    ) -> tuple[Objection, ...]:
-        """Every reason against arming now; `unheard` names the drives whose heartbeat is missing,
-        `forgetful` those that restarted and were not set up again."""
-        found = [
-            Objection(f.check, str(f))
-            for f in findings
-            if f.condition is not Condition.LATE  # which is counted
+        time_s: float,
+    ) -> ArmingResult:
+        """Judge arming in `mode` at `time_s`, on the record of the last tick.
+
+        `silent` names the joints whose drives send no heartbeat, `restarted` those whose drives
+        restarted and were not set up again. A record that is older than a period fails `loop`:
+        the arm is never armed on what may be over.
+        """
+        if record is None or record.estimate is None:
+            text = "no samples of the drives yet"
+            return ArmingResult((_failed("mode", text),), (text,))
+        failures = [
+            *([] if mode in ARMABLE else [_failed("mode", refusal(mode, "arm"))]),
+            *self._of_findings(record.findings),
+            *self._of_drives(silent, restarted),
+            *([] if self._identification.passed else [self._identification]),
+            *self._of_estimate(record.estimate),
+            *self._of_limits(record.samples),
+            *self._of_loop(record.time_s, time_s),
         ]
+        reasons: dict[str, list[str]] = {}
+        for failure in failures:
+            reasons.setdefault(failure.name, []).append(failure.text)
+        evidence = self._evidence(record.samples, record.estimate) | {"mode": mode.value}
+        checks = tuple(
+            _failed(name, "; ".join(reasons[name]))
+            if name in reasons
+            else Check(name=name, passed=True, text=evidence.get(name, "nothing found"))
+            for name in ("mode", *NAMES)
+        )
+        return ArmingResult(checks, tuple(failure.text for failure in failures))
+
+    def _of_findings(self, findings: Sequence[Finding]) -> Iterator[Check]:
+        for finding in findings:
+            if finding.condition is not Condition.LATE:  # which is counted
+                yield _failed(finding.check, str(finding))
+
+    def _of_drives(self, silent: Sequence[str], restarted: Sequence[str]) -> Iterator[Check]:
         if silent:
-            found.append(Objection("heartbeats", f"not heard from {', '.join(silent)}"))
+            yield _failed("heartbeats", f"not heard from {', '.join(silent)}")
         for emergency in self._emergencies.values():
-            check = "heartbeats" if emergency.code == MASTER_SILENT else "emergencies"
+            name = "heartbeats" if emergency.code == MASTER_SILENT else "emergencies"
             words = described(emergency, self._joint_of)
-            found.append(Objection(check, f"emergency of {words}, and not over"))
+            yield _failed(name, f"emergency of {words}, and not over")
         if restarted:
-            reason = f"restarted, and without their set-up: {', '.join(restarted)}"
-            found.append(Objection("set-up", f"{reason} (`contactctl reset`)"))
-        if not self.identification.passed:
-            found.append(Objection("identification", self.identification.text))
+            text = f"restarted, and without their set-up: {', '.join(restarted)}"
+            yield _failed("set-up", f"{text} (`contactctl reset`)")
+
+    def _of_estimate(self, estimate: Estimate) -> Iterator[Check]:
         if estimate.flags:
             words = ", ".join(FLAG_NAMES[flag] for flag in estimate.flags)
-            found.append(Objection("estimator", f"the estimator is not ready: {words}"))
-        if estimate.thresholded.any():
-            found += [
-                Objection(
-                    "residual",
-                    f"{name} feels {estimate.residual[i]:+.2f} Nm, beyond its threshold of "
-                    f"{estimate.threshold[i]:.2f} Nm: is somebody touching it?",
-                )
-                for i, name in enumerate(self._joints)
-                if estimate.thresholded[i]
-            ]
-        outside = self._limits.outside(samples.link_position)
-        if outside.any():
-            found += [
-                Objection(
-                    "limits",
-                    f"{name} stands at {samples.link_position[i]:.3f} rad, more than "
-                    f"{self._limits.tolerance:g} outside its limits "
-                    f"[{self._limits.lower[i]:g}, {self._limits.upper[i]:g}]",
-                )
-                for i, name in enumerate(self._joints)
-                if outside[i]
-            ]
+            yield _failed("estimator", f"the estimator is not ready: {words}")
+        for i in np.flatnonzero(estimate.thresholded).tolist():
+            yield _failed(
+                "residual",
+                f"{self._joints[i]} feels {estimate.residual[i]:+.2f} Nm, beyond its threshold of "
+                f"{estimate.threshold[i]:.2f} Nm: is somebody touching it?",
+            )
+
+    def _of_limits(self, samples: Samples) -> Iterator[Check]:
+        q, limits = samples.link_position, self._limits
+        for i in np.flatnonzero(limits.outside(q)).tolist():
+            yield _failed(
+                "limits",
+                f"{self._joints[i]} stands at {q[i]:.3f} rad, more than {limits.tolerance:g} "
+                f"outside its limits [{limits.lower[i]:g}, {limits.upper[i]:g}]",
+            )
+
+    def _of_loop(self, ticked_s: float, time_s: float) -> Iterator[Check]:
         late = self._late_s
-        if len(late) > LATE_TICKS and (ago_s := self._time_s - late[0]) < LATE_WITHIN_S:
-            found.append(
-                Objection("loop", f"{len(late)} ticks were late in the last {ago_s:.1f} s")
-            )
-        return tuple(found)
+        if len(late) > LATE_TICKS and (ago_s := ticked_s - late[0]) < LATE_WITHIN_S:
+            yield _failed("loop", f"{len(late)} ticks were late in the last {ago_s:.1f} s")
+        if (age_s := time_s - ticked_s) > OLDEST * self._period_s:
+            yield _failed("loop", f"the last tick is {1000 * age_s:.0f} ms old: ask again")
 
-    def checks(
-        self, objections: Sequence[Objection], samples: Samples, estimate: Estimate
-    ) -> list[Check]:
-        """Every check by name, with its reasons or with what speaks for it."""
-        reasons: dict[str, list[str]] = {}
-        for objection in objections:
-            reasons.setdefault(objection.check, []).append(objection.reason)
-        return [
-            Check(
-                name=name,
-                passed=name not in reasons,
-                text="; ".join(reasons[name])
-                if name in reasons
-                else self._evidence(name, samples, estimate),
-            )
-            for name in NAMES
-        ]
-
-    def _evidence(self, name: str, samples: Samples, estimate: Estimate) -> str:
-        """What speaks for a check that passes."""
+    def _evidence(self, samples: Samples, estimate: Estimate) -> dict[str, str]:
+        """What speaks for each check that passes."""
         n = len(self._joints)
         on = samples.states.count(DriveState.OPERATION_ENABLED)
         i = int(np.argmax(np.abs(estimate.residual) / estimate.threshold))
-        words = {
+        return {
             "drives": f"{on} of {n} in operation, none in fault",
             "samples": "all fresh in this tick",
             "heartbeats": f"heard from {n} drives, none misses ours",
             "emergencies": "none",
             "set-up": "written to the drives and read back",
-            "identification": self.identification.text,
+            "identification": self._identification.text,
             "estimator": "ready",
             "residual": f"at most {estimate.residual[i]:+.2f} of {estimate.threshold[i]:.2f} Nm "
             f"({self._joints[i]})",
             "limits": "every joint inside",
             "loop": f"at most {LATE_TICKS} late ticks in {LATE_WITHIN_S:g} s",
         }
-        return words.get(name, "nothing found")
+
+
+def _failed(name: str, text: str) -> Check:
+    return Check(name=name, passed=False, text=text)

@@ -5,7 +5,6 @@ plain data. How the arm moves in a mode is elsewhere (motion), and so is what is
 (limits, admittance).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +18,6 @@ from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, Mo
 from daemon.motion.admittance import MAX_GAIN, Allowance, AllowanceSettings
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
-from daemon.tick.arming_checks import Objection
 from daemon.tick.refusals import misfits, not_energisable, not_startable
 from drivers.cia402 import PowerTarget
 
@@ -38,7 +36,6 @@ class ControlInput:
     hit: str  # the collision that began in this tick, likewise
     operating: tuple[bool, ...]  # which drives are in operation enabled
     findings: tuple[Finding, ...]
-    objections: Callable[[], tuple[Objection, ...]]  # asked when somebody would arm
     age_s: Vector | None = None  # of q; None where every sample came in time
     play: Vector | float = 0.0  # how far links may fall down and up in their gaps, (2, n) [rad]
 
@@ -115,35 +112,20 @@ class Controller:
         return self.motion.follower.place if goes_on else self._configured
 
     def arm(self, who: str) -> list[str]:
-        """Allow contacts to move the arm; returns every reason why not. A new arming renews what
-        contacts may do, a repeated one does not."""
-        reasons = self.not_armable()
-        if not reasons:
-            if not self.machine.armed:
-                self._allowance.renew()
-            self.machine.arm(f"armed by {who}")
-        return reasons
+        """Allow contacts to move the arm, unless the mode forbids it; returns why. A new arming
+        renews what contacts may do, a repeated one does not. All else is for `ArmingChecks`, which
+        are run before."""
+        mode = self.machine.mode
+        if mode not in ARMABLE:
+            return [refusal(mode, "arm")]
+        if not self.machine.armed:
+            self._allowance.renew()
+        self.machine.arm(f"armed by {who}")
+        return []
 
     def disarm(self, cause: str, time_s: float) -> None:
         """The permission has ended by itself: while guided, the arm stops and holds."""
         self._apply(Event.DISARM, cause, time_s)
-
-    def not_armable(self) -> list[str]:
-        """Every reason why `arm` would be refused now."""
-        modes = [reason] if (reason := self.mode_refusal()) else []
-        return [*modes, *map(str, self.objections)]
-
-    def mode_refusal(self) -> str:
-        """Why nobody may arm in this mode; empty where one may."""
-        if self._observed is None:
-            return "no samples of the drives yet"
-        mode = self.machine.mode
-        return "" if mode in ARMABLE else refusal(mode, "arm")
-
-    @property
-    def objections(self) -> tuple[Objection, ...]:
-        """Outside the modes, why arming would be refused after the last tick."""
-        return self._observed.objections() if self._observed else ()
 
     def set_gain(self, joint: str, gain: float, who: str) -> list[str]:
         """Let K_a [rad/s per Nm] of a joint move to `gain`, in any mode; returns why not."""

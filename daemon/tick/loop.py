@@ -9,7 +9,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from daemon.tick.tick import Tick, Wakeup
+from daemon.tick.record import Wakeup
+from daemon.tick.tick import Tick
 
 # Share of the period in which the drives must have answered SYNC; no tick follows sooner.
 ANSWER_SHARE = 0.6
@@ -21,6 +22,7 @@ class Clock:
 
     now: Callable[[], float]  # monotonic [s]
     sleep_until: Callable[[float], None]
+    wall: Callable[[], float]  # Unix time [s]; shown and recorded, decides nothing
 
 
 class Loop:
@@ -31,7 +33,6 @@ class Loop:
         self.missed = 0
         self.lateness_max_s = 0.0
         self.work_max_s = 0.0
-        self.wakeup = Wakeup()
         self._clock, self._period_s = clock, period_s
         self._start_s = clock.now()
         self._deadline_s = self._start_s + period_s  # of the next tick
@@ -71,9 +72,17 @@ class Loop:
         left_out = max(math.ceil(lateness / period + ANSWER_SHARE) - 1, 0)
         self.missed += left_out
         self._deadline_s = deadline + (1 + left_out) * period
-        self.wakeup = Wakeup(woken, lateness, self.work_s, self.missed, left_out, self._doors_s)
+        wakeup = Wakeup(
+            monotonic_s=woken,
+            lateness_s=lateness,
+            work_s=self.work_s,
+            missed=self.missed,
+            left_out=left_out,
+            doors_s=self._doors_s,
+            wall_s=clock.wall(),
+        )
         self.tick.begin(woken - self._start_s)
-        self.tick.finish(woken + ANSWER_SHARE * period, self.wakeup)
+        self.tick.finish(woken + ANSWER_SHARE * period, wakeup)
         self.work_s = clock.now() - woken
         self.lateness_max_s = max(self.lateness_max_s, lateness)
         self.work_max_s = max(self.work_max_s, self.work_s)

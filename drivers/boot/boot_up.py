@@ -20,6 +20,7 @@ from drivers.boot.sdo import ObjectAccess, sdo_network
 from drivers.boot.steps import SET_UP, TOGETHER, WAKE, BootingDrive, Step
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.frame_ring import FrameRing
+from drivers.ids import HEARTBEAT, OPERATIONAL, SYNC
 from errors import BusError, DriveError, SilentDriveError
 
 Progress = Callable[[str], None]
@@ -34,10 +35,6 @@ STEP_TIMEOUTS: Final = 6
 AGAIN_SHARE: Final = 0.3
 #: Beats of the master in the time that the least patient drive waits for one.
 BEATS: Final = 6
-
-_SYNC: Final = 0x080
-_HEARTBEAT: Final = 0x700
-_OPERATIONAL: Final = 5
 
 
 @dataclass(slots=True)
@@ -85,7 +82,7 @@ class DriveBoot:
         the start: what was judged of the arm then was not of it.
         """
         begun = time.monotonic()
-        patience_s = min(setup.profile.master_timeout_ms for setup in self.setups) / 1000.0
+        patience_s = min(setup.drive.profile.master_timeout_ms for setup in self.setups) / 1000.0
         chosen = [self.setups[i] for i in joints]
         with sdo_network(self.bus, self.ring) as network:
             beat = _Beat(network, self.master_node, patience_s / BEATS, meanwhile)
@@ -93,10 +90,10 @@ class DriveBoot:
         for i, identity in zip(joints, found, strict=True):
             if self.identities and identity != self.identities[i]:
                 raise DriveError(
-                    f"{self.setups[i].name} has another drive than at the start: {identity}; it "
-                    f"was {self.identities[i]}. Start the daemon again"
+                    f"{self.setups[i].drive.name} has another drive than at the start: {identity}; "
+                    f"it was {self.identities[i]}. Start the daemon again"
                 )
-        names = ", ".join(setup.name for setup in chosen)
+        names = ", ".join(setup.drive.name for setup in chosen)
         took_ms = 1000.0 * (time.monotonic() - begun)
         progress(f"set up again in {took_ms:.0f} ms without a tick: {names}")
 
@@ -110,7 +107,7 @@ class DriveBoot:
         errors = []
         with sdo_network(self.bus, self.ring) as network:
             for setup in self.setups:
-                access = ObjectAccess(network, setup, setup.profile.sdo_timeout_ms / 1000.0)
+                access = ObjectAccess(network, setup, setup.drive.profile.sdo_timeout_ms / 1000.0)
                 try:
                     access.write(0x1016, 1, 0)
                 except DriveError as error:
@@ -129,10 +126,10 @@ class DriveBoot:
         """`share` of the configured time-out is that of one SDO."""
         drives = []
         for setup in setups:
-            timeout_s = setup.profile.sdo_timeout_ms / 1000.0
+            timeout_s = setup.drive.profile.sdo_timeout_ms / 1000.0
             access = ObjectAccess(network, setup, share * timeout_s, meanwhile)
             rows = wanted(setup, self.period_ms, self.master_node)
-            booted = _listen_for_boot_up(network, setup.wiring.node)
+            booted = _listen_for_boot_up(network, setup.drive.node)
             drives.append(
                 BootingDrive(setup, access, rows, STEP_TIMEOUTS * timeout_s, booted, meanwhile)
             )
@@ -141,7 +138,7 @@ class DriveBoot:
                 _run(step, drive)
         for drive in drives:
             progress(f"{drive.setup}: {drive.identity}")
-        for name, setup in {drive.setup.wiring.profile: drive.setup for drive in drives}.items():
+        for name, setup in {each.drive.wiring.profile: each for each in setups}.items():
             for remark in lacks(setup, self.period_ms, self.master_node):
                 progress(f"drive profile {name}: {remark}")
         for drive in drives:
@@ -159,9 +156,9 @@ def refuse_other_master(bus: can.BusABC, master_node: int, listen_s: float) -> N
             raise BusError(f"bus {bus.channel_info}: {error}") from error
         if frame is None or frame.is_error_frame or frame.is_extended_id:
             continue
-        if frame.arbitration_id == _HEARTBEAT + master_node:
+        if frame.arbitration_id == HEARTBEAT + master_node:
             raise BusError(f"another master (node {master_node}) is on this bus")
-        if frame.arbitration_id == _SYNC:
+        if frame.arbitration_id == SYNC:
             raise BusError("another master is on this bus: somebody sends SYNC")
 
 
@@ -208,7 +205,7 @@ class _Beat:
     def __init__(
         self, network: canopen.Network, master_node: int, every_s: float, meanwhile: Meanwhile
     ) -> None:
-        self._network, self._cob_id, self._every_s = network, _HEARTBEAT + master_node, every_s
+        self._network, self._cob_id, self._every_s = network, HEARTBEAT + master_node, every_s
         self._meanwhile = meanwhile
         self._next_s = 0.0
 
@@ -217,7 +214,7 @@ class _Beat:
         if now >= self._next_s:
             self._next_s = now + self._every_s
             try:
-                self._network.send_message(self._cob_id, [_OPERATIONAL])
+                self._network.send_message(self._cob_id, [OPERATIONAL])
             except BUS_FAILURES as error:
                 raise BusError(f"the master's heartbeat: {error}") from error
             self._meanwhile()
@@ -230,5 +227,5 @@ def _listen_for_boot_up(network: canopen.Network, node: int) -> threading.Event:
         if data[:1] == b"\0":
             booted.set()
 
-    network.subscribe(_HEARTBEAT + node, hear)
+    network.subscribe(HEARTBEAT + node, hear)
     return booted

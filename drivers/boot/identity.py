@@ -45,10 +45,11 @@ def identify(setup: DriveSetup, access: ObjectAccess) -> DriveIdentity:
     product, revision, serial = (
         access.read(0x1018, sub) if access.has(0x1018, sub) else None for sub in (2, 3, 4)
     )
-    if setup.wiring.serial is not None and serial != setup.wiring.serial:
+    drive = setup.drive
+    if drive.wiring.serial is not None and serial != drive.wiring.serial:
         raise DriveError(
             f"{setup} is another drive: object 0x1018:04 says serial number {serial}, configured "
-            f"{setup.wiring.serial}"
+            f"{drive.wiring.serial}"
         )
     device = access.read_text(0x1008) if access.has(0x1008) else None
     modes = access.read(0x6502) if access.has(0x6502) else -1
@@ -58,12 +59,12 @@ def identify(setup: DriveSetup, access: ObjectAccess) -> DriveIdentity:
             "bit 8 is needed"
         )
     _refuse_other_rating(setup, access)
-    node = setup.wiring.node
-    return DriveIdentity(setup.name, node, vendor, product, revision, serial, device)
+    return DriveIdentity(drive.name, drive.node, vendor, product, revision, serial, device)
 
 
 def _refuse_other_rating(setup: DriveSetup, access: ObjectAccess) -> None:
-    index, wiring, what = rated_object(setup.profile), setup.wiring, setup.profile.effort
+    profile, wiring = setup.drive.profile, setup.drive.wiring
+    index, what = rated_object(profile), profile.effort
     in_current = what == "current"
     configured = wiring.rated_current_A if in_current else wiring.rated_torque_Nm
     unit = "A" if in_current else "Nm"

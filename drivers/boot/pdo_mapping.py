@@ -18,11 +18,8 @@ def map_pdos(setup: DriveSetup, access: ObjectAccess) -> None:
     What the EDS calls read-only is compared: a drive with fixed PDOs comes up if they are ours.
     Raises DriveError if it does not hold what it was told.
     """
-    ours = [
-        (0x1400 + pdo.number - 1, pdo, 0) for pdo in receive_pdos(setup.profile, setup.wiring.node)
-    ] + [
-        (0x1800 + pdo.number - 1, pdo, _NO_RTR)
-        for pdo in transmit_pdos(setup.profile, setup.wiring.node)
+    ours = [(0x1400 + pdo.number - 1, pdo, 0) for pdo in receive_pdos(setup.drive)] + [
+        (0x1800 + pdo.number - 1, pdo, _NO_RTR) for pdo in transmit_pdos(setup.drive)
     ]
     fixed = {index for index, _, _ in ours if not access.writable(index, 1)}
     for first in (0x1400, 0x1800):

@@ -10,7 +10,9 @@ from canopen.objectdictionary import ODArray
 
 from drivers.boot.data_sheet import find_object, type_name, value_range
 from drivers.codec import WORDS, Pdo, receive_pdos, transmit_pdos
-from drivers.settings import DriveProfile, JointWiring, ObjectValue
+from drivers.drive import Drive
+from drivers.ids import EMERGENCY, SYNC
+from drivers.settings import DriveProfile, ObjectValue
 from errors import ConfigurationError
 
 CYCLIC_SYNCHRONOUS_VELOCITY: Final = 9
@@ -33,21 +35,19 @@ Group = Literal["communication", "stopping", "mode", "limits", "own objects"]
 
 @dataclass(frozen=True, slots=True)
 class DriveSetup:
-    """One drive: its place, its kind, its EDS, how fast it may turn and how hard it brakes.
+    """One drive with its EDS, how fast it may turn and how hard it brakes.
 
     velocity: the joint's limit [rad/s at the link], > 0. quick_stop: deceleration of a quick stop
     [rad/s2 at the link], > 0.
     """
 
-    name: str
-    wiring: JointWiring
-    profile: DriveProfile
+    drive: Drive
     data_sheet: canopen.ObjectDictionary
     velocity: float
     quick_stop: float
 
     def __str__(self) -> str:
-        return f"node {self.wiring.node} ({self.name})"
+        return str(self.drive)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,15 +72,15 @@ class Wanted:
 
 def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
     """Everything but the PDOs, in order; `period_ms` is that of SYNC."""
-    profile, wiring = setup.profile, setup.wiring
+    profile, wiring = setup.drive.profile, setup.drive.wiring
     braking, fastest = profile.quick_stop_deceleration, profile.max_motor_speed
     deceleration = round(setup.quick_stop * wiring.gear / braking.scale)
     most_permille = round(1000.0 * wiring.max_current_A / wiring.rated_current_A)
     node, watched = wiring.node, master_node << 16 | profile.master_timeout_ms
     table = [
-        Wanted("communication", 0x1005, 0, 0x80, "SYNC on 0x080, none of its own",
+        Wanted("communication", 0x1005, 0, SYNC, "SYNC on 0x080, none of its own",
                "SYNC is taken to be on 0x080"),
-        Wanted("communication", 0x1014, 0, 0x80 + node, "emergencies on 0x080 + node",
+        Wanted("communication", 0x1014, 0, EMERGENCY + node, "emergencies on 0x080 + node",
                "emergencies are taken to be on 0x080 + node"),
         Wanted("communication", 0x1016, 1, watched, "watch the master's heartbeat"),
         Wanted("communication", 0x1017, 0, profile.heartbeat_ms, "heartbeat"),
@@ -121,7 +121,7 @@ def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
     for index, subindex, follows in (
         (0x6061, 0, "its mode is not confirmed"),
         (0x6502, 0, "whether it has the mode is not known"),
-        (rated_object(setup.profile), 0, "what it calls rated is not compared"),
+        (rated_object(setup.drive.profile), 0, "what it calls rated is not compared"),
     ):
         if find_object(sheet, index, subindex) is None:
             found.append(f"without object 0x{index:04X}:{subindex:02X}: {follows}")
@@ -136,12 +136,12 @@ def rated_object(profile: DriveProfile) -> int:
 def check_drive(setup: DriveSetup, period_ms: int, master_node: int) -> None:
     """Raise ConfigurationError if the EDS does not have what the configuration counts on."""
     for problem in problems(setup, period_ms, master_node):
-        raise ConfigurationError(f"{setup}, {setup.profile.eds}: {problem}")
+        raise ConfigurationError(f"{setup}, {setup.drive.profile.eds}: {problem}")
 
 
 def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[str]:
     """Everything that the configuration counts on and the EDS does not have."""
-    sheet, profile = setup.data_sheet, setup.profile
+    sheet, profile = setup.data_sheet, setup.drive.profile
     for index, subindex in MUST_BE_READ:
         if find_object(sheet, index, subindex) is None:
             yield f"object 0x{index:04X}:{subindex:02X} is missing"
@@ -157,10 +157,9 @@ def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[st
                 f"object 0x{where.object:04X}:{where.subindex:02X} is {type_name(found)}, not "
                 f"{where.type}"
             )
-    node = setup.wiring.node
     for communication, pdos in (
-        (0x1800, transmit_pdos(profile, node)),
-        (0x1400, receive_pdos(profile, node)),
+        (0x1800, transmit_pdos(setup.drive)),
+        (0x1400, receive_pdos(setup.drive)),
     ):
         for pdo in pdos:
             yield from _pdo_problems(sheet, pdo, communication + pdo.number - 1)

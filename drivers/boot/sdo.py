@@ -18,6 +18,7 @@ from drivers.boot.data_sheet import find_object
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.bus import BUS_FAILURES, connection_lost
 from drivers.can.frame_ring import FrameRing, RingListener
+from drivers.ids import NMT, SDO_ANSWER, SDO_REQUEST
 from errors import BusError, DriveError, SilentDriveError
 
 # What fails is raised, and told by whoever catches it; canopen would log it once more.
@@ -25,8 +26,6 @@ logging.getLogger("canopen").setLevel(logging.CRITICAL)
 
 _READER_CYCLE_S: Final = 0.02
 _SLICE_S: Final = 0.005
-_REQUEST: Final = 0x600
-_ANSWER: Final = 0x580
 _ABORT: Final = b"\x80"
 #: A segmented answer that is longer than this is none of what is read here.
 LONGEST_ANSWER: Final = 256
@@ -68,11 +67,11 @@ class _Client(SdoClient):  # type: ignore[misc]
     def __init__(
         self, network: canopen.Network, setup: DriveSetup, meanwhile: Callable[[], None]
     ) -> None:
-        node = setup.wiring.node
-        super().__init__(_REQUEST + node, _ANSWER + node, setup.data_sheet)
+        node = setup.drive.node
+        super().__init__(SDO_REQUEST + node, SDO_ANSWER + node, setup.data_sheet)
         self.MAX_RETRIES = 1
         self.network, self._meanwhile = network, meanwhile
-        network.subscribe(_ANSWER + node, self.on_response)
+        network.subscribe(SDO_ANSWER + node, self.on_response)
 
     def read_response(self) -> bytes:
         """The next answer; raises SdoAbortedError, or SdoCommunicationError when none comes."""
@@ -165,7 +164,7 @@ class ObjectAccess:
     def nmt(self, command: int, name: str) -> None:
         """Send this drive an NMT command."""
         with self._words(f"NMT {name}"):
-            self._network.send_message(0x000, [command, self._setup.wiring.node])
+            self._network.send_message(NMT, [command, self._setup.drive.node])
 
     def settle(self) -> None:
         """Wait until an answer that is late would have come: it is none to the next request."""

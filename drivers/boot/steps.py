@@ -11,10 +11,9 @@ from drivers.boot.pdo_mapping import map_pdos
 from drivers.boot.required_objects import CYCLIC_SYNCHRONOUS_VELOCITY, DriveSetup, Group, Wanted
 from drivers.boot.sdo import ObjectAccess
 from drivers.cia402 import DriveState, drive_state
+from drivers.ids import ENTER_PRE_OPERATIONAL, RESET_COMMUNICATION
 from errors import DriveError
 
-_ENTER_PRE_OPERATIONAL: Final = 128
-_RESET_COMMUNICATION: Final = 130
 _LOOK_S: Final = 0.01
 #: A drive may go on showing the mode it had until its own cycle has taken the new one over.
 _MODE_S: Final = 0.3
@@ -63,7 +62,7 @@ def _recover(drive: BootingDrive) -> None:
         return
     drive.fault = drive.access.read(0x603F) if drive.access.has(0x603F) else 0
     drive.booted.clear()
-    drive.access.nmt(_RESET_COMMUNICATION, "reset communication")
+    drive.access.nmt(RESET_COMMUNICATION, "reset communication")
 
 
 def _await_boot(drive: BootingDrive) -> None:
@@ -82,7 +81,7 @@ def _await_boot(drive: BootingDrive) -> None:
 
 def _leave_operational(drive: BootingDrive) -> None:
     """PDOs off; the drive keeps the power state and the torque that it has."""
-    drive.access.nmt(_ENTER_PRE_OPERATIONAL, "pre-operational")
+    drive.access.nmt(ENTER_PRE_OPERATIONAL, "pre-operational")
 
 
 def _choose_mode(drive: BootingDrive) -> None:

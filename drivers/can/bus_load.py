@@ -1,12 +1,13 @@
 """How much of the bus an arm needs, at worst: computed before the first frame is sent."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.codec import Joint, receive_pdos, transmit_pdos
-from drivers.settings import DriveProfile
+from drivers.codec import receive_pdos, transmit_pdos
+from drivers.drive import Drive
+from drivers.ids import HEARTBEAT, SYNC
 from errors import ConfigurationError
 
 #: SDO, emergencies and repetitions need room, too.
@@ -40,61 +41,47 @@ def frame_bits(size: int) -> int:
 
 
 def frame_table(
-    joints: Sequence[Joint],
-    profiles: Mapping[str, DriveProfile],
-    period_s: float,
-    master_node: int = 127,
+    drives: Sequence[Drive], period_s: float, master_node: int = 127
 ) -> tuple[FrameLoad, ...]:
     """Every periodic frame of the arm."""
     tick_hz = 1.0 / period_s
-    drives = [(name, wiring.node, profiles[wiring.profile]) for name, wiring in joints]
     # The master beats on a tick, at least three times within the shortest patience of a drive.
-    patience_s = min(profile.master_timeout_ms for *_, profile in drives) / 1000.0
+    patience_s = min(drive.profile.master_timeout_ms for drive in drives) / 1000.0
     beat_s = period_s * max(1, math.floor(patience_s / 3.0 / period_s))
     table = [
-        FrameLoad("SYNC", 0x080, 0, tick_hz),
-        FrameLoad("heartbeat of the master", 0x700 + master_node, 1, 1.0 / beat_s, False),
+        FrameLoad("SYNC", SYNC, 0, tick_hz),
+        FrameLoad("heartbeat of the master", HEARTBEAT + master_node, 1, 1.0 / beat_s, False),
     ]
-    for name, node, profile in drives:
+    for drive in drives:
         for kind, pdos in (
-            ("TPDO", transmit_pdos(profile, node)),
-            ("RPDO", receive_pdos(profile, node)),
+            ("TPDO", transmit_pdos(drive)),
+            ("RPDO", receive_pdos(drive)),
         ):
             table += [
-                FrameLoad(f"{name} {kind}{pdo.number}", pdo.cob_id, pdo.layout.size, tick_hz)
+                FrameLoad(f"{drive.name} {kind}{pdo.number}", pdo.cob_id, pdo.layout.size, tick_hz)
                 for pdo in pdos
             ]
-        beat_hz = 1000.0 / profile.heartbeat_ms
-        table.append(FrameLoad(f"{name} heartbeat", 0x700 + node, 1, beat_hz, False))
+        beat_hz = 1000.0 / drive.profile.heartbeat_ms
+        table.append(
+            FrameLoad(f"{drive.name} heartbeat", HEARTBEAT + drive.node, 1, beat_hz, False)
+        )
     return tuple(table)
 
 
-def frame_rate_hz(
-    joints: Sequence[Joint], profiles: Mapping[str, DriveProfile], period_s: float
-) -> float:
+def frame_rate_hz(drives: Sequence[Drive], period_s: float) -> float:
     """Periodic frames of the arm per second, in both directions."""
-    return sum(frame.rate_hz for frame in frame_table(joints, profiles, period_s))
+    return sum(frame.rate_hz for frame in frame_table(drives, period_s))
 
 
-def bus_load(
-    joints: Sequence[Joint],
-    profiles: Mapping[str, DriveProfile],
-    period_s: float,
-    bitrate: int,
-) -> float:
+def bus_load(drives: Sequence[Drive], period_s: float, bitrate: int) -> float:
     """Fraction of the bus that the arm's periodic frames take at worst (1.0 is all of it)."""
-    table = frame_table(joints, profiles, period_s)
+    table = frame_table(drives, period_s)
     return sum(frame.bits * frame.rate_hz for frame in table) / bitrate
 
 
-def refuse_overload(
-    joints: Sequence[Joint],
-    profiles: Mapping[str, DriveProfile],
-    period_s: float,
-    bitrate: int,
-) -> float:
+def refuse_overload(drives: Sequence[Drive], period_s: float, bitrate: int) -> float:
     """The load; raises ConfigurationError above `HIGHEST_LOAD`."""
-    load = bus_load(joints, profiles, period_s, bitrate)
+    load = bus_load(drives, period_s, bitrate)
     if load > HIGHEST_LOAD:
         raise ConfigurationError(
             f"bus load {load:.0%} at {bitrate} bit/s and {1000 * period_s:g} ms; at most "

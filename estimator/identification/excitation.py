@@ -1,5 +1,5 @@
-"""Motions that tell friction, rotor inertia and gravity apart: Fourier series, bounded and chosen
-for conditioning, that begin and end at rest."""
+"""Excitation that separates friction, rotor inertia and gravity: bounded Fourier series, chosen for
+conditioning, that begin and end at rest."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ _SAMPLES = 200  # of one period, where bounds and conditioning are looked at
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What a motion keeps within, each of shape (n,): rad, rad/s, rad/s2."""
+    """Limits of a motion, each of shape (n,): rad, rad/s, rad/s2."""
 
     lower: Vector
     upper: Vector

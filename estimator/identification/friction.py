@@ -48,7 +48,7 @@ GRAVITY_TOLERANCE = 0.3
 WIDEST_PLAY = 2.5
 """Half-gaps; two are the gap itself."""
 GIVE = 0.006
-"""What bending gears, late encoders and drift may add [rad]."""
+"""Motion that bending gears, late encoders and drift may add [rad]."""
 _ROUNDS = 3
 _MOST_CUT = 0.05
 _SURE = 6.0
@@ -57,7 +57,7 @@ and it was up to four of them off the truth."""
 
 
 class Verdict(StrEnum):
-    """Whether a joint's coefficients may be used; everything but `good` keeps the old ones."""
+    """Verdict on a joint's coefficients; everything but `good` keeps the old ones."""
 
     GOOD = "good"
     NOT_EXCITED = "not excited"
@@ -70,20 +70,20 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionFit:
-    """What one joint's motion says; SI at the link side."""
+    """Coefficients fitted to one joint's motion; SI at the link side."""
 
     joint: str
     verdict: Verdict
     reason: str
-    """In words, with the figures; empty when good."""
+    """Explanation with the figures; empty when good."""
     values: dict[str, float]
-    """By names of `COLUMNS`; what was not fitted is missing."""
+    """Coefficients by names of `COLUMNS`; those that were not fitted are missing."""
     errors: dict[str, float]
     """Standard errors, from the scatter between blocks of 1 s."""
     r2: float
-    """On held-out motion, of the friction alone (14)."""
+    """R2 on held-out motion, of the friction alone (14)."""
     condition: float
-    """Of the scaled columns that count while engaged."""
+    """Condition number of the scaled columns that count while engaged."""
     gravity_scale: float
     """K_c current over the URDF's torque, 1 where they agree; NaN where gravity does not act."""
     rotor_trusted: bool
@@ -95,11 +95,11 @@ class FrictionFit:
 
     @property
     def stiction_known(self) -> bool:
-        """Whether `stiction` showed clearly."""
+        """True where `stiction` showed clearly."""
         return self.stiction_error < SURE
 
     def link_friction(self, name: str) -> float | None:
-        """K_q_s or K_q_v where the gap showed it clearly."""
+        """K_q_s or K_q_v where the gap showed it clearly, else None."""
         value = self.values.get(name)
         return value if value is not None and value > _SURE * self.errors[name] else None
 
@@ -113,9 +113,9 @@ class Reconstruction:
     reconstructed: Matrix
     phi: Matrix
     touched: tuple[str, ...]
-    """Joints that somebody touched"""
+    """Joints that a person touched"""
     discarded_s: float
-    """for that"""
+    """discarded because of these touches [s]"""
 
 
 def identify_friction(
@@ -245,8 +245,8 @@ def _verdict(
 
 
 def _wider(moved: float, half_gap: float) -> str:
-    """Why the gap cannot be right, where link and rotor usually move `moved` [rad] against each
-    other: a hand that stopped short of a border makes a half-gap too small."""
+    """Reason why the gap cannot be right, where link and rotor usually move `moved` [rad] against
+    each other, or "": a hand that stopped short of a border makes a half-gap too small."""
     if moved <= WIDEST_PLAY * half_gap + GIVE:
         return ""
     return (
@@ -258,7 +258,7 @@ def _wider(moved: float, half_gap: float) -> str:
 
 def _gravity_scale(i: int, rows: Intervals, t: Transmission, coefficients: Vector) -> float:
     """K_c current less friction and rotor over the links' torque by the URDF, both low-passed so
-    far (2 /s) that the gap does not matter. Too little gravity to say anything: NaN."""
+    far (2 /s) that the gap does not matter. NaN where gravity is too small to compare."""
     if float(np.ptp(rows.gravity[:, i])) < 0.3 * coefficients[0]:
         return float("nan")
     rub = coefficients[0] * smooth_sign(rows.theta_dot[:, i], t.sign_width)

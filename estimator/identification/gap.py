@@ -12,7 +12,7 @@ import numpy as np
 
 from arrays import Vector
 from estimator.identification.gap_in_motion import from_motion
-from estimator.identification.gap_result import SMALLEST, Gap, GapVerdict, spread
+from estimator.identification.gap_result import SMALLEST, GapResult, GapVerdict, spread
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 from estimator.identification.plateaus import from_plateaus
 from estimator.identification.ramps import from_ramps
@@ -20,17 +20,18 @@ from estimator.identification.ramps import from_ramps
 _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
 
 
-def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> Gap:
-    """By the method that fits what moved in the log, which may be that of several sittings."""
+def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> GapResult:
+    """Half-gap of one joint by the method that fits what moved in the log, which may be that of
+    several sittings."""
     q, theta = positions(log, joint)
     moved_q, moved_theta = spread(q), spread(theta)
     name = log.joints[joint]
     if max(moved_q, moved_theta) < SMALLEST:
         about = f"link and motor stayed within {1e3 * max(moved_q, moved_theta):.2g} mrad"
-        return Gap(joint=name, verdict=GapVerdict.NO_MOTION, reason=about)
+        return GapResult(joint=name, verdict=GapVerdict.NO_MOTION, reason=about)
     if log.motor_position is not None and float(np.ptp(q - theta)) < 1e-5 * moved_q:
         about = "link and motor position are the same signal"
-        return Gap(joint=name, verdict=GapVerdict.NO_LINK_ENCODER, reason=about)
+        return GapResult(joint=name, verdict=GapVerdict.NO_LINK_ENCODER, reason=about)
     if moved_q < 0.05 * moved_theta:
         torque = torque_constant * log.current[:, joint]
         return from_ramps(name, log.time_s, q - theta, torque)
@@ -39,15 +40,15 @@ def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> Gap:
         return from_motion(name, log.time_s, q, theta, log.motor_velocity[:, joint])
     if moved_theta > 0.6 * between > 1.2 * SMALLEST:
         about = f"by {1e3 * moved_theta:.3g} mrad, the link against it by {1e3 * between:.3g} mrad"
-        return Gap(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about)
+        return GapResult(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about)
     mean_velocity = float(log.motor_velocity[:, joint].mean())
     torque = torque_constant * log.current[:, joint]
     return from_plateaus(name, log.time_s, q, theta, mean_velocity, torque)
 
 
 def positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
-    """Of link and motor. Each sitting after a pause begins with the motor at zero and with the
-    middle of its own phi there, so that sittings can be compared."""
+    """Positions (N,) [rad] of link and motor. Each sitting after a pause begins with the motor at
+    zero and with the middle of its own phi there, so that sittings can be compared."""
     q, theta = log.link_position[:, joint].copy(), np.empty_like(log.time_s)
     sittings = log.stretches(PAUSE_S)
     for rows in sittings:

@@ -10,7 +10,7 @@ from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
     SMALLEST,
-    Gap,
+    GapResult,
     GapVerdict,
     smoothed,
 )
@@ -18,7 +18,9 @@ from estimator.identification.gap_result import (
 _RARE = 0.03  # share of the time in motion; a border met more rarely is not believed
 
 
-def from_motion(name: str, time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector) -> Gap:
+def from_motion(
+    name: str, time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector
+) -> GapResult:
     """phi = c + c' t +- alpha - skew * velocity, of the samples at which phi rests."""
     period = float(np.median(np.diff(time_s)))
     phi = q - theta
@@ -28,7 +30,7 @@ def from_motion(name: str, time_s: Vector, q: Vector, theta: Vector, theta_dot: 
     rests = moving & (np.abs(phi_dot) < 0.05 * np.percentile(np.abs(speed), 95.0))
     if rests.sum() < 50:
         about = "phi is never at rest while the joint moves"
-        return Gap(joint=name, verdict=GapVerdict.UNCLEAR, reason=about)
+        return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=about)
     x, t, v = phi[rests], time_s[rests] - time_s.mean(), speed[rests]
     columns = np.stack([np.ones_like(t), t / max(np.ptp(t), 1.0), np.zeros_like(t), -v], axis=1)
     solution = np.array([0.5 * float(np.percentile(x, 1) + np.percentile(x, 99)), 0.0, 0.0, 0.0])
@@ -44,7 +46,7 @@ def from_motion(name: str, time_s: Vector, q: Vector, theta: Vector, theta_dot: 
     crossings = int(np.count_nonzero(np.diff(columns[:, 2])))
     scatter = 1.4826 * float(np.median(np.abs(left)))
     rarer = float(min((columns[:, 2] > 0).mean(), (columns[:, 2] < 0).mean()))
-    answer = Gap(
+    answer = GapResult(
         joint=name,
         verdict=GapVerdict.UNCLEAR,
         reason=f"{crossings} crossings in motion, phi scatters by {1e3 * scatter:.2g} mrad",

@@ -1,4 +1,4 @@
-"""What is said of a joint's gap, whichever way it was measured."""
+"""Result of a gap identification, by any of the methods."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,11 +12,11 @@ SMALLEST = 0.001
 CROSSINGS = 15
 """Differences between plateaus below which no figure is given."""
 CLEAR = 0.15
-"""Of alpha: scatter of the plateaus beyond which they are no borders."""
+"""Scatter of the plateaus, as a share of alpha, beyond which they are no borders."""
 
 
 class GapVerdict(StrEnum):
-    """What a log says about a joint's gap; only `clear` and `none` come with a half-gap to use."""
+    """Verdict on a joint's gap; only `clear` and `none` come with a half-gap to use."""
 
     CLEAR = "clear"
     NONE = "no dead zone"
@@ -28,33 +28,34 @@ class GapVerdict(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gap:
-    """Answer for one joint. half_gap is NaN unless the verdict is `clear`; it is 0 for `none`."""
+class GapResult:
+    """Result for one joint. half_gap is NaN unless the verdict is `clear`; it is 0 for `none`."""
 
     joint: str
     verdict: GapVerdict
     reason: str
-    """In words, with the figures."""
+    """Explanation with the figures."""
     half_gap: float = float("nan")
     """alpha [rad]"""
     confidence: float = float("nan")
     """Half width of the 95 % interval of alpha [rad]"""
     crossings: int = 0
     skew_s: float = float("nan")
-    """The link encoder is later than the motor's by this [s]; NaN where it does not show"""
+    """Delay of the link encoder behind the motor's [s]; NaN where it does not show"""
     skew_confidence_s: float = float("nan")
     coulomb: float = float("nan")
     """Friction inside the gap [Nm], from ramps only"""
     stiffness: float = float("nan")
-    """Of the border [Nm/rad], from ramps only"""
+    """Stiffness of the border [Nm/rad], from ramps only"""
 
     @property
     def usable(self) -> bool:
-        """Whether `half_gap` may go into a configuration."""
+        """True where `half_gap` may go into a configuration."""
         return self.verdict in (GapVerdict.CLEAR, GapVerdict.NONE)
 
 
 def spread(values: Vector) -> float:
+    """Range between the 1st and the 99th percentile."""
     low, high = np.percentile(values, [1.0, 99.0])
     return float(high - low)
 

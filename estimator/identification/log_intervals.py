@@ -1,7 +1,7 @@
-"""From a log to what each interval tells: momentum won, impulses, velocities, and the gap.
+"""Momentum won, impulses, velocities and gap state in each interval of a log.
 
-The same alignment, model and motor position as in the estimator's tick, so that what is identified
-is what is used.
+Alignment, model and motor position are those of the estimator's tick, so that what is identified is
+what is used.
 """
 
 import itertools
@@ -127,7 +127,7 @@ def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inter
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """Where each joint was in its gap, (N, n)."""
+    """Gap state of each joint in each interval, (N, n)."""
 
     gap: Mask
     """At both ends of the interval: the gear carried nothing"""
@@ -138,8 +138,8 @@ class Located:
 
 
 def play(rows: Intervals) -> Vector:
-    """(n,) How far link and rotor usually move against each other within a few seconds [rad]: both
-    borders of the gap, and what gear and encoders add."""
+    """Motion (n,) [rad] of link and rotor against each other within a few seconds, as it usually
+    is: both borders of the gap, and what gear and encoders add."""
     apart = rows.ends[:, 0] - np.cumsum(rows.advance, axis=0)
     windows = np.array_split(apart, max(1, round(float(rows.dt.sum()) / _WINDOW_S)))
     spans = [np.ptp(np.percentile(window, [2.0, 98.0], axis=0), axis=0) for window in windows]
@@ -147,9 +147,9 @@ def play(rows: Intervals) -> Vector:
 
 
 def locate(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> Located:
-    """By phi itself where theta is measured and phi met both borders. Elsewhere by the estimator's
-    own judgement (`MotorPosition`) with the friction and rotor of `t`; it may take long to find the
-    middle of the gap of a joint that carries little."""
+    """Gap state of each interval, by phi itself where theta is measured and phi met both borders.
+    Elsewhere by the estimator's own judgement (`MotorPosition`) with the friction and rotor of `t`;
+    it may take long to find the middle of the gap of a joint that carries little."""
     gap, phi = _judged(rows, t, settings)
     unclear = ~gap & (np.abs(phi) < 0.85 * t.half_gap)
     if rows.measured:
@@ -167,7 +167,7 @@ def locate(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> Loc
 
 
 def _judged(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> tuple[Mask, Matrix]:
-    """By the motor position that the estimator would have followed."""
+    """Gap state and phi by the motor position that the estimator would have followed."""
     position = MotorPosition(t, settings.gap, measured=rows.measured)
     engaged, phi = np.empty_like(rows.q), np.empty_like(rows.q)
     rub = coulomb_viscous(t.motor_coulomb, t.motor_viscous, rows.theta_dot, t.sign_width)
@@ -196,7 +196,7 @@ def around(rows: Intervals, marked: Mask, seconds: float) -> Mask:
 
 
 def memory(rows: Intervals, gain: float) -> float:
-    """What the filter (13) keeps of its output from row to row: (2 - T K) / (2 + T K)."""
+    """Share of its output that the filter (13) keeps from row to row: (2 - T K) / (2 + T K)."""
     TK = gain * rows.period_s
     return (2.0 - TK) / (2.0 + TK)
 

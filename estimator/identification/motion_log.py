@@ -1,4 +1,4 @@
-"""A log of samples, as every step of the identification reads it."""
+"""Log of samples that every step of the identification reads."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -9,9 +9,9 @@ from arrays import Matrix, Vector
 from errors import LogError, ShortLogError
 
 SHORTEST = 100
-"""Samples below which nothing can be said."""
+"""Samples below which nothing can be identified."""
 PAUSE_S = 1.0
-"""Between samples, after which the motor may stand elsewhere, and an encoder have another zero."""
+"""Interval after which the motor may stand elsewhere, and an encoder have another zero [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class MotionLog:
         return sum(float(self.time_s[s.stop - 1] - self.time_s[s.start]) for s in self.stretches())
 
     def select(self, rows: slice) -> "MotionLog":
-        """A stretch of it."""
+        """A stretch of the log."""
         position = None if self.motor_position is None else self.motor_position[rows]
         return replace(
             self,

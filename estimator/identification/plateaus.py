@@ -12,7 +12,7 @@ from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
     SMALLEST,
-    Gap,
+    GapResult,
     GapVerdict,
     smoothed,
     spread,
@@ -25,11 +25,13 @@ _ALIKE = 0.35  # of the load at the other border; a motor takes a while to forge
 
 @dataclass(frozen=True, slots=True)
 class Plateaus:
-    """Where phi rested, in the order of time; `upper` says at which border."""
+    """Rests of phi at either border, in the order of time."""
 
     time_s: Vector
     level: Vector
+    """phi [rad]"""
     upper: NDArray[np.bool_]
+    """True at the upper border"""
 
 
 def find_plateaus(time_s: Vector, q: Vector, phi: Vector) -> Plateaus:
@@ -61,27 +63,27 @@ def find_plateaus(time_s: Vector, q: Vector, phi: Vector) -> Plateaus:
 
 def from_plateaus(
     name: str, time_s: Vector, q: Vector, theta: Vector, mean_velocity: float, torque: Vector
-) -> Gap:
-    """Differences between successive plateaus: 2 alpha, whatever drifts slowly.
+) -> GapResult:
+    """Half-gap from the differences between successive plateaus: 2 alpha, whatever drifts slowly.
 
     torque (N,) [Nm] of the motor, which a border loads and a hand that stops short of it does not;
-    a constant tells nothing.
+    a constant part of it does not matter.
     """
     if abs(mean_velocity) > _CREEP:
         about = f"it crept at {1e3 * mean_velocity:.3g} mrad/s"
-        return Gap(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about)
+        return GapResult(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about)
     phi = q - theta
     rigid = spread(phi) < 2.0 * SMALLEST
     pushes = _alternations(q)
     if rigid and pushes >= CROSSINGS:
         about = f"pushed {pushes} times, phi stayed within {1e3 * spread(phi):.2g} mrad"
-        return Gap(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
+        return GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
                    crossings=pushes)  # fmt: skip
     found = find_plateaus(time_s, q, phi)
     crossings = max(len(found.level) - 1, 0)
     if crossings < CROSSINGS:
         about = f"{crossings} crossings from border to border, at least {CROSSINGS} are needed"
-        return Gap(joint=name, verdict=GapVerdict.FEW, reason=about, crossings=crossings)
+        return GapResult(joint=name, verdict=GapVerdict.FEW, reason=about, crossings=crossings)
     half = 0.5 * np.abs(np.diff(found.level))
     # Drift adds to the ways up what it takes from the ways down.
     up = found.upper[1:]
@@ -92,27 +94,27 @@ def from_plateaus(
     confidence = 0.9 * scatter / np.sqrt(crossings) * float(student.ppf(0.975, crossings - 2))
     about = f"{crossings} crossings, plateaus scatter by {1e3 * scatter:.2g} mrad"
     if alpha < SMALLEST:
-        return Gap(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
+        return GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
                    confidence=confidence, crossings=crossings)  # fmt: skip
     doubt, felt = about, False
     if scatter <= CLEAR * alpha:
         doubt, felt = _doubtful_border(time_s, phi, torque, found)
     if not felt:
-        return Gap(joint=name, verdict=GapVerdict.UNCLEAR, reason=doubt, crossings=crossings)
+        return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=doubt, crossings=crossings)
     about = f"{about}; {doubt}" if doubt else about
-    return Gap(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
+    return GapResult(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
                confidence=confidence, crossings=crossings)  # fmt: skip
 
 
 def _doubtful_border(
     time_s: Vector, phi: Vector, torque: Vector, found: Plateaus
 ) -> tuple[str, bool]:
-    """Why one end of phi's range may be where the hand stopped, and no border; empty if both load
-    the motor alike: a link ahead of it (phi > 0) is held back, one behind it pushed. And whether
-    the motor felt that end at all.
+    """Reason to doubt that one end of phi's range is a border rather than where the hand stopped,
+    or "" if both load the motor alike: a link ahead of it (phi > 0) is held back, one behind it
+    pushed. With it, whether that end loaded the motor at all.
 
-    How much of a load the motor's friction takes, nobody knows here: of a good arm that is pressed
-    alike, one end may load the motor six times as much as the other.
+    The share of a load that the motor's friction takes is unknown here: of a good arm that is
+    pressed alike, one end may load the motor six times as much as the other.
     """
     low, high = np.percentile(phi, [2.0, 98.0])
     free = np.abs(phi - 0.5 * (low + high)) < 0.25 * (high - low)
@@ -135,7 +137,7 @@ def _doubtful_border(
 
 
 def _alternations(values: Vector) -> int:
-    """How often they went from the lower to the upper third of their range, or back."""
+    """Number of changes between the lower and the upper third of the values' range."""
     low, high = np.percentile(values, [2.0, 98.0])
     place = (values - low) / max(float(high - low), 1e-12)
     outer = np.where(place > 0.67, 1, np.where(place < 0.33, -1, 0))

@@ -7,13 +7,13 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from arrays import Vector
-from estimator.identification.gap_result import SMALLEST, Gap, GapVerdict, smoothed
+from estimator.identification.gap_result import SMALLEST, GapResult, GapVerdict, smoothed
 
 _FLAT = 0.15  # of the outer stiffness: slope inside a clear dead zone
 _RAMP_WIDTH = 0.002  # [rad/s] over which friction changes its sign in slow ramps
 
 
-def from_ramps(name: str, time_s: Vector, phi: Vector, torque: Vector) -> Gap:
+def from_ramps(name: str, time_s: Vector, phi: Vector, torque: Vector) -> GapResult:
     """A bounded, robust fit of torque = -k delta(phi - c) + F sign(theta_dot), and how flat the
     torque really is inside the gap it found. (Unbounded, a third of real files diverge.)"""
     period = float(np.median(np.diff(time_s)))
@@ -36,10 +36,10 @@ def from_ramps(name: str, time_s: Vector, phi: Vector, torque: Vector) -> Gap:
     )
     clear = slope < _FLAT * stiffness and confidence < alpha
     if alpha < SMALLEST:
-        return Gap(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0)
+        return GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0)
     if not clear:
-        return Gap(joint=name, verdict=GapVerdict.UNCLEAR, reason=about)
-    return Gap(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=float(alpha),
+        return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=about)
+    return GapResult(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=float(alpha),
                confidence=confidence, coulomb=coulomb, stiffness=float(stiffness))  # fmt: skip
 
 

@@ -27,8 +27,8 @@ HELD_OUT = 0.3
 The coefficients that are answered are fitted to all of it."""
 BLOCK_S = 1.0
 IMPACT_S = 0.05
-"""Before and after rotor and link meet, or part. They bounce faster than anybody samples, and the
-rotor of a light joint comes out 6 % too small where that counts."""
+"""Before and after rotor and link meet, or part. They bounce faster than drives sample,
+and the rotor of a light joint comes out 6 % too small where that counts."""
 
 COLUMNS = (
     *("K_theta_s", "K_theta_v", "B"),
@@ -37,15 +37,15 @@ COLUMNS = (
 )
 _ENGAGED, _LINK, _RELATIVE, _SPRING = slice(0, 3), slice(3, 5), slice(5, 7), slice(7, 9)
 _WORTH = 0.005  # of R2 on held-out motion, for which a doubtful pair of columns is taken in
-_APART = 10.0  # condition number up to which the gap tells Coulomb from viscous link friction
+_APART = 10.0  # condition number up to which the gap separates the two link frictions
 _REWEIGHTED = 20
 _GAP_SHARE = 0.02  # of the time, below which the gap shows nothing
 
 
 @dataclass(frozen=True, slots=True)
 class Regression:
-    """What is compared, all filtered alike: r_nl (N, n) [Nm], columns (N, n, 9) and nuisance
-    columns (N, n, 3)."""
+    """Measurements and columns of the least squares, all filtered alike: r_nl (N, n) [Nm], columns
+    (N, n, 9) and nuisance columns (N, n, 3)."""
 
     r_nl: Matrix
     columns: Matrix
@@ -54,15 +54,15 @@ class Regression:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Of one joint, by `COLUMNS`; columns that were not used are zero with an error of NaN."""
+    """Fit of one joint, by `COLUMNS`; columns that were not used are zero with an error of NaN."""
 
     coefficients: Vector
     errors: Vector
     r2: float
     condition: float
-    """Of the three columns that count while engaged"""
+    """Condition number of the three columns that count while engaged"""
     touched: Mask
-    """(N,) where something else than friction acted"""
+    """(N,) True where something else than friction acted"""
     stiction: float
     """Share of the Coulomb friction that sticks, and its standard error"""
     stiction_error: float
@@ -150,7 +150,7 @@ def solve_joint(
 
 
 def _weights(rows: Intervals, i: int, where: Located, cut: Mask, rest: Vector) -> Vector:
-    """How much each row counts, 0 to 1: less by `rest` (N,), where Coulomb friction may have any
+    """Weight of each row (N,), 0 to 1: less by `rest` (N,), where Coulomb friction may have any
     value; not around a meeting of rotor and link; not while the current is cut off; not while the
     filter remembers any of these."""
     gap = where.gap[:, i]
@@ -173,7 +173,7 @@ def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> tuple[V
     scale = np.sqrt(np.square(X).mean(axis=0))
     scale[scale < 1e-12] = np.inf
     lower = np.where(np.arange(X.shape[1]) < used.sum(), 0.0, -np.inf)
-    # As many rows as columns tell the same: X = Q R, with R from the eigenvectors of X^T X.
+    # As many rows as columns have the same solution: X = Q R, R from the eigenvectors of X^T X.
     values, vectors = np.linalg.eigh((X / scale).T @ (X / scale))
     kept = values > 1e-12 * values[-1]
     R = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
@@ -185,8 +185,8 @@ def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> tuple[V
 
 
 def _unexplained(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> Vector:
-    """What the fit of least absolute deviations (by reweighting) leaves of y: unlike that of least
-    squares it does not bend towards a touch, which would hide there."""
+    """Remainder of y after the fit of least absolute deviations (by reweighting): unlike that of
+    least squares it does not bend towards a touch, which would hide there."""
     smallest = 1e-3 * float(np.abs(y).max()) + 1e-12
     left, steep = y, np.ones_like(y)
     for _ in range(_REWEIGHTED):
@@ -232,7 +232,7 @@ def _solve(
 
 
 def _condition(A: Matrix, weight: Vector) -> float:
-    """Of weighted columns, each scaled to the same size."""
+    """Condition number of the weighted columns, each scaled to the same size."""
     X = A * weight[:, None]
     scale = np.sqrt(np.square(X).mean(axis=0))
     return float(np.linalg.cond(X / scale)) if (scale > 1e-12).all() else float("inf")

@@ -1,5 +1,5 @@
-"""Which share of a joint's Coulomb friction sticks: near rest, does it follow the velocity, as
-smooth friction does, or stay what the last motion left? See `estimator.stiction`.
+"""Share of a joint's Coulomb friction that sticks: near rest it stays what the last motion left
+instead of following the velocity as smooth friction does. See `estimator.stiction`.
 
     r_nl + tau_mu + B theta_ddot = -stiction K_theta_s (z - s(theta_dot))                  engaged
 """
@@ -12,13 +12,13 @@ from estimator.stiction import CREEP, Stiction
 from estimator.transmission import smooth_sign
 
 SURE = 0.1
-"""Standard error of the share above which nothing is said."""
+"""Standard error above which the share counts as unknown."""
 
 
 def held(rows: Intervals, presliding: float, sign_width: float) -> tuple[Matrix, Matrix]:
     """z - s(theta_dot), means of both ends of each interval, and how far z may be off; (N, n).
 
-    What the estimator believes to be held near rest, with stiction and K_theta_s of 1.
+    The friction that the estimator assumes to be held near rest, with stiction and K_theta_s of 1.
     """
     operator = Stiction(rows.q.shape[1], presliding)
     z, unknown = np.empty_like(rows.q), np.empty_like(rows.q)
@@ -33,8 +33,8 @@ def held(rows: Intervals, presliding: float, sign_width: float) -> tuple[Matrix,
 
 
 def _displacement(rows: Intervals) -> Matrix:
-    """Of the rotors in each interval [rad]. Integrated, a bias would move them at rest: where both
-    creep, rotor and link are one."""
+    """Displacement of the rotors in each interval (N, n) [rad]. Integrated, a bias would move them
+    at rest: where both creep, rotor and link are one."""
     if rows.measured:
         return rows.advance
     clearly = np.maximum(np.abs(rows.theta_dot), np.abs(rows.q_dot)) > CREEP

@@ -19,7 +19,7 @@ _MOST_TOUCHED = 0.2
 
 
 class LevelVerdict(StrEnum):
-    """`good`, or why the old levels stay."""
+    """Verdict on new levels: `good`, or the reason why the old ones stay."""
 
     GOOD = "good"
     CEILING = "above the ceiling"
@@ -29,9 +29,11 @@ class LevelVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class LevelSettings:
-    """False alarms per joint and hour, and what the levels may be [Nm], floors and ceilings (n,).
+    """Allowed false alarms per joint and hour, and bounds of the levels [Nm], floors and ceilings
+    (n,).
 
-    The collision level is at least `collision_factor` times the contact level."""
+    The collision level is at least `collision_factor` times the contact level.
+    """
 
     contact_per_hour: float
     collision_per_hour: float
@@ -41,8 +43,8 @@ class LevelSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Levels:
-    """Of one joint [Nm]."""
+class LevelsResult:
+    """Levels of one joint [Nm], with the verdict on them."""
 
     joint: str
     verdict: LevelVerdict
@@ -61,11 +63,12 @@ def identify_levels(
     raised: Matrix,
     touched: NDArray[np.bool_],
     settings: LevelSettings,
-) -> list[Levels]:
+) -> list[LevelsResult]:
     """Two levels per joint from residuals (N, n) [Nm].
 
-    raised (N, n): what the thresholds were raised by near rest, which the same will do for the new
-    ones; touched (N,): ticks in which any joint felt a contact, and nothing is learned.
+    raised (N, n): what the thresholds were raised by near rest, as the new ones will be; touched
+    (N,): ticks in which any joint was past its contact level, from which nothing is learned.
+
     Raises LogError for numbers that are not finite.
     """
     if not (np.isfinite(residual).all() and np.isfinite(raised).all()):
@@ -86,15 +89,17 @@ def identify_levels(
     return [_of_joint(name, i, used, share, settings) for i, name in enumerate(joints)]
 
 
-def _of_joint(name: str, i: int, maxima: Matrix, frozen: float, settings: LevelSettings) -> Levels:
+def _of_joint(
+    name: str, i: int, maxima: Matrix, frozen: float, settings: LevelSettings
+) -> LevelsResult:
     used_s = len(maxima) * BLOCK_S
     if frozen > _MOST_TOUCHED:
         about = f"contacts froze {frozen:.0%} of the time: somebody touched the arm, or the old "
-        return Levels(joint=name, verdict=LevelVerdict.TOUCHED, used_s=used_s,
+        return LevelsResult(joint=name, verdict=LevelVerdict.TOUCHED, used_s=used_s,
                       reason=about + "thresholds are far too low")  # fmt: skip
     if len(maxima) < FEWEST_BLOCKS:
         about = f"{used_s:.0f} s without a touch, at least {FEWEST_BLOCKS * BLOCK_S:.0f} s"
-        return Levels(joint=name, verdict=LevelVerdict.SHORT, reason=about, used_s=used_s)
+        return LevelsResult(joint=name, verdict=LevelVerdict.SHORT, reason=about, used_s=used_s)
     largest = float(maxima[:, i].max())
     floor, ceiling = float(settings.floor[i]), float(settings.ceiling[i])
     # Never below what was seen, whatever the distribution says.
@@ -106,8 +111,8 @@ def _of_joint(name: str, i: int, maxima: Matrix, frozen: float, settings: LevelS
     found = {"contact": contact, "collision": collision, "largest": largest, "used_s": used_s}
     if contact > ceiling:
         about = f"{contact:.3g} Nm are needed, at most {ceiling:.3g} Nm are allowed"
-        return Levels(joint=name, verdict=LevelVerdict.CEILING, reason=about, **found)
-    return Levels(joint=name, verdict=LevelVerdict.GOOD, reason="", **found)
+        return LevelsResult(joint=name, verdict=LevelVerdict.CEILING, reason=about, **found)
+    return LevelsResult(joint=name, verdict=LevelVerdict.GOOD, reason="", **found)
 
 
 def gumbel_level(maxima: Vector, per_hour: float) -> float:

@@ -1,5 +1,5 @@
-"""Whether motor velocity, link position and current of a joint agree in sign and scale, with each
-other and with the URDF's gravity. A wrong sign is positive feedback once somebody moves the arm."""
+"""Check that motor velocity, link position and current of a joint agree in sign and scale, with
+each other and with the URDF's gravity. A wrong sign is positive feedback once the arm is moved."""
 
 import itertools
 from dataclasses import dataclass
@@ -20,29 +20,30 @@ _STEADY = 0.08  # change of the ratio of link and motor while the gear carries
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wiring:
-    """What moving one joint to and fro showed; passed when there are no problems."""
+class WiringResult:
+    """Result of moving one joint to and fro; passed when there are no problems."""
 
     joint: str
     problems: tuple[str, ...]
     notes: tuple[str, ...] = ()
-    """What could not be checked, and why"""
+    """Checks that were not possible, with the reason"""
     follows: float = float("nan")
     """Link motion over motor motion while the gear is engaged: 1"""
     friction: float = float("nan")
     """Half the difference of the torques both ways [Nm]; positive"""
     held: float = float("nan")
-    """Their mean [Nm]: what K_c * current says gravity is"""
+    """Their mean [Nm]: gravity by K_c * current"""
     gravity: float = float("nan")
-    """What the URDF says [Nm]"""
+    """Gravity by the URDF [Nm]"""
 
     @property
     def passed(self) -> bool:
         return not self.problems
 
 
-def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: float) -> Wiring:
-    """Of a log in which only this joint was driven, slowly, both ways, through its gap."""
+def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: float) -> WiringResult:
+    """Check of one joint, by a log in which only this joint was driven, slowly, both ways, through
+    its gap."""
     name = log.joints[joint]
     q, velocity = log.link_position[:, joint], log.motor_velocity[:, joint]
     steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
@@ -51,7 +52,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     if turned < LEAST_MOTION:
         about = (f"the motor turned only {1e3 * turned:.2g} mrad at the link: does the drive get "
                  "its setpoints, is the unit of motor_velocity right?")  # fmt: skip
-        return Wiring(joint=name, problems=(about,))
+        return WiringResult(joint=name, problems=(about,))
     problems = [*_position_disagrees(log, joint, theta)]
     strokes = _strokes(q, velocity, steps)
     if not follows_both_ways(log, joint):
@@ -64,7 +65,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
         else:
             about += (f": wrong link_position object or scale, or a half-gap of more than "
                       f"{1e3 * (0.5 * turned - _PIECE):.0f} mrad")  # fmt: skip
-        return Wiring(joint=name, problems=(*problems, about))
+        return WiringResult(joint=name, problems=(*problems, about))
     carried = [s for s in strokes if s.carried]
     engaged = np.zeros(len(q), dtype=np.bool_)
     for stroke in carried:
@@ -95,7 +96,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     elif abs(gravity) < abs(friction):
         look = " or find swapped drives: did this joint move?"
         notes.append(f"too little gravity in this pose to check K_c{look * (log.n > 1)}")
-    return Wiring(joint=name, problems=tuple(problems), notes=tuple(notes), follows=follows,
+    return WiringResult(joint=name, problems=tuple(problems), notes=tuple(notes), follows=follows,
                   friction=friction, held=held, gravity=gravity)  # fmt: skip
 
 
@@ -113,8 +114,8 @@ def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Stroke:
-    """Where in one way of the motor the gear carries: a link without load may bounce ahead of the
-    motor and wait for it, and friction may hold one that fell to the other border."""
+    """Piece of one way of the motor in which the gear carries: a link without load may bounce ahead
+    of the motor and wait for it, and friction may hold one that fell to the other border."""
 
     rows: slice
     turned: float
@@ -127,19 +128,19 @@ class _Stroke:
 
     @property
     def carried(self) -> bool:
-        """Whether the gear took the link along, whatever sign or scale anybody gave it."""
+        """True where the gear took the link along, whatever sign or scale is configured."""
         return self.steady and abs(self.way) > 0.5 * self.turned
 
 
 def follows_both_ways(log: MotionLog, joint: int) -> bool:
-    """Whether the motor went so far in both directions that its link came along."""
+    """True where the motor went so far in both directions that its link came along."""
     steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
     strokes = _strokes(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
     return {s.upward for s in strokes if s.carried} == {True, False}
 
 
 def _strokes(q: Vector, velocity: Vector, steps: Vector) -> list[_Stroke]:
-    """Of every way the last piece of `_PIECE` that was carried, or its end if none was."""
+    """The last piece of `_PIECE` that was carried of every way, or its end if none was."""
     fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
     direction = np.where(fast, np.sign(velocity), 0.0)
     edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(q)]
@@ -162,7 +163,7 @@ def _strokes(q: Vector, velocity: Vector, steps: Vector) -> list[_Stroke]:
 def _stroke(
     first: int, turned: Vector, way: Vector, begin: float, end: float, upward: bool
 ) -> _Stroke:
-    """What happened while the motor turned from `begin` to `end`."""
+    """Motion of motor and link while the motor turned from `begin` to `end`."""
     a, middle, b = np.searchsorted(turned, [begin, 0.5 * (begin + end), end]).tolist()
     b = min(b, len(turned) - 1)
     early = (way[middle] - way[a]) / max(turned[middle] - turned[a], 1e-9)
@@ -191,5 +192,5 @@ def _torques(
 
 
 def _noise(torque: Vector) -> float:
-    """Of single samples, from the differences between neighbours."""
+    """Noise of single samples [Nm], from the differences between neighbours."""
     return float(1.4826 * np.median(np.abs(np.diff(torque))) / np.sqrt(2.0))

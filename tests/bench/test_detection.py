@@ -1,4 +1,4 @@
-"""From the population to the figures of the detection bench."""
+"""Detection bench, from the population to its figures."""
 
 import io
 import math
@@ -15,7 +15,7 @@ from bench.study import population
 from bench.study.detection_report import joint_table, table
 from bench.study.detection_score import score
 from bench.study.estimates import Estimates
-from bench.study.monte_carlo import Job, Result, run, what_was_named
+from bench.study.monte_carlo import Job, Result, named_link, run
 from bench.study.population import STEP_MS, Touch
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
@@ -88,8 +88,8 @@ def test_a_force_on_a_link_turns_no_joint_beyond_it(configuration: Configuration
 def test_what_was_said_of_a_touched_link(said: int, residual: float, named: str) -> None:
     """Felt at the first SYNC after the onset only; what was said then counts."""
     ticks, n = 60, 4
-    felt = np.zeros((ticks, n))
-    felt[2] = residual
+    exceeded = np.zeros((ticks, n))
+    exceeded[2] = residual
     links = np.full(ticks, -1)
     links[2] = said
     truth = np.zeros((10 * ticks, n))
@@ -102,15 +102,15 @@ def test_what_was_said_of_a_touched_link(said: int, residual: float, named: str)
         half_gap=np.zeros(n),
     )
     found = Estimates(
-        residuals={"backlash": felt},
+        residuals={"backlash": exceeded},
         threshold=np.full((ticks, n), 0.5),
-        phi=felt,
-        phi_sigma=felt,
+        phi=exceeded,
+        phi_sigma=exceeded,
         side=np.zeros((ticks, n), dtype=np.int8),
         touched_link=links,
         delay_s=0.005,
     )
-    assert what_was_named(Touch(2, np.zeros(n), 25), recording, found) == named
+    assert named_link(Touch(2, np.zeros(n), 25), recording, found) == named
 
 
 def test_steps_in_motion_are_felt_when_they_act(moving: Result) -> None:

@@ -1,4 +1,4 @@
-"""The bench of the estimator measures what it says: real arms, and nothing kept."""
+"""Bench of the estimator: it measures real arms, and keeps no memory."""
 
 import numpy as np
 import pinocchio as pin

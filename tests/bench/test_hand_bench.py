@@ -1,4 +1,4 @@
-"""What `bench.hand` says of a hand is what the hand did."""
+"""Figures of `bench.hand` against what the hand did."""
 
 from types import SimpleNamespace
 

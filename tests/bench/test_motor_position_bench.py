@@ -1,4 +1,4 @@
-"""What the bench of the motor position counts, on stretches made by hand, and one short run."""
+"""Counts of the bench of the motor position, on stretches made by hand, and one short run."""
 
 from dataclasses import replace
 

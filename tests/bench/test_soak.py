@@ -1,4 +1,4 @@
-"""What the soak calls a trend, a broken rule, a false alarm; and some seconds of it."""
+"""Trends, broken rules and false alarms of the soak; and some seconds of it."""
 
 import logging
 import math
@@ -114,7 +114,7 @@ def first(value: float, others: list[float] | None = None) -> list[float]:
     return [value, *rest[1:]]
 
 
-def told(text: str) -> list[Notice]:
+def notices(text: str) -> list[Notice]:
     return [Notice(kind="mode", text=text)]
 
 
@@ -139,19 +139,19 @@ BROKEN: list[tuple[str, list[State]]] = [
     ("armed no longer than the lease", [state(51, armed=True), state(53, armed=True)]),
     ("not armed while latched", [state(1, armed=True, mode="off")]),
     ("time goes on", [state(1), state(2, time_s=0.01)]),
-    ("a change of mode is told", [state(1), state(2, mode="tracking")]),
+    ("a change of mode is reported", [state(1), state(2, mode="tracking")]),
     (
         "changes of mode are of the table",
-        [state(1), state(2, mode="enabling", notices=told("holding -> enabling: x"))],
+        [state(1), state(2, mode="enabling", notices=notices("holding -> enabling: x"))],
     ),
     (
         "a change has a cause",
-        [state(1), state(2, mode="tracking", notices=told("holding -> tracking"))],
+        [state(1), state(2, mode="tracking", notices=notices("holding -> tracking"))],
     ),
-    ("a change of permission is told", [state(1), state(2, armed=True)]),
+    ("a change of permission is reported", [state(1), state(2, armed=True)]),
     (
         "nobody guides an arm that is not armed",
-        [state(1), state(2, mode="admittance", notices=told("holding -> admittance: x"))],
+        [state(1), state(2, mode="admittance", notices=notices("holding -> admittance: x"))],
     ),
     (
         "no motion while latched",
@@ -174,7 +174,7 @@ def test_each_rule_can_be_broken(rule: str, states: list[State]) -> None:
 def test_what_is_right_breaks_no_rule() -> None:
     ledger = Ledger()
     watch = Watch(C, ledger, GIVES_WAY)
-    arming = [*told("armed: x"), *told("holding -> tracking: y")]
+    arming = [*notices("armed: x"), *notices("holding -> tracking: y")]
     at_limit = first(UPPER, MIDDLE)
     for each in (
         state(1),
@@ -182,7 +182,9 @@ def test_what_is_right_breaks_no_rule() -> None:
         state(3, mode="tracking", armed=True, setpoint=first(0.04)),
         # The joint is at its limit: its speed is taken away at once.
         state(4, mode="tracking", armed=True, link_position=at_limit),
-        state(5, mode="faulted", notices=[*told("disarmed: z"), *told("tracking -> faulted: z")]),
+        state(
+            5, mode="faulted", notices=[*notices("disarmed: z"), *notices("tracking -> faulted: z")]
+        ),
     ):
         watch.see(each, lease_until_s=0.5, lease_ticks=1, touched=False, trouble=False)
     assert not ledger.broken, ledger.cases

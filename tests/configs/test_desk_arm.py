@@ -16,7 +16,7 @@ from daemon.protocol.socket_path import Peer
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
-from daemon.tick.loop import Clock, Loop
+from daemon.tick.loop import Loop
 from drivers.boot.boot_up import DriveBoot
 from drivers.cia402 import DriveState
 from simulator.state_machine import State
@@ -25,7 +25,7 @@ SOMEBODY = Peer(uid=1000, pid=1)
 
 
 @dataclass
-class House:
+class ServedDeskArm:
     """The daemon without its process."""
 
     rig: Rig
@@ -48,11 +48,11 @@ def rig() -> Iterator[Rig]:
 
 
 @pytest.fixture
-def house(rig: Rig, tmp_path: Path) -> Iterator[House]:
+def served(rig: Rig, tmp_path: Path) -> Iterator[ServedDeskArm]:
     c = rig.robot.configuration
-    loop = Loop(rig.tick, Clock(lambda: rig.time_s, lambda _: None), c.period_s)
+    loop = Loop(rig.tick, rig.clock(), c.period_s)
     with ControlSocket(tmp_path / "control") as control, closing(Notifier()) as notifier:
-        yield House(rig, Service(rig.robot, loop, control, [], 1, notifier, boot=rig.boot))
+        yield ServedDeskArm(rig, Service(rig.robot, loop, control, [], 1, notifier, boot=rig.boot))
 
 
 def test_it_measures_what_is_true(rig):
@@ -63,7 +63,7 @@ def test_it_measures_what_is_true(rig):
     positions = []
 
     def compare():
-        samples, arm = rig.tick.samples, rig.arm
+        samples, arm = rig.samples, rig.arm
         errors = (
             samples.link_position - arm.plant.q,
             samples.motor_velocity - arm.plant.theta_dot,
@@ -71,7 +71,7 @@ def test_it_measures_what_is_true(rig):
         )
         np.maximum(worst, [np.abs(error).max() for error in errors], out=worst)
         positions.append(samples.link_position[0])
-        np.maximum(residual, np.abs(rig.tick.estimate.residual), out=residual)
+        np.maximum(residual, np.abs(rig.estimate.residual), out=residual)
 
     rig.run(3.0, compare)
     assert rig.mode is Mode.TRACKING
@@ -88,7 +88,7 @@ def test_it_feels_a_hand(rig):
     rig.run(1.0)
     rig.arm.external_torque[0] = 1.5
     rig.run(0.3)
-    assert rig.tick.estimate.residual[0] == pytest.approx(1.5, abs=0.3)
+    assert rig.estimate.residual[0] == pytest.approx(1.5, abs=0.3)
 
 
 def test_left_over_pdos_are_off(rig):
@@ -97,14 +97,14 @@ def test_left_over_pdos_are_off(rig):
         assert drive.objects.number(0x607F) > 0
 
 
-def test_the_lock_holds_against_a_mere_reset(house):
-    rig = house.rig
+def test_the_lock_holds_against_a_mere_reset(served):
+    rig = served.rig
     rig.enable()
-    house.silence(0.5)
+    served.silence(0.5)
     assert rig.mode is Mode.FAULTED
     assert {drive.state for drive in rig.arm.drives} == {State.FAULT}
-    house.service.boot = None
-    reply = house.ask("reset")
+    served.service.boot = None
+    reply = served.ask("reset")
     assert reply.reasons == [
         "these drives have lost their set-up, start the daemon again: column, swing"
     ]
@@ -118,30 +118,30 @@ def test_the_lock_holds_against_a_mere_reset(house):
         assert drive.state is State.FAULT
 
 
-def test_a_reset_sets_locked_drives_up_again(house):
-    rig = house.rig
+def test_a_reset_sets_locked_drives_up_again(served):
+    rig = served.rig
     rig.enable()
     rig.request(Event.START)
     rig.run(1.0)
-    house.silence(0.5)
+    served.silence(0.5)
     assert rig.mode is Mode.FAULTED
     stood = rig.arm.plant.q.copy()
-    reply = house.ask("reset")
+    reply = served.ask("reset")
     assert (reply.ok, reply.mode, reply.armed) == (True, "off", False)
     rig.run(0.6)
     assert rig.mode is Mode.OFF, rig.tick.controller.machine.cause
-    assert set(rig.tick.samples.states) == {DriveState.SWITCH_ON_DISABLED}
+    assert set(rig.samples.states) == {DriveState.SWITCH_ON_DISABLED}
     rig.enable()
     assert np.abs(rig.arm.plant.q - stood).max() < 0.05
-    serials = [identity.serial for identity in house.service.boot.identities]
+    serials = [identity.serial for identity in served.service.boot.identities]
     assert serials == [1, 2]
     rig.request(Event.START)
     rig.run(1.0)
     assert rig.mode is Mode.TRACKING
 
 
-def test_a_drive_that_restarts_in_the_middle_is_set_up_again_alone(house):
-    rig = house.rig
+def test_a_drive_that_restarts_in_the_middle_is_set_up_again_alone(served):
+    rig = served.rig
     rig.enable()
     rig.arm.drives[0].boot()
     rig.run(0.1)
@@ -151,20 +151,20 @@ def test_a_drive_that_restarts_in_the_middle_is_set_up_again_alone(house):
     other = rig.arm.drives[1]
     on_nmt = other.on_nmt
     other.on_nmt = lambda command: (commands.append(command), on_nmt(command))
-    assert house.ask("reset").ok
+    assert served.ask("reset").ok
     assert commands == [1], "the other is only started, as it is already"
     rig.run(0.2)
     rig.enable()
 
 
-def test_a_drive_that_is_gone_keeps_the_fault(house):
-    rig = house.rig
+def test_a_drive_that_is_gone_keeps_the_fault(served):
+    rig = served.rig
     rig.enable()
     drive = rig.arm.drives[0]
     drive.tick = drive.transmit = drive.on_sdo = lambda *_: None
     rig.run(0.5)
     assert rig.mode is Mode.FAULTED
-    reply = house.ask("reset")
+    reply = served.ask("reset")
     assert not reply.ok
     assert "node 11 (column) does not answer" in reply.reasons[0]
     rig.run(0.1)
@@ -172,15 +172,15 @@ def test_a_drive_that_is_gone_keeps_the_fault(house):
 
 
 def test_while_it_waits_for_drives_the_watchdog_is_fed_and_nobody_else_is_missed(
-    house, monkeypatch
+    served, monkeypatch
 ):
-    rig = house.rig
+    rig = served.rig
     rig.enable()
     gone = rig.arm.drives[0]
     gone.tick = gone.transmit = gone.on_sdo = lambda *_: None
     rig.run(0.5)
     fed = []
-    monkeypatch.setattr(house.service.notifier, "ticked", fed.append)
+    monkeypatch.setattr(served.service.notifier, "ticked", fed.append)
     renew = DriveBoot.renew
 
     def for_a_second(boot, joints, meanwhile, progress):
@@ -189,11 +189,11 @@ def test_while_it_waits_for_drives_the_watchdog_is_fed_and_nobody_else_is_missed
 
     monkeypatch.setattr(DriveBoot, "renew", for_a_second)
     begun = rig.time_s
-    assert not house.ask("reset").ok
+    assert not served.ask("reset").ok
     assert len(fed) > 10
     assert set(fed) == {begun + 1.0}
     rig.step()
-    told = [str(event) for event in rig.tick.samples.events]
+    told = [str(event) for event in rig.samples.events]
     assert told == [], "the other drive's heartbeats of this second went to the SDO client"
     rig.run(0.3)
     rig.arm.drives[1].tick = lambda *_: None

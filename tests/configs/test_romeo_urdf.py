@@ -1,4 +1,4 @@
-"""Our URDF against the public Romeo description, where that is installed (`make verify`)."""
+"""URDF of the Romeo arm against the public description, where that is installed (`make verify`)."""
 
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path

@@ -14,12 +14,13 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bench.rigs.ideal_arm import LIMITS, IdealArm, T, tracking_arm
-from bench.rigs.served_daemon import ServedDaemon, open_house
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.clients.client import Client
 from daemon.commands import contactctl, replies
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Mode
 from daemon.protocol.messages import (
+    STATE_FORMAT,
     Check,
     Contact,
     Grant,
@@ -102,6 +103,7 @@ def state_at(tick: int, **changes: object) -> State:
 def snapshot_at(tick: int) -> Snapshot:
     """The snapshot that goes with `state_at`."""
     return Snapshot(
+        format=STATE_FORMAT,
         joints=JOINTS,
         half_gap=HALF_GAP,
         thresholds=THRESHOLDS,
@@ -219,14 +221,14 @@ def run(fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> Callable[..
 
 
 @pytest.fixture
-def house(tmp_path: Path) -> Iterator[ServedDaemon]:
-    with open_house(tmp_path) as opened:
+def served(tmp_path: Path) -> Iterator[ServedDaemon]:
+    with served_daemon(tmp_path) as opened:
         yield opened
 
 
 @pytest.fixture
-def client(house: ServedDaemon) -> Iterator[Client]:
-    with Client(house.path) as connected:
+def client(served: ServedDaemon) -> Iterator[Client]:
+    with Client(served.path) as connected:
         yield connected
 
 

@@ -40,7 +40,7 @@ class Wound:
 
         self.rig.tick.begin = answered  # type: ignore[method-assign]
         period_s = self.rig.robot.configuration.period_s
-        self.loop = Loop(self.rig.tick, Clock(lambda: self.now_s, self.wait), period_s)
+        self.loop = Loop(self.rig.tick, Clock(lambda: self.now_s, self.wait, lambda: 0.0), period_s)
 
     def wait(self, until_s: float) -> None:
         self.now_s = max(self.now_s, until_s)
@@ -64,6 +64,7 @@ class Wound:
             self.request(Event.START)
             self.run(1.5)
         if mode is Mode.ADMITTANCE:
+            assert self.rig.tick.check_arming(self.loop.time_s).reasons == ()
             assert self.rig.tick.controller.arm("the test") == []
             self.rig.arm.external_torque[0] = 3.0
             self.run(0.3)
@@ -150,11 +151,11 @@ def test_a_drive_that_does_not_obey_is_named() -> None:
 # What `load`, `start` and `gain` take is beside the point.
 @pytest.mark.parametrize("command", COMMANDS)
 def test_at_the_end_nobody_energises_or_moves_the_arm(
-    house: ServedDaemon, command: Command
+    served: ServedDaemon, command: Command
 ) -> None:
-    house.service.ending = True
-    with Client(house.path) as client:
-        reply = house.ask(client, command)
+    served.service.ending = True
+    with Client(served.path) as client:
+        reply = served.ask(client, command)
     assert reply.ok == (command in AT_THE_END)
     assert reply.reasons == ([] if reply.ok else ["the daemon is ending"])
-    assert house.rig.mode is Mode.OFF
+    assert served.rig.mode is Mode.OFF

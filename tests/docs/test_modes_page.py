@@ -1,4 +1,4 @@
-"""docs/modes.md, read back: every row of `daemon.modes.table`, and nothing else."""
+"""Rows of docs/modes.md, read back: every one of `daemon.modes.table`, and nothing else."""
 
 import re
 from pathlib import Path

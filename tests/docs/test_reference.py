@@ -1,4 +1,4 @@
-"""The reference pages say what the code says."""
+"""Reference pages against the code that they are made from."""
 
 import importlib.util
 import re

@@ -18,7 +18,7 @@ from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.identity import DriveIdentity
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.frame_ring import FrameRing
-from drivers.codec import Joint
+from drivers.drive import Drive
 from drivers.drives import Drives
 from drivers.settings import DriveProfile, JointWiring
 from simulator.arm import SimulatedArm
@@ -37,23 +37,20 @@ def profile() -> DriveProfile:
 
 
 @pytest.fixture(scope="session")
-def profiles(profile: DriveProfile) -> dict[str, DriveProfile]:
-    return {"two_encoder_drive": profile}
+def joint_drives(profile: DriveProfile) -> list[Drive]:
+    return [
+        Drive(j["name"], msgspec.convert(j["wiring"], JointWiring), profile)
+        for j in CONFIG["joints"]
+    ]
 
 
 @pytest.fixture(scope="session")
-def joints() -> list[Joint]:
-    return [(j["name"], msgspec.convert(j["wiring"], JointWiring)) for j in CONFIG["joints"]]
-
-
-@pytest.fixture(scope="session")
-def setups(joints: list[Joint], profile: DriveProfile) -> list[DriveSetup]:
+def setups(joint_drives: list[Drive]) -> list[DriveSetup]:
     sheet = load_data_sheet(ROBOT / "drive.eds")
-    profile = msgspec.structs.replace(profile, sdo_timeout_ms=500)
     limits = [j["limits"] for j in CONFIG["joints"]]
     return [
-        DriveSetup(name, wiring, profile, sheet, limit["velocity"], limit["quick_stop"])
-        for (name, wiring), limit in zip(joints, limits, strict=True)
+        DriveSetup(drive, sheet, limit["velocity"], limit["quick_stop"])
+        for drive, limit in zip(joint_drives, limits, strict=True)
     ]
 
 
@@ -163,11 +160,9 @@ def make_bench() -> Iterator[Callable[[], Bench]]:
 
 
 @pytest.fixture
-def make_drives(
-    joints: list[Joint], profiles: dict[str, DriveProfile]
-) -> Callable[[can.BusABC], Drives]:
+def make_drives(joint_drives: list[Drive]) -> Callable[[can.BusABC], Drives]:
     """An arm whose clock stands still: `collect` reads what is queued."""
-    return lambda bus: Drives(bus, joints, profiles, PERIOD_S, lambda: 0.0)
+    return lambda bus: Drives(bus, joint_drives, PERIOD_S, lambda: 0.0)
 
 
 @pytest.fixture

@@ -17,9 +17,9 @@ def test_reading_ends_with_the_last_tpdo(scripted, drives):
     np.testing.assert_allclose(samples.current, [1.0, 0.75, 0.6, 0.6, 0.3, 0.15, 0.15])
 
 
-def test_reading_waits_until_the_deadline_and_no_longer(scripted, joints, profiles):
+def test_reading_waits_until_the_deadline_and_no_longer(scripted, joint_drives):
     times = iter([0.0, 0.001, 0.004, 0.0, 0.0])
-    drives = Drives(scripted, joints, profiles, PERIOD_S, lambda: next(times))
+    drives = Drives(scripted, joint_drives, PERIOD_S, lambda: next(times))
     drives.sync(0.0)
     scripted.waits.clear()
     scripted.incoming += tpdos(1)

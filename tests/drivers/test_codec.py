@@ -16,6 +16,7 @@ from drivers.codec import (
     transmit_pdos,
     type_limits,
 )
+from drivers.drive import Drive
 from drivers.settings import DriveProfile, JointWiring, Quantity
 from errors import ConfigurationError
 
@@ -24,13 +25,17 @@ INT32 = st.integers(-(2**31), 2**31 - 1)
 SIGN = st.sampled_from([-1, 1])
 
 
-def wiring(node=1, profile="plain", **changes) -> JointWiring:
+def wiring(node=1, **changes) -> JointWiring:
     values = {"gear": 100.0, "rated_current_A": 2.0, "max_current_A": 4.0} | changes
-    return JointWiring(node=node, profile=profile, **values)
+    return JointWiring(node=node, profile="plain", **values)
 
 
 def quantity(index, kind="INTEGER32", scale=0.01, **changes) -> Quantity:
     return Quantity(object=index, type=kind, scale=scale, **changes)
+
+
+def drive(profile: DriveProfile, name="elbow", **changes) -> Drive:
+    return Drive(name, wiring(**changes), profile)
 
 
 def plain_profile(**changes) -> DriveProfile:
@@ -47,12 +52,13 @@ def plain_profile(**changes) -> DriveProfile:
     return DriveProfile(**values | changes)
 
 
-def test_romeo_uses_the_predefined_connection_set(profile):
-    assert [hex(pdo.cob_id) for pdo in transmit_pdos(profile, 5)] == ["0x185", "0x285"]
-    assert [hex(pdo.cob_id) for pdo in receive_pdos(profile, 5)] == ["0x205"]
-    assert [pdo.layout.format for pdo in transmit_pdos(profile, 5)] == ["<Hhi", "<ii"]
-    assert receive_pdos(profile, 5)[0].layout.format == "<Hi"
-    assert [field.bits for field in transmit_pdos(profile, 5)[0].fields] == [16, 16, 32]
+def test_romeo_uses_the_predefined_connection_set(joint_drives):
+    fifth = joint_drives[4]
+    assert [hex(pdo.cob_id) for pdo in transmit_pdos(fifth)] == ["0x185", "0x285"]
+    assert [hex(pdo.cob_id) for pdo in receive_pdos(fifth)] == ["0x205"]
+    assert [pdo.layout.format for pdo in transmit_pdos(fifth)] == ["<Hhi", "<ii"]
+    assert receive_pdos(fifth)[0].layout.format == "<Hi"
+    assert [field.bits for field in transmit_pdos(fifth)[0].fields] == [16, 16, 32]
 
 
 @given(
@@ -68,8 +74,8 @@ def test_counts_arrive_as_si_values_at_the_link(
         tpdo={"2": ["link_position", "motor_position"],
               "1": ["motor_velocity", "statusword", "current"]},
     )  # fmt: skip
-    joint = wiring(motor_sign=motor_sign, link_sign=link_sign, link_offset=link_offset)
-    decoder = SampleDecoder([("elbow", joint)], {"plain": profile})
+    signs = {"motor_sign": motor_sign, "link_sign": link_sign, "link_offset": link_offset}
+    decoder = SampleDecoder([drive(profile, **signs)])
     for cob_id, layout, values in (
         (0x181, "<iHh", (velocity, 0x27, current)),
         (0x281, "<ii", (link, motor)),
@@ -91,24 +97,21 @@ def test_counts_arrive_as_si_values_at_the_link(
     )
 
 
-def test_nothing_is_known_before_the_first_frame(joints, profiles):
-    decoder = SampleDecoder(joints, profiles)
+def test_nothing_is_known_before_the_first_frame(joint_drives):
+    decoder = SampleDecoder(joint_drives)
     decoder.decode()
     assert np.isnan([decoder.current, decoder.link_position, decoder.motor_velocity]).all()
     assert decoder.statuswords == [-1] * 7
 
 
 def test_drives_of_two_kinds_share_an_arm():
-    kinds = {
-        "plain": plain_profile(),
-        "other": plain_profile(
-            current=quantity(0x6077, "INTEGER16", 0.002, sign=-1),
-            motor_position=quantity(0x6064),
-            tpdo={"1": ["link_position", "current", "statusword"],
-                  "3": ["motor_position", "motor_velocity"]},
-        ),
-    }  # fmt: skip
-    decoder = SampleDecoder([("a", wiring(1)), ("b", wiring(2, "other"))], kinds)
+    other = plain_profile(
+        current=quantity(0x6077, "INTEGER16", 0.002, sign=-1),
+        motor_position=quantity(0x6064),
+        tpdo={"1": ["link_position", "current", "statusword"],
+              "3": ["motor_position", "motor_velocity"]},
+    )  # fmt: skip
+    decoder = SampleDecoder([drive(plain_profile(), "a", node=1), drive(other, "b", node=2)])
     frames = {
         0x181: struct.pack("<Hhi", 0x40, 500, 100),
         0x281: struct.pack("<i", 1000),
@@ -135,10 +138,10 @@ def test_drives_of_two_kinds_share_an_arm():
 )  # fmt: skip
 def test_a_setpoint_is_right_within_half_a_count(velocity, gear, motor_sign, sign, scale):
     profile = plain_profile(target_velocity=quantity(0x60FF, scale=scale, sign=sign))
-    joint = wiring(gear=gear, motor_sign=motor_sign)
-    encoder = SetpointEncoder([("elbow", joint)], {"plain": profile})
+    elbow = drive(profile, gear=gear, motor_sign=motor_sign)
+    encoder = SetpointEncoder([elbow])
     (counts,) = encoder.encode(np.array([velocity]))
-    gain, bias = link_side(profile, joint, "target_velocity")
+    gain, bias = link_side(elbow, "target_velocity")
     assert gain == pytest.approx(motor_sign * sign * scale / gear)
     assert abs(gain * counts + bias - velocity) <= 0.5 * abs(gain) * (1 + 1e-9)
     assert encoder.standstill == [0]
@@ -148,7 +151,7 @@ def test_a_setpoint_is_right_within_half_a_count(velocity, gear, motor_sign, sig
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_setpoint_is_saturated_at_the_limits_of_its_type(kind, sign):
     profile = plain_profile(target_velocity=quantity(0x60FF, kind, sign=sign))
-    encoder = SetpointEncoder([("a", wiring(1)), ("b", wiring(2))], {"plain": profile})
+    encoder = SetpointEncoder([drive(profile, "a", node=1), drive(profile, "b", node=2)])
     lowest, highest = type_limits(kind)
     limits = [highest, lowest] if sign == 1 else [lowest, highest]
     assert encoder.encode(np.array([1e9, -1e9])) == limits
@@ -161,11 +164,11 @@ def test_a_setpoint_is_saturated_at_the_limits_of_its_type(kind, sign):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_a_setpoint_that_is_not_finite_is_refused(joints, profiles, bad):
+def test_a_setpoint_that_is_not_finite_is_refused(joint_drives, bad):
     velocity = np.zeros(7)
     velocity[3] = bad
     with pytest.raises(ValueError, match="not finite"):
-        SetpointEncoder(joints, profiles).encode(velocity)
+        SetpointEncoder(joint_drives).encode(velocity)
 
 
 @pytest.mark.parametrize(
@@ -197,7 +200,7 @@ def test_type_limits(kind, limits):
         (
             {"tpdo": {"1": ["statusword", "current", "motor_velocity"],
                       "2": ["link_position", "motor_position"]}},
-            "carries motor_position, but the drive says not where",
+            "lists `motor_position`, but the drive profile does not define it",
         ),
         (
             {"tpdo": {"1": ["statusword", "current", "motor_velocity"],
@@ -208,7 +211,7 @@ def test_type_limits(kind, limits):
 )  # fmt: skip
 def test_a_layout_that_cannot_be_is_refused(changes, says):
     with pytest.raises(ConfigurationError, match=says):
-        transmit_pdos(plain_profile(**changes), 1)
+        transmit_pdos(drive(plain_profile(**changes)))
 
 
 @pytest.mark.parametrize(
@@ -221,7 +224,7 @@ def test_a_layout_that_cannot_be_is_refused(changes, says):
 )
 def test_an_rpdo_that_cannot_be_is_refused(layout, says):
     with pytest.raises(ConfigurationError, match=says):
-        receive_pdos(plain_profile(rpdo=layout), 1)
+        receive_pdos(drive(plain_profile(rpdo=layout)))
 
 
 def test_settings_refuse_a_ninth_entry_and_a_fifth_pdo():
@@ -240,16 +243,16 @@ def test_a_profile_reports_current_or_torque():
     layout = {"1": ["statusword", "torque", "motor_velocity"], "2": ["link_position"]}
     by_torque = plain_profile(current=None, torque=quantity(0x6077, "INTEGER16", 0.001, sign=-1),
                               tpdo=layout)  # fmt: skip
-    assert transmit_pdos(by_torque, 1)[0].fields[1].index == 0x6077
+    assert transmit_pdos(drive(by_torque))[0].fields[1].index == 0x6077
     for layout, says in (
-        (plain_profile().tpdo, "a PDO carries current, but"),
+        (plain_profile().tpdo, "the PDO lists `current`, but"),
         ({"1": ["statusword", "motor_velocity"], "2": ["link_position"]}, "torque missing"),
     ):
         with pytest.raises(ConfigurationError, match=says):
-            transmit_pdos(msgspec.structs.replace(by_torque, tpdo=layout), 1)
+            transmit_pdos(drive(msgspec.structs.replace(by_torque, tpdo=layout)))
     # Beside a drive that reports its current, half of the rated torque is half the rated current.
-    mixed = [("a", wiring(1, "by_torque")), ("b", wiring(2, "plain", rated_current_A=3.0))]
-    decoder = SampleDecoder(mixed, {"by_torque": by_torque, "plain": plain_profile()})
+    by_current = drive(plain_profile(), "b", node=2, rated_current_A=3.0)
+    decoder = SampleDecoder([drive(by_torque, "a", node=1), by_current])
     for joint, start, stop, layout in decoder.slots.values():
         if stop - start == 3:
             counts = (0x27, 500 + joint, 0)

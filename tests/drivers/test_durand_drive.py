@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bench.rigs.durand_drive import SERIAL, DurandDrive
-from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.lockstep import SINGLE_JOINT, TRUSTED
 from daemon.assembly import build_estimator, build_setups, build_tick
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
@@ -59,7 +59,7 @@ class Rig:
             self.tick.finish(0.0)
             self.drive.pump()
             self.drive.advance(T)
-            self.told += [event.text for event in self.tick.notices]
+            self.told += [event.text for event in self.tick.last.notices]
             self.ticks += 1
 
     def request(self, event: Event) -> list[str]:
@@ -95,7 +95,7 @@ def rig(tmp_path) -> Iterator[Rig]:
         sheet = load_data_sheet(tmp_path / "drive.eds")
         setups = [dataclasses.replace(each, data_sheet=sheet) for each in build_setups(robot)]
         boot = DriveBoot(near, setups, c.period_ms, c.bus.master_node)
-        tick = build_tick(robot, near, lambda: 0.0)
+        tick = build_tick(robot, near, lambda: 0.0, TRUSTED)
         yield Rig(tick, boot, drive, [])
 
 
@@ -123,7 +123,7 @@ def test_it_holds_follows_a_trajectory_and_feels_nothing(rig):
     assert not rig.request(Event.START)
     rig.run(4.0)
     assert rig.mode is Mode.TRACKING, rig.told
-    reference = rig.tick.decision.reference[0]
+    reference = rig.tick.last.decision.reference[0]
     assert abs(reference - start) > 0.05
     assert rig.drive.q == pytest.approx(reference, abs=0.03)
     assert not [line for line in rig.told if "Nm" in line], "nobody touches it"

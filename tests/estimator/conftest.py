@@ -1,4 +1,4 @@
-"""An arm that is not the model's: two masses per joint, its drives' loops and sensors, no bus."""
+"""Arm that is not the model's: two masses per joint, its drives' loops and sensors, no bus."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -15,7 +15,7 @@ STIFF = GapSettings(compliance=0.0)
 
 @dataclass
 class Joint:
-    """Moves as told, sees what is given."""
+    """One joint that moves as commanded and sees the given torques."""
 
     settings: GapSettings = STIFF
     measured: bool = False

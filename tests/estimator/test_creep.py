@@ -1,4 +1,4 @@
-"""Link and rotor slower than their velocities resolve: what is known of phi, and what is not."""
+"""Link and rotor slower than their velocities resolve: bounds of phi, and its uncertainty."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The whole chain, on an arm whose masses, friction, gaps and motors are not the model's."""
+"""The estimator's chain on an arm whose masses, friction, gaps and motors are not the model's."""
 
 import numpy as np
 import pytest

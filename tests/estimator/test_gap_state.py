@@ -1,4 +1,4 @@
-"""When a joint is said to be in its gap: clear of the border, without a load, and in no doubt."""
+"""Gap state of a joint: in the gap when clear of the border, without a load, and in no doubt."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""What the whole chain believes of a joint: (5) and (6), and the raise of its threshold.
+"""The estimator's chain on one joint: (5) and (6), and the raise of its threshold.
 
 All joints do the same: links move by `Q_DOT` and rotors by `THETA_DOT`, in gaps that are too wide
 to be crossed meanwhile.

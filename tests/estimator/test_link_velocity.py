@@ -1,4 +1,4 @@
-"""Link velocity and alignment: exact on parabolas, its delay is what it says, noise as stated."""
+"""Link velocity and alignment: exact on parabolas, with the stated delay and noise."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""An estimator that was written down and read back goes on as if nothing had been."""
+"""Memory of an estimator: written down and read back, it goes on bit-identically."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Samples that come late, start anew, or are none: what the whole chain makes of them."""
+"""Samples that are late, missing or not finite, through the whole chain."""
 
 import numpy as np
 import pytest

@@ -1,10 +1,10 @@
-"""The touched link: the last joint that feels it, or nobody can tell."""
+"""Touched link: that of the last joint whose residual is clear, or undecided."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from estimator.contact import FELT, touched_link
+from estimator.contact import CLEAR, touched_link
 
 LEVEL = np.array([0.8, 0.5, 0.4])
 
@@ -15,8 +15,8 @@ LEVEL = np.array([0.8, 0.5, 0.4])
         ([1.2, 0.0, 0.0], 0),
         ([1.2, -0.9, 0.1], 1),
         ([0.1, 0.0, -1.5], 2),
-        ([1.2, FELT + 0.01, 0.0], 1),
-        ([1.2, FELT - 0.01, 0.0], None),  # perhaps the second
+        ([1.2, CLEAR + 0.01, 0.0], 1),
+        ([1.2, CLEAR - 0.01, 0.0], None),  # perhaps the second
         ([1.2, 0.0, 0.2], None),
         ([0.2, 0.1, 0.0], None),
     ],

@@ -1,4 +1,4 @@
-"""Transmission: validation, the penetration of (5), and where a link may fall to."""
+"""Transmission: validation, the penetration of (5), and the way that a link may fall."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Which masses a URDF may have, and that what is let through is what pinocchio reads."""
+"""Masses of a URDF: those that are refused, and those that pinocchio reads as they are."""
 
 import pinocchio as pin
 import pytest

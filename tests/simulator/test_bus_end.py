@@ -7,15 +7,15 @@ import can
 import pytest
 
 from errors import BusError
-from simulator import bus_end as link_module
-from simulator.bus_end import Link
+from simulator import bus_end
+from simulator.bus_end import BusEnd
 
 FRAME = can.Message(arbitration_id=0x181, is_extended_id=False)
 
 
 @dataclass
 class FakeInterface:
-    """What python-can would open: may be gone, down, or full."""
+    """Interface that python-can opens: may be gone, down, or full."""
 
     there: bool = True
     down: bool = False
@@ -47,14 +47,14 @@ class FakeInterface:
 def interface(monkeypatch: pytest.MonkeyPatch) -> FakeInterface:
     made = FakeInterface()
     monkeypatch.setattr(can, "Bus", made.open)
-    monkeypatch.setattr(link_module, "REOPEN_S", 0.0)
+    monkeypatch.setattr(bus_end, "REOPEN_S", 0.0)
     return made
 
 
 def test_without_a_bus_at_the_beginning_it_is_an_error(interface: FakeInterface) -> None:
     interface.there = False
     with pytest.raises(BusError, match="no CAN bus socketcan can0"):
-        Link("socketcan", "can0", lambda _: None)
+        BusEnd("socketcan", "can0", lambda _: None)
 
 
 @pytest.mark.parametrize("what", ["there", "down"])
@@ -62,32 +62,32 @@ def test_without_a_bus_at_the_beginning_it_is_an_error(interface: FakeInterface)
 def test_a_bus_that_goes_is_waited_for(
     interface: FakeInterface, what: str, noticed_by: str
 ) -> None:
-    told: list[str] = []
-    link = Link("socketcan", "can0", told.append)
+    reports: list[str] = []
+    end = BusEnd("socketcan", "can0", reports.append)
     setattr(interface, what, what == "down")
     for _ in range(5):
-        link.send(FRAME) if noticed_by == "send" else link.receive(0.0)
-        link.receive(0.0)
-    assert len(told) == 2
-    assert told[1].startswith("bus lost: ")
+        end.send(FRAME) if noticed_by == "send" else end.receive(0.0)
+        end.receive(0.0)
+    assert len(reports) == 2
+    assert reports[1].startswith("bus lost: ")
     assert interface.opened == 0
     setattr(interface, what, what == "there")
-    link.receive(0.0)
-    link.send(FRAME)
-    assert told[2:] == ["on socketcan can0 again"]
+    end.receive(0.0)
+    end.send(FRAME)
+    assert reports[2:] == ["on socketcan can0 again"]
     assert interface.sent == [FRAME]
-    link.close()
+    end.close()
     assert interface.opened == 0
 
 
 def test_a_frame_for_which_there_is_no_room_is_lost_and_the_bus_is_not(
     interface: FakeInterface,
 ) -> None:
-    told: list[str] = []
-    link = Link("socketcan", "can0", told.append)
+    reports: list[str] = []
+    end = BusEnd("socketcan", "can0", reports.append)
     interface.full = True
-    link.send(FRAME)
+    end.send(FRAME)
     interface.full = False
-    link.send(FRAME)
-    assert told == ["on socketcan can0"]
+    end.send(FRAME)
+    assert reports == ["on socketcan can0"]
     assert interface.sent == [FRAME]

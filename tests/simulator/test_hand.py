@@ -158,9 +158,9 @@ def test_hand_meets_arm(master: Callable[..., Any]) -> None:
         pushed = float(one.arm.tau_ext[6])
         assert pushed in (0.0, 0.3)
     one.arm.advance(one.arm.now + 2.0)
-    told = [(event.kind, event.text) for event in one.events if event.kind == "hand"]
-    assert told[0] == ("hand", "begin push LWristPitch 0.3 Nm")
-    assert told[-1] == ("hand", "end guide, holding still")
+    reports = [(event.kind, event.text) for event in one.events if event.kind == "hand"]
+    assert reports[0] == ("hand", "begin push LWristPitch 0.3 Nm")
+    assert reports[-1] == ("hand", "end guide, holding still")
     assert one.events[0].at_s == pytest.approx(began + 0.02 + 0.2, abs=0.011)
     assert one.arm.plant.q[2] == pytest.approx(0.3, abs=0.03)
     assert np.abs(one.arm.plant.q_dot).max() < 0.5

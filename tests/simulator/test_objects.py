@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from errors import ConfigurationError
 from simulator.description import ArmDescription
 from simulator.objects import Objects, key
+from tests.examples import scaled
 
 NODE = 3
 Make = Callable[..., Any]
@@ -101,7 +102,7 @@ def test_wrong_toggle_aborts(one: Any) -> None:
 
 
 @given(requests=st.lists(st.binary(min_size=0, max_size=8), max_size=4))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=scaled(200))
 def test_no_request_upsets_the_server(one: Any, requests: list[bytes]) -> None:
     for data in requests:
         answers = one.send(0x600 + NODE, data)

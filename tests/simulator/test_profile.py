@@ -1,4 +1,4 @@
-"""Which drive an EDS is simulated as, and which cannot be."""
+"""Makes of drives that an EDS is simulated as, and EDS files that are refused."""
 
 import re
 from pathlib import Path

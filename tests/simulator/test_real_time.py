@@ -29,13 +29,13 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> FakeTime:
 
 
 @pytest.fixture
-def told() -> io.BytesIO:
+def reports() -> io.BytesIO:
     return io.BytesIO()
 
 
 @pytest.fixture
-def real_time(romeo: ArmDescription, clock: FakeTime, told: io.BytesIO) -> RealTimeArm:
-    return RealTimeArm(romeo, SimulationSettings(), lambda _: None, (), told)
+def real_time(romeo: ArmDescription, clock: FakeTime, reports: io.BytesIO) -> RealTimeArm:
+    return RealTimeArm(romeo, SimulationSettings(), lambda _: None, (), reports)
 
 
 def lived(real_time: RealTimeArm, clock: FakeTime, turns: int, each_s: float) -> int:
@@ -51,32 +51,32 @@ def lived(real_time: RealTimeArm, clock: FakeTime, turns: int, each_s: float) ->
 
 
 def test_a_little_behind_it_catches_up_between_looks_at_the_bus(
-    real_time: RealTimeArm, clock: FakeTime, told: io.BytesIO
+    real_time: RealTimeArm, clock: FakeTime, reports: io.BytesIO
 ) -> None:
     lived(real_time, clock, 1, 0.05)
     assert real_time.arm.now == pytest.approx(LONGEST_TURN_S)
     assert lived(real_time, clock, 60, 0.001) >= 100
     assert real_time.arm.now == pytest.approx(0.11)
-    assert not told.getvalue()
+    assert not reports.getvalue()
 
 
 def test_held_up_it_leaves_the_time_out(
-    real_time: RealTimeArm, clock: FakeTime, told: io.BytesIO
+    real_time: RealTimeArm, clock: FakeTime, reports: io.BytesIO
 ) -> None:
     lived(real_time, clock, 20, 0.001)
     lived(real_time, clock, 1, 5.0)
     assert real_time.arm.now < 0.03
     lived(real_time, clock, 20, 0.001)
     assert real_time.arm.now == pytest.approx(0.041, abs=0.002)
-    (line,) = told.getvalue().splitlines()
+    (line,) = reports.getvalue().splitlines()
     assert json.loads(line)["text"] == "held up for 5.000 s, time left out"
 
 
 def test_on_a_machine_that_is_too_slow_the_clocks_go_on_without_the_plant(
-    real_time: RealTimeArm, clock: FakeTime, told: io.BytesIO
+    real_time: RealTimeArm, clock: FakeTime, reports: io.BytesIO
 ) -> None:
     assert lived(real_time, clock, 200, 0.02) < 500
     assert 4.0 - LONGEST_GAP_S - 0.02 <= real_time.arm.now <= 4.0
-    lines = [json.loads(line)["text"] for line in told.getvalue().splitlines()]
+    lines = [json.loads(line)["text"] for line in reports.getvalue().splitlines()]
     assert 3 <= len(lines) <= 5
     assert all("too slow by 0.1" in line for line in lines)

@@ -1,8 +1,8 @@
-"""The installed service under this machine's systemd, against the simulated arm on a virtual bus.
+"""Installed service under this machine's systemd, against the simulated arm on a virtual bus.
 
 `make system`, as root, on a machine that has no arm: contactd.service is started, killed and
 frozen, and can0 made and deleted. Nothing is written but below /run. Only order and counts are
-asserted, so that a slow virtual machine tells the same.
+asserted, so that a slow virtual machine gives the same result.
 """
 
 import os

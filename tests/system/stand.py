@@ -1,4 +1,4 @@
-"""What the system tests stand on: the service, its journal, the simulated drives."""
+"""Stand of the system tests: the service, its journal, the simulated drives."""
 
 import contextlib
 import json
@@ -72,7 +72,8 @@ def write_robot(folder: Path, bus: dict[str, Any]) -> None:
     (folder / "config.yaml").write_text(yaml.safe_dump(c, sort_keys=False))
     robot = load_robot(folder)
     wired = identified.IdentifiedJoint(
-        serial=1, wiring=identified.Wiring(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0)
+        serial=1,
+        wiring=identified.WiringEntry(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0),
     )
     mark = identified.fingerprint(robot.configuration, robot.urdf)
     found = identified.Identified(configuration=mark, joints={"joint": wired})

@@ -1,4 +1,4 @@
-"""can0 goes down, disappears, fills with errors; and comes back."""
+"""Loss of can0: down, gone, full of errors; and back again."""
 
 import socket
 import struct

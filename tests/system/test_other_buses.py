@@ -1,4 +1,4 @@
-"""An arm behind a TCP adapter, with the drop-in that comes with the program. Needs no CAN."""
+"""Arm behind a TCP adapter, with the drop-in that comes with the program. Needs no CAN."""
 
 import shutil
 from pathlib import Path

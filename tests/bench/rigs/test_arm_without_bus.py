@@ -1,4 +1,4 @@
-"""The arm without a bus is the arm on the bus; its truth and its timing are what they say."""
+"""Arm without a bus against the arm on the bus; its truth and its timing."""
 
 from dataclasses import replace
 
@@ -33,9 +33,7 @@ def test_same_setpoints_give_the_same_samples_as_on_the_bus(robot: Robot) -> Non
     with lockstep_rig() as rig:
 
         def each() -> None:
-            samples, decision = rig.tick.samples, rig.tick.decision
-            assert samples is not None
-            assert decision is not None
+            samples, decision = rig.samples, rig.decision
             assert samples.motor_position is not None
             on = [rig.arm.servo.energised(joint) for joint in range(7)]
             measured = (samples.current, samples.link_position, samples.motor_velocity)

@@ -1,4 +1,4 @@
-"""What `bench.loop` stands on: recorded drives, and figures from histograms."""
+"""Foundations of `bench.loop`: recorded drives, and figures from histograms."""
 
 import can
 import msgspec

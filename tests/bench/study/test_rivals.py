@@ -1,4 +1,4 @@
-"""The Kalman rival against its closed form: the comparison is fair if it is tuned as said."""
+"""Kalman rival against its closed form: the comparison is fair if it is tuned as stated."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The statistics of the detection bench, by tables."""
+"""Statistics of the detection bench, by tables."""
 
 import math
 from dataclasses import replace
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bench.study import scores
-from bench.study.scores import Errors, Felt, Trial
+from bench.study.scores import Detection, Errors, Trial
 
 
 @pytest.mark.parametrize(
@@ -56,18 +56,18 @@ def trial(residual: list[float], raised: float = 0.0, travelled_from: int = 9) -
 @pytest.mark.parametrize(
     ("tried", "expected"),
     [
-        (trial([0.0, 0.4, 0.6, 0.9]), Felt(0.024, False)),
-        (trial([0.0, 0.4, 0.6, 0.9], travelled_from=1), Felt(0.024, True)),
-        (trial([0.0, 0.4, 0.6, 0.9], travelled_from=3), Felt(0.024, False)),
-        (trial([0.0, 0.4, 0.6, 0.9], raised=0.3), Felt(0.034, False)),
+        (trial([0.0, 0.4, 0.6, 0.9]), Detection(0.024, False)),
+        (trial([0.0, 0.4, 0.6, 0.9], travelled_from=1), Detection(0.024, True)),
+        (trial([0.0, 0.4, 0.6, 0.9], travelled_from=3), Detection(0.024, False)),
+        (trial([0.0, 0.4, 0.6, 0.9], raised=0.3), Detection(0.034, False)),
         (trial([0.0, -0.9, -0.9, 0.5]), None),
-        (trial([0.9, 0.0, 0.0, 0.0]), Felt(0.004, False)),
+        (trial([0.9, 0.0, 0.0, 0.0]), Detection(0.004, False)),
     ],
 )
 def test_a_step_is_felt_where_the_residual_first_exceeds(tried: Trial, expected: object) -> None:
-    found = scores.felt(tried, 0, 0.5)
+    found = scores.detection(tried, 0, 0.5)
     assert (found is None) == (expected is None)
-    if found is not None and isinstance(expected, Felt):
+    if found is not None and isinstance(expected, Detection):
         assert found.delay_s == pytest.approx(expected.delay_s)
         assert found.travelled is expected.travelled
 
@@ -85,8 +85,8 @@ def test_size_needed_would_just_have_been_felt(tried: Trial, needed: float) -> N
     size = scores.size_needed(tried, 0, 0.5)
     assert size == pytest.approx(needed)
     other = replace(tried, residuals=tried.residuals + (size - tried.size))
-    assert scores.felt(other, 0, 0.5 - 1e-9) is not None
-    assert scores.felt(other, 0, 0.5 + 1e-9) is None
+    assert scores.detection(other, 0, 0.5 - 1e-9) is not None
+    assert scores.detection(other, 0, 0.5 + 1e-9) is None
 
 
 def test_errors_add_up_over_runs() -> None:

@@ -1,4 +1,4 @@
-"""The client against a daemon, and against what is none."""
+"""Client against a daemon, and against sockets that serve none."""
 
 import os
 import socket

@@ -1,4 +1,4 @@
-"""The dashboard and the status report as text, at the sizes they promise to fit."""
+"""Dashboard and status report as text, at the sizes they promise to fit."""
 
 import io
 from collections.abc import Callable

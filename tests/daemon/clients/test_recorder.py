@@ -1,4 +1,4 @@
-"""Recordings: what went in comes out, and what is broken says so."""
+"""Recordings: they are read as written, and damage is reported."""
 
 import json
 import threading
@@ -16,10 +16,13 @@ from mcap.writer import Writer
 from daemon.clients.client import Client
 from daemon.clients.recorder import CHUNK_BYTES, read_log, record, viewer_schema
 from daemon.clients.trajectory_recorder import record_trajectory
-from daemon.protocol.messages import Contact, Notice, Snapshot, State
+from daemon.protocol.messages import STATE_FORMAT, Contact, Notice, Snapshot, State
 from errors import ControlError, LogError, UnreachableError
+from tests.examples import scaled
 
 MakeState = Callable[..., State]
+FORMAT_1 = Path(__file__).with_name("format_1.mcap")
+"""Twenty ticks of configs/single_joint in lockstep, recorded when format 1 was made."""
 
 
 @pytest.fixture
@@ -258,8 +261,7 @@ def test_a_killed_recorder_loses_less_than_a_second(
 
 
 @settings(
-    max_examples=60,
-    deadline=None,
+    max_examples=scaled(60),
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(share=st.floats(0, 1, exclude_max=True))
@@ -274,8 +276,7 @@ def test_cut_anywhere(recording: Path, tmp_path: Path, share: float) -> None:
 
 
 @settings(
-    max_examples=100,
-    deadline=None,
+    max_examples=scaled(100),
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(share=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
@@ -318,6 +319,39 @@ def test_of_another_version(tmp_path: Path) -> None:
         writer.add_message(channel, log_time=0, data=b'{"tick": 3}', publish_time=0)
         writer.finish()
     assert "another version after tick none" in broken(path)[1]
+
+
+@pytest.mark.parametrize(
+    ("version", "said"),
+    [
+        (None, "of a contactd before format 1, whose States have other fields: record anew"),
+        (0, "before format 1"),
+        (STATE_FORMAT + 1, f"of format {STATE_FORMAT + 1}; this contactd reads up to"),
+    ],
+)
+def test_of_another_format(tmp_path: Path, version: int | None, said: str) -> None:
+    """Refused by its version, before anything else of it is read."""
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="contactd")
+        schema = writer.register_schema("x", "jsonschema", b'{"type": "object"}')
+        channel = writer.register_channel("/snapshot", "json", schema)
+        snapshot = {"joints": ["a"]} | ({} if version is None else {"format": version})
+        writer.add_message(channel, 0, json.dumps(snapshot).encode(), 0)
+        writer.finish()
+    kept, error = broken(path)
+    assert kept == []
+    assert error.startswith(f"{path} is a recording ")
+    assert said in error
+
+
+def test_a_recording_of_format_1_is_read(tmp_path: Path) -> None:
+    """As it was written when format 1 was made; this file never changes."""
+    messages = list(read_log(FORMAT_1))
+    assert isinstance(messages[0], Snapshot)
+    assert messages[0].format == 1
+    assert [message.tick for message in messages[1:]] == list(range(40, 60))
 
 
 def test_cannot_read(tmp_path: Path) -> None:

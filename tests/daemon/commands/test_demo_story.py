@@ -1,4 +1,4 @@
-"""The demonstration's judgement: a story that went wrong must not pass."""
+"""Checks of the demonstration: a story that went wrong must not pass."""
 
 import msgspec
 import pytest
@@ -9,7 +9,7 @@ from daemon.commands.demo import verdict
 from daemon.commands.demo_story import Story, Touch, touch_of
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
-from daemon.protocol.messages import Snapshot
+from daemon.protocol.messages import STATE_FORMAT, Snapshot
 from simulator.hand import Guide, Push, Release
 
 HAND = (
@@ -26,7 +26,7 @@ def played():
     with lockstep_rig(hand=HAND, on_event=events.append) as rig:
         rig.enable()
         rig.run(1.0)
-        assert not rig.tick.controller.arm("the test")
+        assert not rig.permit("the test")
         rig.request(Event.START)
         states = rig.states(9.0)
         offset = rig.time_s - rig.arm.now
@@ -41,6 +41,7 @@ def played():
 def story_of(states, touch):
     configuration = load_robot(ROMEO).configuration
     snapshot = Snapshot(
+        format=STATE_FORMAT,
         joints=configuration.joint_names,
         half_gap=[],
         thresholds=[],

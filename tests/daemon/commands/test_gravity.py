@@ -1,4 +1,4 @@
-"""The largest torque of gravity, against a pendulum's and against an optimiser's."""
+"""Largest torque of gravity, against a pendulum's and against an optimiser's."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What `contactd check` says of the travel after the daemon's death, against a plant that dies."""
+"""Travel after the daemon's death as `contactd check` prints it, against a simulated plant."""
 
 import can
 import numpy as np

@@ -1,4 +1,4 @@
-"""Edits of a configuration and of its URDF that must be refused, and with which words."""
+"""Edits of a configuration and of its URDF that must be refused, with the words expected."""
 
 # What is edited (old, new), a mark in the line that must be named, the path in the file, and what
 # the message must say of what is wrong and allowed.
@@ -288,14 +288,14 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "    LWristYaw: {amplitude: 0.41, frequency_Hz: 0.1}",
         "amplitude: 0.41",
         "trajectory.sinusoids.LWristYaw",
-        ("does not fit between the limits -0.4 and 0.4",),
+        ("its swing of 0.82 rad does not fit between the limits -0.4 and 0.4",),
     ),
     "a file and sinusoids": (
         "  ramp_s: 2.0",
         "  ramp_s: 2.0\n  file: move.csv",
         "file: move.csv",
         "trajectory.file",
-        ("either a file or sinusoids",),
+        ("`move.csv`", "either a file or sinusoids"),
     ),
     "another version": (
         "version: 1",

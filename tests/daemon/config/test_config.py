@@ -1,4 +1,4 @@
-"""Every broken configuration is refused with file, line, path in the file, and what is allowed."""
+"""Loading of configurations: every broken one is refused with file, line, path and reason."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""Where the daemon's configuration is, for those who ask from another folder than its own."""
+"""Path of the daemon's configuration, asked for from other folders than its own."""
 
 import shutil
 from pathlib import Path
@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT
-from bench.rigs.person import Arm
-from bench.rigs.served_daemon import open_house
+from bench.rigs.person import CommissionedArm
+from bench.rigs.served_daemon import served_daemon
 from bench.rigs.typed_session import wired_joint
 from daemon.clients.client import Client
 from daemon.commands.identify import from_here
@@ -15,23 +15,25 @@ from daemon.config.load import load_robot
 
 
 @pytest.fixture
-def arm(tmp_path: Path) -> Arm:
+def arm(tmp_path: Path) -> CommissionedArm:
     return wired_joint(tmp_path)
 
 
 def test_status_names_the_whole_path(
-    arm: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arm: CommissionedArm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    with open_house(tmp_path, Path("my_arm")) as house:
+    with served_daemon(tmp_path, Path("my_arm")) as served:
         monkeypatch.chdir("/")
-        with Client(house.path) as client:
-            status = house.ask(client, "status").status
+        with Client(served.path) as client:
+            status = served.ask(client, "status").status
     assert status is not None
     assert status.configuration == str(arm.folder.resolve() / "config.yaml")
 
 
-def test_a_linked_configuration_stays_beside_what_it_refers_to(arm: Arm, tmp_path: Path) -> None:
+def test_a_linked_configuration_stays_beside_what_it_refers_to(
+    arm: CommissionedArm, tmp_path: Path
+) -> None:
     """The folder may be a link, too."""
     written = (arm.folder / "config.yaml").rename(tmp_path / "written.yaml")
     (arm.folder / "config.yaml").symlink_to(written)
@@ -40,7 +42,7 @@ def test_a_linked_configuration_stays_beside_what_it_refers_to(arm: Arm, tmp_pat
 
 
 def test_identify_writes_to_the_daemons_folder_from_wherever_it_is_typed(
-    arm: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arm: CommissionedArm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also where another arm has the same path from there."""
     (elsewhere := tmp_path / "elsewhere").mkdir()
@@ -48,10 +50,10 @@ def test_identify_writes_to_the_daemons_folder_from_wherever_it_is_typed(
     before = (other / "identified.yaml").read_bytes()
     (arm.folder / "identified.yaml").unlink()
     monkeypatch.chdir(tmp_path)
-    with open_house(tmp_path, Path("my_arm"), truth=arm.truth) as house:
-        house.rig.enable()
+    with served_daemon(tmp_path, Path("my_arm"), truth=arm.truth) as served:
+        served.rig.enable()
         monkeypatch.chdir(elsewhere)
-        result = house.contactd("identify", "wiring")
+        result = served.contactd("identify", "wiring")
     assert result.exit_code == 0, result.output
     written = arm.folder.resolve() / "identified.yaml"
     assert f"written to {written}: joint" in result.output

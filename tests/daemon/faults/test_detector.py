@@ -50,8 +50,8 @@ def samples(
         None,
         np.array(fresh),
         np.array(age),
-        list(states),
-        [0, 0],
+        states,
+        (0, 0),
         events,
     )
 

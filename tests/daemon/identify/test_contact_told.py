@@ -1,17 +1,17 @@
-"""What is said of a contact while a step of `contactd identify` moves the arm, or a hand does."""
+"""Warnings about a contact while a step of `contactd identify`, or a hand, moves the arm."""
 
 from pathlib import Path
 
 import pytest
 
-from bench.rigs.person import Arm
-from bench.rigs.typed_session import Typed, wired_joint
-from daemon.identify.session import Told, alone, left_out, spoils_wiring_of
+from bench.rigs.person import CommissionedArm
+from bench.rigs.typed_session import TypedCommand, wired_joint
+from daemon.identify.session import ContactWarning, discarded, other_joint_touched, wiring_spoiled
 from daemon.protocol.messages import Contact, Notice
 
 
 @pytest.fixture
-def arm(tmp_path: Path) -> Arm:
+def arm(tmp_path: Path) -> CommissionedArm:
     return wired_joint(tmp_path)
 
 
@@ -21,31 +21,31 @@ def contact(joint: str) -> Notice:
 
 
 @pytest.mark.parametrize(
-    ("told", "says"),
+    ("warning", "says"),
     [
-        (left_out, "elbow -0.35 Nm (contact): if that was you, hands off; it is discarded"),
-        (spoils_wiring_of("wrist"), "elbow -0.35 Nm (contact): if that was you, hands off, and "
+        (discarded, "elbow -0.35 Nm (contact): if that was you, hands off; it is discarded"),
+        (wiring_spoiled("wrist"), "elbow -0.35 Nm (contact): if that was you, hands off, and "
                                     "check the wiring of wrist again"),
-        (alone("wrist"), "elbow feels -0.35 Nm: move wrist alone"),
-        (alone("elbow"), ""),
+        (other_joint_touched("wrist"), "elbow feels -0.35 Nm: move wrist alone"),
+        (other_joint_touched("elbow"), ""),
     ],
 )  # fmt: skip
-def test_a_contact_is_what_the_step_makes_of_it(told: Told, says: str) -> None:
-    assert told(contact("elbow")) == says
+def test_a_contact_is_what_the_step_makes_of_it(warning: ContactWarning, says: str) -> None:
+    assert warning(contact("elbow")) == says
 
 
-def pushed(arm: Arm, *words: str) -> str:
+def pushed(arm: CommissionedArm, *words: str) -> str:
     """What a step says that is stopped after a push of half a second, which the daemon felt."""
-    with arm.house() as house:
-        house.rig.enable()
-        typed = Typed(house, *words)
+    with arm.served() as served:
+        served.rig.enable()
+        typed = TypedCommand(served, *words)
         typed.moves(1.0)
         felt = []
-        house.rig.arm.external_torque[0] = 1.5
+        served.rig.arm.external_torque[0] = 1.5
         while typed.ticks_in_motion < 150:
             typed.tick()
-            felt += [event for event in house.rig.tick.notices if event.kind == "contact"]
-        house.rig.arm.external_torque[0] = 0.0
+            felt += [event for event in served.rig.last.notices if event.kind == "contact"]
+        served.rig.arm.external_torque[0] = 0.0
         typed.ctrl_c()
         said = typed.ends()[1]
     assert felt
@@ -53,7 +53,7 @@ def pushed(arm: Arm, *words: str) -> str:
     return said
 
 
-def test_a_hand_at_the_link_that_it_is_to_move_is_told_nothing(arm: Arm) -> None:
+def test_a_hand_at_the_link_that_it_is_to_move_is_told_nothing(arm: CommissionedArm) -> None:
     said = pushed(arm, "gap")
     assert "hands off" not in said
     assert "feels" not in said
@@ -67,6 +67,6 @@ def test_a_hand_at_the_link_that_it_is_to_move_is_told_nothing(arm: Arm) -> None
     ],
 )
 def test_a_hand_at_an_arm_that_moves_by_itself_is_told_what_becomes_of_it(
-    arm: Arm, step: str, says: str
+    arm: CommissionedArm, step: str, says: str
 ) -> None:
     assert f"if that was you, {says}" in pushed(arm, step)

@@ -19,7 +19,7 @@ from daemon.identify.measured import from_states, raised
 from daemon.identify.steps import friction_step, merged, thresholds_step
 from daemon.modes.table import Event, Mode
 from daemon.motion.sampled_path import PathBuilder
-from daemon.tick.arming_checks import Verdict
+from daemon.protocol.messages import Check
 from errors import ConfigurationError, LogError
 
 DAY = "2026-01-02T03:04:05+00:00"
@@ -198,7 +198,7 @@ def later(states):
 def test_the_file_is_replaced_at_once_or_not_at_all(folder, monkeypatch):
     robot = load_robot(folder)
     path = folder / "identified.yaml"
-    gap = file.Gap(date=DAY, log="0", half_gap=0.02, confidence=0.001)
+    gap = file.GapEntry(date=DAY, log="0", half_gap=0.02, confidence=0.001)
     first = merged(robot, "gap", {"joint": gap}, {"joint": 7})
     file.write_identified(path, first)
     before = path.read_bytes()
@@ -210,7 +210,7 @@ def test_the_file_is_replaced_at_once_or_not_at_all(folder, monkeypatch):
     assert load_robot(folder).identified == first
 
 
-WIRED = file.Wiring(date=DAY, log="0", follows=1.0)
+WIRED = file.WiringEntry(date=DAY, log="0", follows=1.0)
 
 
 def test_arming_needs_wiring_these_drives_and_this_configuration(folder):
@@ -248,7 +248,7 @@ def test_the_simulated_arms_come_wired(folder):
 
 def test_a_new_drive_forgets_what_was_known_of_the_old(folder):
     robot = load_robot(folder)
-    gap = file.Gap(date=DAY, log="0", half_gap=0.02, confidence=0.001)
+    gap = file.GapEntry(date=DAY, log="0", half_gap=0.02, confidence=0.001)
     old = merged(robot, "gap", {"joint": gap}, {"joint": 7})
     known = msgspec.structs.replace(old)
     file.write_identified(folder / "identified.yaml", known)
@@ -277,14 +277,13 @@ def test_a_file_that_does_not_fit_is_refused(folder, text, says):
 
 
 def test_an_objection_keeps_the_arm_unarmed():
-    with lockstep_rig(SINGLE_JOINT) as rig:
-        rig.tick.prearm.identification = Verdict(False, "the wiring of joint was never checked")
-        rig.enable()
-        rig.run(1.0)
-        assert "the wiring of joint was never checked" in rig.tick.controller.arm("a test")
-        rig.tick.prearm.identification = Verdict(True, "")
-        rig.step()
-        assert rig.tick.controller.arm("a test") == []
+    never = "the wiring of joint was never checked"
+    for passed, reasons in ((False, [never]), (True, [])):
+        check = Check(name="identification", passed=passed, text=never)
+        with lockstep_rig(SINGLE_JOINT, identification=lambda *_, check=check: check) as rig:
+            rig.enable()
+            rig.run(1.0)
+            assert rig.permit("a test") == reasons
 
 
 def test_motors_alone_stand_while_a_hand_moves_the_link():

@@ -15,9 +15,9 @@ import pytest
 from click.testing import CliRunner
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
-from bench.rigs.person import Arm
+from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import ServedDaemon
-from bench.rigs.typed_session import MOTION_S, Typed, identify, stopped, wired_joint
+from bench.rigs.typed_session import MOTION_S, TypedCommand, identify, stopped, wired_joint
 from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot
@@ -34,15 +34,15 @@ APPROACH_S = 0.9
 
 
 @pytest.fixture
-def arm(tmp_path: Path) -> Arm:
+def arm(tmp_path: Path) -> CommissionedArm:
     return wired_joint(tmp_path)
 
 
 @pytest.fixture
-def house(arm: Arm) -> Iterator[ServedDaemon]:
-    with arm.house() as house:
-        house.rig.enable()
-        yield house
+def served(arm: CommissionedArm) -> Iterator[ServedDaemon]:
+    with arm.served() as served:
+        served.rig.enable()
+        yield served
 
 
 def recorded(part: Path) -> MotionLog:
@@ -54,13 +54,13 @@ def recorded(part: Path) -> MotionLog:
     "words", [("wiring",), ("gap",), ("friction", "--seconds", "20"), ("thresholds",)]
 )
 def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
-    arm: Arm, house: ServedDaemon, words: tuple[str, ...]
+    arm: CommissionedArm, served: ServedDaemon, words: tuple[str, ...]
 ) -> None:
     before = (arm.folder / "identified.yaml").read_bytes()
-    status, said = stopped(house, *words)
+    status, said = stopped(served, *words)
     assert status == 1
     assert "stopped by you; the arm is holding" in said
-    assert house.rig.mode is Mode.HOLDING
+    assert served.rig.mode is Mode.HOLDING
     assert (arm.folder / "identified.yaml").read_bytes() == before
     assert [path.name for path in arm.folder.glob(".identified*")] == []
     (part,) = (arm.folder / "identify").glob("*.part01.mcap")
@@ -68,21 +68,21 @@ def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
 
 
 def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
-    arm: Arm, house: ServedDaemon
+    arm: CommissionedArm, served: ServedDaemon
 ) -> None:
     command = [sys.executable, "-m", "daemon.commands.contactd", "identify", "friction"]
     with subprocess.Popen(
-        [*command, "--seconds", "20", "--socket", str(house.path)],
+        [*command, "--seconds", "20", "--socket", str(served.path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
     ) as process:
 
         def tick() -> bool:
-            house.tick()
-            if not house.service.control.readers:
+            served.tick()
+            if not served.service.control.readers:
                 time.sleep(0.002)
-            return house.rig.mode is Mode.TRACKING
+            return served.rig.mode is Mode.TRACKING
 
         in_motion = 0
         while process.poll() is None and in_motion < 100 * MOTION_S:
@@ -98,19 +98,21 @@ def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
     assert process.returncode == 1, said
     assert "stopped by you; the arm is holding" in said
     assert "Traceback" not in said
-    assert house.rig.mode is Mode.HOLDING
+    assert served.rig.mode is Mode.HOLDING
     (part,) = (arm.folder / "identify").glob("*.part01.mcap")
     assert recorded(part).duration_s > MOTION_S - 0.5
 
 
-def test_friction_goes_on_from_where_it_was_stopped(arm: Arm, house: ServedDaemon) -> None:
+def test_friction_goes_on_from_where_it_was_stopped(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
     """20 s are three periods of the excitation; of what remains after 5 s there are two. Before
     both there is the way to where it begins."""
-    stopped(house, "friction", "--seconds", "20", after_s=5.0 + APPROACH_S)
+    stopped(served, "friction", "--seconds", "20", after_s=5.0 + APPROACH_S)
     (part,) = (arm.folder / "identify").glob("friction*.mcap")
     already = recorded(part).duration_s - APPROACH_S
     assert 4.4 < already < 8.0  # Ctrl-C is heard when the machine has time for it
-    typed = Typed(house, "friction", "--seconds", "20")
+    typed = TypedCommand(served, "friction", "--seconds", "20")
     status, said = typed.ends()
     assert status == 0, said
     (measured,) = re.findall(r"part01\.mcap (\d+) s of 20 s are measured already", said)
@@ -149,27 +151,31 @@ def test_a_hand_goes_on_with_the_borders_that_it_met_before(
     assert (hands[0].done, hands[1].done) == (False, True)
 
 
-def test_a_refused_start_leaves_no_recording(arm: Arm) -> None:
+def test_a_refused_start_leaves_no_recording(arm: CommissionedArm) -> None:
     (arm.folder / "identified.yaml").unlink()
-    with arm.house() as house:
-        house.rig.enable()
-        status, said = Typed(house, "friction", "--seconds", "20").ends()
+    with arm.served() as served:
+        served.rig.enable()
+        status, said = TypedCommand(served, "friction", "--seconds", "20").ends()
     assert status == 1
     assert "the wiring was not checked" in said
     assert list((arm.folder / "identify").iterdir()) == []
 
 
-def test_where_nothing_can_be_recorded_nothing_moves(arm: Arm, house: ServedDaemon) -> None:
+def test_where_nothing_can_be_recorded_nothing_moves(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
     (arm.folder / "identify").touch()
-    typed = Typed(house, "friction", "--seconds", "20")
+    typed = TypedCommand(served, "friction", "--seconds", "20")
     status, said = typed.ends()
     assert (status, typed.ticks_in_motion) == (65, 0)
     assert "cannot record in " in said
 
 
-def refused(arm: Arm, house: ServedDaemon, part: Path, step: str, live: str, log: str) -> None:
+def refused(
+    arm: CommissionedArm, served: ServedDaemon, part: Path, step: str, live: str, log: str
+) -> None:
     """A step is, on the arm before anything moves, and on a recording of it."""
-    typed = Typed(house, step)
+    typed = TypedCommand(served, step)
     status, said = typed.ends()
     assert (status, typed.ticks_in_motion) == (78, 0)
     assert live in said
@@ -179,23 +185,25 @@ def refused(arm: Arm, house: ServedDaemon, part: Path, step: str, live: str, log
     assert log in result.output
 
 
-def test_samples_of_another_wiring_are_refused(arm: Arm, house: ServedDaemon) -> None:
-    stopped(house, "friction", "--seconds", "20")
+def test_samples_of_another_wiring_are_refused(arm: CommissionedArm, served: ServedDaemon) -> None:
+    stopped(served, "friction", "--seconds", "20")
     (part,) = (arm.folder / "identify").glob("*.mcap")
     text = (arm.folder / "config.yaml").read_text()
     (arm.folder / "config.yaml").write_text(text.replace("gear: 100", "gear: 110"))
-    refused(arm, house, part, "friction", live="changed since the daemon began: start it again",
+    refused(arm, served, part, "friction", live="changed since the daemon began: start it again",
             log="was recorded with other drives, another wiring or another period")  # fmt: skip
     with pytest.raises(LogError, match="is of another arm, with the joints joint"):
         read_measured([part], load_robot(ROMEO).configuration)
 
 
-def test_thresholds_are_those_of_the_values_in_force(arm: Arm, house: ServedDaemon) -> None:
-    stopped(house, "thresholds")
+def test_thresholds_are_those_of_the_values_in_force(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
+    stopped(served, "thresholds")
     (part,) = (arm.folder / "identify").glob("*.mcap")
-    gap = file.Gap(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
+    gap = file.GapEntry(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
     identify(arm.folder, "gap", gap)
-    refused(arm, house, part, "thresholds", live="residuals are those of others: start it again",
+    refused(arm, served, part, "thresholds", live="residuals use older ones: start it again",
             log="than are in force now: start the daemon again, and record anew")  # fmt: skip
 
 
@@ -232,11 +240,13 @@ def test_how_a_motion_ends(
     assert len(saw) == seen
 
 
-def test_a_lost_drive_ends_the_step_and_is_named(arm: Arm, house: ServedDaemon) -> None:
+def test_a_lost_drive_ends_the_step_and_is_named(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
     before = (arm.folder / "identified.yaml").read_bytes()
-    typed = Typed(house, "friction", "--seconds", "20")
+    typed = TypedCommand(served, "friction", "--seconds", "20")
     typed.moves()
-    house.rig.arm.drives[0].transmit = lambda: None  # type: ignore[method-assign]
+    served.rig.arm.drives[0].transmit = lambda: None  # type: ignore[method-assign]
     status, said = typed.ends()
     assert status == 1
     assert "the arm is faulted: " in said
@@ -244,16 +254,16 @@ def test_a_lost_drive_ends_the_step_and_is_named(arm: Arm, house: ServedDaemon) 
     assert (arm.folder / "identified.yaml").read_bytes() == before
 
 
-def test_a_touch_is_told_at_once_and_left_out(arm: Arm, house: ServedDaemon) -> None:
-    typed = Typed(house, "friction", "--seconds", "20")
+def test_a_touch_is_told_at_once_and_left_out(arm: CommissionedArm, served: ServedDaemon) -> None:
+    typed = TypedCommand(served, "friction", "--seconds", "20")
     typed.moves(8.0)
-    house.rig.arm.external_torque[0] = 1.5
+    served.rig.arm.external_torque[0] = 1.5
     typed.moves(8.5)
-    house.rig.arm.external_torque[0] = 0.0
+    served.rig.arm.external_torque[0] = 0.0
     status, said = typed.ends()
     assert status == 0, said
     assert "if that was you, hands off; it is discarded" in said
     assert "s discarded: joint was touched" in said
     found = load_robot(arm.folder).configuration.joints[0].friction
-    true = house.rig.arm.plant.parameters.coulomb.sum()
+    true = served.rig.arm.plant.parameters.coulomb.sum()
     assert found.motor_coulomb + found.link_coulomb == pytest.approx(true, rel=0.04)

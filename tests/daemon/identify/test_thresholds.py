@@ -1,4 +1,4 @@
-"""Thresholds from what was recorded at other levels, and times that were rounded."""
+"""Thresholds from recordings at other levels, and rounded times."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a contact leads to, per level, and what comes after the quiet time."""
+"""Reactions to contact, per level, and the continuation after the quiet time."""
 
 import numpy as np
 import pytest

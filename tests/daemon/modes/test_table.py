@@ -1,4 +1,4 @@
-"""The table of transitions, exhaustively: every mode with every event."""
+"""Table of transitions, exhaustively: every mode with every event."""
 
 from itertools import product
 

@@ -1,4 +1,4 @@
-"""Eq. (15): velocity from the thresholded residual, and what bounds it."""
+"""Admittance, eq. (15): velocity from the thresholded residual, and its bounds."""
 
 from dataclasses import replace
 

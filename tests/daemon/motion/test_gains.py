@@ -1,4 +1,4 @@
-"""How softly a joint yields, changed while it does."""
+"""Gain of a joint, changed while it yields."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A strong hand pushes every joint into its limit at once, in lockstep with the plant."""
+"""Joint limits under a strong hand that pushes every joint into its limit at once, in lockstep."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,7 +34,7 @@ def pushed(request: pytest.FixtureRequest) -> Iterator[tuple[Rig, float]]:
         rig.arm.plant.place(border - sign * AWAY_RAD)
         rig.enable()
         rig.run(0.2)
-        assert rig.tick.controller.arm("the test") == []
+        assert rig.permit("the test") == []
         joints = rig.robot.configuration.joints
         strength = np.array([0.4 * j.torque_constant * j.wiring.max_current_A for j in joints])
         felt = np.array([1.75 * j.thresholds.contact for j in joints])
@@ -50,9 +50,7 @@ def test_a_strong_hand_gets_no_joint_past_its_limit(pushed: tuple[Rig, float]) -
     furthest = np.full(len(joints), -np.inf)
     for _ in range(160):
         rig.step()
-        decision, samples = rig.tick.decision, rig.tick.samples
-        assert decision is not None
-        assert samples is not None
+        decision, samples = rig.decision, rig.samples
         fastest = np.maximum(fastest, sign * decision.velocity)
         furthest = np.maximum(furthest, sign * (rig.arm.plant.q - border))
         beyond = sign * (samples.link_position - border) >= 0.0
@@ -122,7 +120,7 @@ def test_an_arm_that_was_pressed_beyond_a_limit_comes_back_by_itself(end: str) -
         assert rig.arm.plant.q[WRIST] < UPPER + 0.002
         # The position loop's own speed at that distance: somebody may stand beside.
         assert max(fastest) < 1.2 * 0.045 * rig.robot.configuration.control.position_gain
-        assert rig.tick.controller.arm("the test") == []
+        assert rig.permit("the test") == []
 
 
 @pytest.mark.parametrize(
@@ -137,5 +135,7 @@ def test_further_out_somebody_has_to_move_it_and_is_told_how(end: str, how: str)
     with standing(0.07, end) as rig:
         (reason,) = rig.tick.controller.request(Event.ENABLE, "the test", rig.time_s)
         assert reason.endswith(f" rad, more than 0.05 outside its limits [-0.4, 0.3]: {how}")
-        (check,) = [check for check in rig.tick.checks() if check.name == "limits"]
+        (check,) = [
+            check for check in rig.tick.check_arming(rig.time_s).checks if check.name == "limits"
+        ]
         assert not check.passed

@@ -1,4 +1,4 @@
-"""No velocity beyond its bound, no change beyond the acceleration, no joint through its limit."""
+"""Limits of setpoints: velocity, acceleration, and no joint through its limit."""
 
 import math
 from dataclasses import replace
@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from arrays import Vector
 from daemon.motion.limits import Limits
+from tests.examples import scaled
 
 DT = 0.01
 LIMITS = Limits(
@@ -81,7 +82,7 @@ def test_integrated_it_never_crosses_a_joint_limit(
     gain=st.one_of(st.just(math.inf), st.floats(1.0, 8.0)),
     away=st.floats(0.0, 1.0),
 )
-@settings(max_examples=40)
+@settings(max_examples=scaled(40))
 def test_with_a_drive_that_latches_late_interpolates_and_lags_it_stops_before_the_limit(
     acceleration: float, velocity: float, period: float, lag: float, gain: float, away: float
 ) -> None:

@@ -1,4 +1,4 @@
-"""A straight line through joint space, within the speeds and accelerations it was given."""
+"""Straight line through joint space, within given speeds and accelerations."""
 
 import numpy as np
 import pytest

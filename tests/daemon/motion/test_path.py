@@ -1,4 +1,4 @@
-"""Sinusoids, and how a Follower runs along a path."""
+"""Sinusoids, and a Follower that runs along a path."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Cubic pieces between samples: what runs is what was judged, chunk by chunk."""
+"""Cubic pieces between samples: the path that runs is the one checked, chunk by chunk."""
 
 import json
 import math
@@ -12,6 +12,7 @@ from daemon.motion.limits import Limits
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.motion.trajectory_file import MAX_ROWS, rows_of, slopes
 from errors import TrajectoryError
+from tests.examples import scaled
 
 JOINTS = ["a", "b", "c"]
 LIMITS = Limits(
@@ -85,7 +86,7 @@ def test_the_extent_is_that_of_what_is_left() -> None:
         assert (ahead <= high + 1e-9).all()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=scaled(50))
 @given(
     knots=st.lists(
         st.tuples(st.floats(0.02, 2.0), st.floats(-1.0, 1.0), st.floats(-1.5, 1.5)),
@@ -139,9 +140,9 @@ def test_what_is_accepted_breaks_no_limit_anywhere(
         ([[0, 0, 0], [0.1, 0.05, 0.9]], 1, r"a: reaches 1\d.* rad/s2 before .* limit 4"),
         ([[0, 0, 0], [1, 0, 0], [1, 0, 0]], 2, "time_s: 1 does not come after 1"),
         ([[5, 0, 0], [6, 0, 0], [5.5, 0, 0]], 2, "time_s: 5.5 does not come after 6"),
-        ([[0, 0, 0], [1, math.nan, 0]], 1, "a: nan is no number"),
-        ([[0, 0, 0], [math.inf, 0, 0]], 1, "time_s: inf is no number"),
-        ([[0, 0, 0], [1, 0, 1e10]], 1, r"a: 10000000000.0 is no number"),
+        ([[0, 0, 0], [1, math.nan, 0]], 1, "a: nan is not a number"),
+        ([[0, 0, 0], [math.inf, 0, 0]], 1, "time_s: inf is not a number"),
+        ([[0, 0, 0], [1, 0, 1e10]], 1, r"a: 10000000000.0 is not a number"),
         ([[0, 0, 0], [1, 0]], 1, "2 numbers instead of 3"),
         ([[0, 0, 0], []], 1, "0 numbers instead of 3"),
         ([[0, 0, 0]], None, "1 rows of samples; a trajectory needs two"),

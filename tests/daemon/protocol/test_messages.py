@@ -1,4 +1,4 @@
-"""What the doors let in: no name of a client's begins a line, or speaks to a terminal."""
+"""Decoding of messages: no name from a client begins a line of the log or controls a terminal."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Where the control socket is, who may open it, and what is never removed for it."""
+"""Path and permissions of the control socket, and files that it never replaces."""
 
 import grp
 import os

@@ -7,15 +7,28 @@ from typing import Any, cast
 from daemon.protocol.messages import Check, Request
 from daemon.protocol.socket_path import Peer
 from daemon.service.permission import Permission
-from daemon.tick.controller import Controller
+from daemon.tick.arming_checks import ArmingResult
+from daemon.tick.tick import Tick
+
+CHECKS = (Check(name="loop", passed=True, text="on time"),)
 
 
 @dataclass
 class Arm:
-    """As much of a controller as can be armed; `told` is what happened to it."""
+    """As much of a tick and its controller as can be armed; `told` is what happened to it."""
 
     machine: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(armed=False))
     told: list[str] = field(default_factory=list)
+    checked_s: list[float] = field(default_factory=list)
+    against: tuple[str, ...] = ()
+
+    @property
+    def controller(self) -> "Arm":
+        return self
+
+    def check_arming(self, time_s: float) -> ArmingResult:
+        self.checked_s.append(time_s)
+        return ArmingResult(CHECKS, self.against)
 
     def arm(self, who: str) -> list[str]:
         self.machine.armed = True
@@ -28,19 +41,22 @@ class Arm:
 
 
 def test_a_lease_that_has_run_out_is_not_taken_over_without_checks() -> None:
-    arm, asked = Arm(), []
-    checks = [Check(name="loop", passed=True, text="on time")]
-
-    def look() -> list[Check]:
-        asked.append(len(asked))
-        return checks
-
-    permission = Permission(cast(Controller, arm), look)
+    arm = Arm()
+    permission = Permission(cast(Tick, arm))
     first, second = Peer(1000, 11, 1), Peer(1001, 12, 2)
     request: Any = Request("arm", lease_s=0.5)
     assert not permission.arm(request, first, 0.0).reasons
     assert permission.arm(request, second, 0.4).reasons  # it is another's
     answer = permission.arm(request, second, 0.5)  # no tick came between
-    assert answer.checks == checks
-    assert len(asked) == 2
+    assert answer.checks == CHECKS
+    assert arm.checked_s == [0.0, 0.5]
     assert [words.split(":")[0] for words in arm.told] == ["armed", "disarmed", "armed"]
+
+
+def test_a_failed_check_never_reaches_the_controller() -> None:
+    arm = Arm(against=("late", "touched"))
+    permission = Permission(cast(Tick, arm))
+    answer = permission.arm(Request("arm"), Peer(1000, 11, 1), 0.0)
+    assert (list(answer.reasons), answer.checks) == (["late", "touched"], CHECKS)
+    assert arm.told == []
+    assert permission.permit(0.0) is None

@@ -15,183 +15,183 @@ from daemon.protocol.socket_path import Peer
 from errors import ControlError
 
 
-def armed(house: ServedDaemon) -> bool:
-    return house.rig.tick.controller.machine.armed
+def armed(served: ServedDaemon) -> bool:
+    return served.rig.tick.controller.machine.armed
 
 
-def cause_of_disarming(house: ServedDaemon) -> str:
-    texts = [e.text for e in house.rig.tick.notices if e.text.startswith("disarmed")]
+def cause_of_disarming(served: ServedDaemon) -> str:
+    texts = [e.text for e in served.rig.last.notices if e.text.startswith("disarmed")]
     return texts[0] if texts else ""
 
 
-def until_disarmed(house: ServedDaemon, limit_s: float) -> tuple[float, str]:
-    begun = house.rig.time_s
-    while armed(house):
-        house.tick()
-        assert house.rig.time_s - begun < limit_s
-    took = house.rig.time_s - begun
-    house.rig.step()
-    return took, cause_of_disarming(house)
+def until_disarmed(served: ServedDaemon, limit_s: float) -> tuple[float, str]:
+    begun = served.rig.time_s
+    while armed(served):
+        served.tick()
+        assert served.rig.time_s - begun < limit_s
+    took = served.rig.time_s - begun
+    served.rig.step()
+    return took, cause_of_disarming(served)
 
 
-def test_arm_shows_every_check_and_who_armed(house: ServedDaemon) -> None:
-    house.rig.enable()
-    result = house.contactctl("arm")
+def test_arm_shows_every_check_and_who_armed(served: ServedDaemon) -> None:
+    served.rig.enable()
+    result = served.contactctl("arm")
     lines = result.stdout.splitlines()
     assert result.exit_code == 0, result.stderr
     assert all(line.startswith("passed  ") for line in lines[:-1])
     assert len(lines) == 13
     assert lines[-1] == "arm: holding, armed for 10 min"
-    status = json.loads(house.contactctl("status", "--json").stdout)
+    status = json.loads(served.contactctl("status", "--json").stdout)
     permit = status["permit"]
     assert (permit["uid"], permit["pid"], permit["detached"]) == (os.getuid(), os.getpid(), True)
     assert permit["left_s"] == pytest.approx(600.0, abs=0.5)
-    assert f"(pid {os.getpid()}) for another" in house.contactctl("status").stdout
+    assert f"(pid {os.getpid()}) for another" in served.contactctl("status").stdout
 
 
-def test_arm_is_refused_with_the_checks_that_failed(house: ServedDaemon) -> None:
-    result = house.contactctl("arm")
+def test_arm_is_refused_with_the_checks_that_failed(served: ServedDaemon) -> None:
+    result = served.contactctl("arm")
     assert (result.exit_code, result.stdout) == (1, "")
     failed = [line for line in result.stderr.splitlines() if line.startswith("failed")]
     assert failed == ["failed  mode            the drives are off (`contactctl enable` first)"]
     assert result.stderr.splitlines()[-1] == "contactctl: arm: refused"
-    answer = json.loads(house.contactctl("--json", "arm").stdout)
+    answer = json.loads(served.contactctl("--json", "arm").stdout)
     assert [c["name"] for c in answer["checks"] if not c["passed"]] == ["mode"]
-    assert not armed(house)
+    assert not armed(served)
 
 
-def test_a_persons_lease_outlives_the_connection_and_runs_out(house: ServedDaemon) -> None:
-    house.rig.enable()
-    assert house.contactctl("arm", "--lease", "1.5").exit_code == 0
-    assert house.service.control.connections <= 1
-    took, cause = until_disarmed(house, 2.0)
+def test_a_persons_lease_outlives_the_connection_and_runs_out(served: ServedDaemon) -> None:
+    served.rig.enable()
+    assert served.contactctl("arm", "--lease", "1.5").exit_code == 0
+    assert served.service.control.connections <= 1
+    took, cause = until_disarmed(served, 2.0)
     assert took == pytest.approx(1.5, abs=0.1)
     assert cause == f"disarmed: the lease of uid {os.getuid()} (pid {os.getpid()}) ran out"
-    assert house.rig.mode is Mode.HOLDING
+    assert served.rig.mode is Mode.HOLDING
 
 
-def test_arming_again_renews(house: ServedDaemon) -> None:
-    house.rig.enable()
-    assert house.contactctl("arm", "--lease", "1").exit_code == 0
-    house.run(0.7)
-    renewed = house.contactctl("arm", "--lease", "1")
+def test_arming_again_renews(served: ServedDaemon) -> None:
+    served.rig.enable()
+    assert served.contactctl("arm", "--lease", "1").exit_code == 0
+    served.run(0.7)
+    renewed = served.contactctl("arm", "--lease", "1")
     assert renewed.stdout == "arm: holding, armed for 1.0 s\n"  # no checks: it is armed already
-    took, _ = until_disarmed(house, 2.0)
+    took, _ = until_disarmed(served, 2.0)
     assert took == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_program_holds_its_lease_by_renewing(house: ServedDaemon, client: Client) -> None:
-    house.rig.enable()
-    assert house.until(client.arm).ok
+def test_a_program_holds_its_lease_by_renewing(served: ServedDaemon, client: Client) -> None:
+    served.rig.enable()
+    assert served.until(client.arm).ok
     for _ in range(3):
-        house.run(0.4)
-        assert house.until(client.renew).ok
-    house.run(0.4)
-    assert armed(house)
-    took, cause = until_disarmed(house, 1.0)
+        served.run(0.4)
+        assert served.until(client.renew).ok
+    served.run(0.4)
+    assert armed(served)
+    took, cause = until_disarmed(served, 1.0)
     assert took < 0.115  # what is left of half a second, and a tick
     assert "ran out" in cause
 
 
-def test_a_program_that_is_gone_leaves_the_arm_holding(house: ServedDaemon) -> None:
-    house.rig.enable()
-    client = Client(house.path)
-    assert house.until(lambda: client.arm(3600.0)).ok
-    house.rig.arm.external_torque[0] = 3.0
-    house.run(0.3)
-    assert house.rig.mode is Mode.ADMITTANCE
+def test_a_program_that_is_gone_leaves_the_arm_holding(served: ServedDaemon) -> None:
+    served.rig.enable()
+    client = Client(served.path)
+    assert served.until(lambda: client.arm(3600.0)).ok
+    served.rig.arm.external_torque[0] = 3.0
+    served.run(0.3)
+    assert served.rig.mode is Mode.ADMITTANCE
     client.close()
-    took, cause = until_disarmed(house, 0.1)
+    took, cause = until_disarmed(served, 0.1)
     assert took <= 0.02
     assert cause == (f"disarmed: uid {os.getuid()} (pid {os.getpid()}), who had armed it, is gone")
-    house.run(0.5)
-    assert house.rig.mode is Mode.HOLDING
+    served.run(0.5)
+    assert served.rig.mode is Mode.HOLDING
 
 
-def test_while_guided_the_owner_renews(house: ServedDaemon, client: Client) -> None:
-    house.rig.enable()
-    assert house.until(client.arm).ok
-    house.rig.arm.external_torque[0] = 3.0
+def test_while_guided_the_owner_renews(served: ServedDaemon, client: Client) -> None:
+    served.rig.enable()
+    assert served.until(client.arm).ok
+    served.rig.arm.external_torque[0] = 3.0
     for _ in range(4):
-        house.run(0.3)
-        assert house.until(client.renew).ok
-    assert house.rig.mode is Mode.ADMITTANCE
+        served.run(0.3)
+        assert served.until(client.renew).ok
+    assert served.rig.mode is Mode.ADMITTANCE
 
 
-def test_renewing_never_arms(house: ServedDaemon, client: Client) -> None:
+def test_renewing_never_arms(served: ServedDaemon, client: Client) -> None:
     """Nor does a program that goes on asking undo what somebody else has done."""
-    house.rig.enable()
-    nothing = house.until(client.renew)
+    served.rig.enable()
+    nothing = served.until(client.renew)
     assert nothing.reasons == ["not armed any more: `arm` it anew"]
-    assert house.until(lambda: client.arm(60.0)).ok
-    again = house.until(client.arm)
+    assert served.until(lambda: client.arm(60.0)).ok
+    again = served.until(client.arm)
     assert again.reasons == ["this connection has armed it already: `renew` it"]
-    assert house.until(lambda: client.renew(2.0)).message == "renew: holding, armed for 2.0 s"
-    assert house.contactctl("disarm").exit_code == 0
-    assert not house.until(client.renew).ok
-    assert not armed(house)
+    assert served.until(lambda: client.renew(2.0)).message == "renew: holding, armed for 2.0 s"
+    assert served.contactctl("disarm").exit_code == 0
+    assert not served.until(client.renew).ok
+    assert not armed(served)
 
 
-def test_only_who_armed_renews(house: ServedDaemon, client: Client) -> None:
-    house.rig.enable()
-    assert house.contactctl("arm", "--lease", "60").exit_code == 0
-    refused = house.until(client.renew)
+def test_only_who_armed_renews(served: ServedDaemon, client: Client) -> None:
+    served.rig.enable()
+    assert served.contactctl("arm", "--lease", "60").exit_code == 0
+    refused = served.until(client.renew)
     assert "only they renew it" in refused.reasons[0]
-    with Client(house.path) as another:
-        assert house.contactctl("disarm").exit_code == 0
-        assert house.until(another.arm).ok
-        assert not house.until(client.renew).ok
+    with Client(served.path) as another:
+        assert served.contactctl("disarm").exit_code == 0
+        assert served.until(another.arm).ok
+        assert not served.until(client.renew).ok
 
 
 @pytest.mark.parametrize("lease_s", [0.0, -1.0, 86_401.0, float("nan")])
 def test_renewing_takes_no_impossible_lease(
-    house: ServedDaemon, client: Client, lease_s: float
+    served: ServedDaemon, client: Client, lease_s: float
 ) -> None:
     with pytest.raises(ControlError, match="is not a lease"):
         client.renew(lease_s)
 
 
 def test_another_owner_is_refused_and_everybody_disarms(
-    house: ServedDaemon, client: Client
+    served: ServedDaemon, client: Client
 ) -> None:
-    house.rig.enable()
-    assert house.until(lambda: client.arm(60.0)).ok
-    result = house.contactctl("arm")
+    served.rig.enable()
+    assert served.until(lambda: client.arm(60.0)).ok
+    result = served.contactctl("arm")
     assert result.exit_code == 1
     assert f"armed by uid {os.getuid()} (pid {os.getpid()}) for another 1 min" in result.stderr
-    assert armed(house)
-    assert house.contactctl("disarm").exit_code == 0
-    assert not armed(house)
-    assert house.contactctl("arm").exit_code == 0  # free again
-    refused = house.until(client.arm)
+    assert armed(served)
+    assert served.contactctl("disarm").exit_code == 0
+    assert not armed(served)
+    assert served.contactctl("arm").exit_code == 0  # free again
+    refused = served.until(client.arm)
     assert not refused.ok
     assert "for another 10 min" in refused.reasons[0]
 
 
 @pytest.mark.parametrize("lease", [0.0, -1.0, 86_401.0, "soon", float("nan")])
-def test_impossible_leases(house: ServedDaemon, lease: object) -> None:
-    house.rig.enable()
-    assert house.contactctl("arm", "--lease", str(lease)).exit_code == 2
+def test_impossible_leases(served: ServedDaemon, lease: object) -> None:
+    served.rig.enable()
+    assert served.contactctl("arm", "--lease", str(lease)).exit_code == 2
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as raw:
-        raw.connect(str(house.path))
+        raw.connect(str(served.path))
         raw.send(json.dumps({"command": "arm", "lease_s": lease}).encode())
-        assert "not a request" in json.loads(house.until(lambda: raw.recv(10_000)))["message"]
-    assert not armed(house)
+        assert "not a request" in json.loads(served.until(lambda: raw.recv(10_000)))["message"]
+    assert not armed(served)
 
 
-def test_disarm_works_in_every_mode(house: ServedDaemon) -> None:
-    enabled = [house.contactctl("disarm").exit_code]
-    house.rig.enable()
-    enabled.append(house.contactctl("disarm").exit_code)
-    house.contactctl("arm")
-    house.contactctl("start")
-    enabled.append(house.contactctl("disarm").exit_code)
-    house.contactctl("pause", "--no-wait")
-    enabled.append(house.contactctl("disarm").exit_code)
-    house.rig.arm.drives[0].fault(0x2310, "injected by the test")
-    house.run(0.1)
-    assert house.rig.mode is Mode.FAULTED
-    enabled.append(house.contactctl("disarm").exit_code)
+def test_disarm_works_in_every_mode(served: ServedDaemon) -> None:
+    enabled = [served.contactctl("disarm").exit_code]
+    served.rig.enable()
+    enabled.append(served.contactctl("disarm").exit_code)
+    served.contactctl("arm")
+    served.contactctl("start")
+    enabled.append(served.contactctl("disarm").exit_code)
+    served.contactctl("pause", "--no-wait")
+    enabled.append(served.contactctl("disarm").exit_code)
+    served.rig.arm.drives[0].fault(0x2310, "injected by the test")
+    served.run(0.1)
+    assert served.rig.mode is Mode.FAULTED
+    enabled.append(served.contactctl("disarm").exit_code)
     assert enabled == [0] * 5
 
 
@@ -213,21 +213,21 @@ def test_status_says_what_to_do_about_a_fault_until_it_is_reset(
 
 
 def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(
-    house: ServedDaemon, client: Client, caplog: pytest.LogCaptureFixture
+    served: ServedDaemon, client: Client, caplog: pytest.LogCaptureFixture
 ) -> None:
-    house.ask(client, "enable")
-    house.run(0.5)
+    served.ask(client, "enable")
+    served.run(0.5)
     caplog.set_level("INFO", "contactd")
     caplog.clear()
     somebody = Peer(1000, 4711, 1)
 
     def flip(times: int) -> None:
         for command in ("arm", "disarm") * times:
-            assert house.service.handle(Request(command), somebody).ok
-            house.tick()
+            assert served.service.handle(Request(command), somebody).ok
+            served.tick()
 
     flip(100)
-    house.run(1.1)
+    served.run(1.1)
     lines = [record.getMessage() for record in caplog.records]
     assert lines[0] == "armed: armed by uid 1000 (pid 4711), for 0.5 s"
     assert 30 < len(lines) < 45
@@ -235,7 +235,7 @@ def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(
     assert len(told) == 2  # it took two seconds
     assert all(" x armed: armed by uid 1000 (pid 4711), for 0.5 s" in line for line in told)
     flip(30)
-    house.rig.arm.drives[0].fault(0x2310, "injected by the test")
-    house.run(0.05)
+    served.rig.arm.drives[0].fault(0x2310, "injected by the test")
+    served.run(0.05)
     faults = [record for record in caplog.records if record.levelname == "ERROR"]
     assert faults, "a fault is never left out"

@@ -17,9 +17,8 @@ from daemon.motion.trajectory_file import read_trajectory
 from errors import ControlError, LogError, TrajectoryError
 
 
-def stands(house: ServedDaemon) -> float:
-    samples = house.rig.tick.samples
-    assert samples is not None
+def stands(served: ServedDaemon) -> float:
+    samples = served.rig.samples
     return float(samples.link_position[0])
 
 
@@ -29,56 +28,56 @@ def csv(tmp_path: Path, rows: list[tuple[object, ...]], header: str = "time_s,jo
     return path
 
 
-def swing(house: ServedDaemon, length_s: float = 2.0) -> list[tuple[object, ...]]:
+def swing(served: ServedDaemon, length_s: float = 2.0) -> list[tuple[object, ...]]:
     """0.3 rad forth and back from where the arm stands, 50 samples a second."""
     times = np.arange(0.0, length_s + 1e-9, 0.02)
-    q = stands(house) + 0.15 * (1.0 - np.cos(2 * np.pi * times / length_s))
+    q = stands(served) + 0.15 * (1.0 - np.cos(2 * np.pi * times / length_s))
     return [(f"{t:.3f}", f"{x:.6f}") for t, x in zip(times, q, strict=True)]
 
 
-def test_a_file_is_run_to_its_end(house: ServedDaemon, tmp_path: Path) -> None:
-    house.rig.enable()
-    began = stands(house)
-    path = csv(tmp_path, swing(house))
-    result = house.contactctl("start", str(path))
+def test_a_file_is_run_to_its_end(served: ServedDaemon, tmp_path: Path) -> None:
+    served.rig.enable()
+    began = stands(served)
+    path = csv(tmp_path, swing(served))
+    result = served.contactctl("start", str(path))
     assert (result.exit_code, result.stdout) == (0, "start: tracking, not armed\n"), result.stderr
-    status = house.contactctl("status").stdout
+    status = served.contactctl("status").stdout
     assert "move.csv at 0." in status
     farthest = began
-    while house.rig.mode is Mode.TRACKING:
-        house.tick()
-        farthest = max(farthest, stands(house))
-        assert house.rig.time_s < 30.0
+    while served.rig.mode is Mode.TRACKING:
+        served.tick()
+        farthest = max(farthest, stands(served))
+        assert served.rig.time_s < 30.0
     assert farthest - began == pytest.approx(0.3, abs=0.02)
-    house.run(0.5)
-    assert house.rig.mode is Mode.HOLDING
-    assert stands(house) == pytest.approx(began, abs=0.01)
-    assert house.rig.tick.controller.machine.cause == "move.csv came to its end"
+    served.run(0.5)
+    assert served.rig.mode is Mode.HOLDING
+    assert stands(served) == pytest.approx(began, abs=0.01)
+    assert served.rig.tick.controller.machine.cause == "move.csv came to its end"
 
 
-def test_the_name_of_a_file_forges_no_line(house: ServedDaemon, tmp_path: Path) -> None:
-    house.rig.enable()
+def test_the_name_of_a_file_forges_no_line(served: ServedDaemon, tmp_path: Path) -> None:
+    served.rig.enable()
     forged = "\x1b[2Jmove\n[fault tick=7] heartbeat lost.csv"
-    path = csv(tmp_path, swing(house)).rename(tmp_path / forged)
-    result = house.contactctl("start", str(path))
+    path = csv(tmp_path, swing(served)).rename(tmp_path / forged)
+    result = served.contactctl("start", str(path))
     assert result.exit_code == 0, result.stderr
-    machine = house.rig.tick.controller.machine
+    machine = served.rig.tick.controller.machine
     assert machine.cause.startswith("start of ?[2Jmove?[fault tick=7] heartbeat lost.csv by uid ")
-    assert "\x1b" not in house.contactctl("status").stdout
+    assert "\x1b" not in served.contactctl("status").stdout
 
 
-def test_it_is_paused_and_goes_on(house: ServedDaemon, tmp_path: Path) -> None:
-    house.rig.enable()
-    assert house.contactctl("start", str(csv(tmp_path, swing(house)))).exit_code == 0
-    house.run(1.0)
-    assert house.contactctl("pause").exit_code == 0
-    status = json.loads(house.contactctl("--json", "status").stdout)["trajectory"]
+def test_it_is_paused_and_goes_on(served: ServedDaemon, tmp_path: Path) -> None:
+    served.rig.enable()
+    assert served.contactctl("start", str(csv(tmp_path, swing(served)))).exit_code == 0
+    served.run(1.0)
+    assert served.contactctl("pause").exit_code == 0
+    status = json.loads(served.contactctl("--json", "status").stdout)["trajectory"]
     assert (status["name"], status["state"], status["duration_s"]) == ("move.csv", "paused", 2.0)
-    assert house.contactctl("start").exit_code == 0
-    assert "move.csv at" in house.rig.tick.controller.machine.cause
-    assert house.contactctl("stop").exit_code == 0
-    assert house.contactctl("start").exit_code == 0
-    assert "start of sinusoids" in house.rig.tick.controller.machine.cause
+    assert served.contactctl("start").exit_code == 0
+    assert "move.csv at" in served.rig.tick.controller.machine.cause
+    assert served.contactctl("stop").exit_code == 0
+    assert served.contactctl("start").exit_code == 0
+    assert "start of sinusoids" in served.rig.tick.controller.machine.cause
 
 
 @pytest.mark.parametrize(
@@ -90,93 +89,93 @@ def test_it_is_paused_and_goes_on(house: ServedDaemon, tmp_path: Path) -> None:
         ),
         ([(0, 0), (1, 0.1), (1.01, 0.9)], ":4: joint: jumps by 0.8 rad in 0.01 s: 80 rad/s is"),
         ([(0, 0), (0.1, 0.1), (0.2, 0)], ":3: joint: reaches"),
-        ([(0, 0), (1, 0.1), (2, "nan")], ":4: joint: nan is no number"),
+        ([(0, 0), (1, 0.1), (2, "nan")], ":4: joint: nan is not a number"),
         ([(0, 0), (1, 0.1), (0.5, 0.1)], ":4: time_s: 0.5 does not come after 1"),
     ],
 )
 def test_a_bad_file_is_refused_with_its_line(
-    house: ServedDaemon, tmp_path: Path, rows: list[tuple[object, ...]], words: str
+    served: ServedDaemon, tmp_path: Path, rows: list[tuple[object, ...]], words: str
 ) -> None:
-    house.rig.enable()
+    served.rig.enable()
     path = csv(tmp_path, rows)
-    result = house.contactctl("start", str(path))
+    result = served.contactctl("start", str(path))
     assert result.exit_code == 65
     assert result.stderr.startswith(f"contactctl: {path}{words}")
     assert result.stderr.count("\n") == 1
-    assert house.rig.mode is Mode.HOLDING
+    assert served.rig.mode is Mode.HOLDING
 
 
-def test_a_file_that_begins_elsewhere_needs_a_word(house: ServedDaemon, tmp_path: Path) -> None:
-    house.rig.enable()
-    here = stands(house)
+def test_a_file_that_begins_elsewhere_needs_a_word(served: ServedDaemon, tmp_path: Path) -> None:
+    served.rig.enable()
+    here = stands(served)
     path = csv(tmp_path, [(0, here + 0.4), (1, here + 0.4), (2, here + 0.5)])
-    result = house.contactctl("start", str(path))
+    result = served.contactctl("start", str(path))
     assert result.exit_code == 1
     assert "0.400 rad from where move.csv begins" in result.stderr
-    assert house.contactctl("start", str(path), "--from-here").exit_code == 0
-    assert house.contactctl("start", "--from-here").exit_code == 2
+    assert served.contactctl("start", str(path), "--from-here").exit_code == 0
+    assert served.contactctl("start", "--from-here").exit_code == 2
 
 
-def test_a_program_loads_and_starts(house: ServedDaemon, client: Client) -> None:
-    house.rig.enable()
+def test_a_program_loads_and_starts(served: ServedDaemon, client: Client) -> None:
+    served.rig.enable()
     times = np.arange(0.0, 3.0, 0.01)
-    q = stands(house) + 0.1 * np.sin(times)[:, None]
+    q = stands(served) + 0.1 * np.sin(times)[:, None]
     v = 0.1 * np.cos(times)[:, None]
-    house.until(lambda: client.load_trajectory(["joint"], times, q, v, name="fourier"))
-    reply = house.until(client.start_loaded)
+    served.until(lambda: client.load_trajectory(["joint"], times, q, v, name="fourier"))
+    reply = served.until(client.start_loaded)
     assert reply.ok, reply.reasons
-    house.run(2.0)
-    follower = house.rig.tick.controller.motion.follower
+    served.run(2.0)
+    follower = served.rig.tick.controller.motion.follower
     assert follower.place.path.name == "fourier"
     s = follower.place.s
-    assert stands(house) == pytest.approx(float(q[0, 0]) + 0.1 * np.sin(s), abs=0.01)
+    assert stands(served) == pytest.approx(float(q[0, 0]) + 0.1 * np.sin(s), abs=0.01)
 
 
 @pytest.mark.parametrize(
     ("positions", "row", "words"),
     [
-        ([[0.0], [0.1], [float("nan")]], 2, "cannot be followed"),
+        ([[0.0], [0.1], [float("nan")]], 2, "must be numbers of at most"),
         ([[0.0], [0.1], [9.0]], 2, "jumps"),
         ([[0.0], [0.1, 0.2], [0.3]], 1, "2 positions for 1 joints"),
     ],
 )
 def test_a_program_is_told_the_row(
-    house: ServedDaemon, client: Client, positions: list[list[float]], row: int, words: str
+    served: ServedDaemon, client: Client, positions: list[list[float]], row: int, words: str
 ) -> None:
     velocities = [[0.0] * len(q) for q in positions]
     with pytest.raises(TrajectoryError, match=words) as caught:
-        house.until(
+        served.until(
             lambda: client.load_trajectory(["joint"], [0.0, 1.0, 2.0], positions, velocities)
         )
     assert caught.value.row == row
     with pytest.raises(TrajectoryError, match="no joint `elbow`; there are: joint"):
-        house.until(lambda: client.load_trajectory(["elbow"], [0.0, 1.0], [[0.0], [0.1]]))
+        served.until(lambda: client.load_trajectory(["elbow"], [0.0, 1.0], [[0.0], [0.1]]))
 
 
-def test_what_was_loaded_belongs_to_its_connection(house: ServedDaemon, client: Client) -> None:
-    house.rig.enable()
-    rows = [[stands(house)], [stands(house)]]
-    house.until(lambda: client.load_trajectory(["joint"], [0.0, 1.0], rows))
-    with Client(house.path) as other:
-        reply = house.until(other.start_loaded)
+def test_what_was_loaded_belongs_to_its_connection(served: ServedDaemon, client: Client) -> None:
+    served.rig.enable()
+    rows = [[stands(served)], [stands(served)]]
+    served.until(lambda: client.load_trajectory(["joint"], [0.0, 1.0], rows))
+    with Client(served.path) as other:
+        reply = served.until(other.start_loaded)
         assert not reply.ok
         assert "this connection has loaded no trajectory" in reply.message
         # Whoever begins another takes its place.
-        house.until(lambda: other.load_trajectory(["joint"], [0.0, 1.0], rows))
-        assert not house.until(client.start_loaded).ok
-    house.run(0.02)
+        served.until(lambda: other.load_trajectory(["joint"], [0.0, 1.0], rows))
+        assert not served.until(client.start_loaded).ok
+    served.run(0.02)
     with pytest.raises(ControlError, match="has loaded no trajectory"):
-        house.service.dock.take(2)
+        served.service.dock.take(2)
 
 
-def test_half_an_upload_is_no_trajectory(house: ServedDaemon) -> None:
-    house.rig.enable()
+def test_half_an_upload_is_no_trajectory(served: ServedDaemon) -> None:
+    served.rig.enable()
     raw = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    raw.connect(str(house.path))
+    raw.connect(str(served.path))
 
     def say(**request: object) -> dict[str, Any]:
         raw.send(json.dumps(request).encode())
-        answer = house.until(lambda: raw.recv(10_000))
+        answer = served.until(lambda: raw.recv(10_000))
         return dict(json.loads(answer))
 
     with raw:
@@ -187,18 +186,18 @@ def test_half_an_upload_is_no_trajectory(house: ServedDaemon) -> None:
         assert (answer["ok"], "needs two or more" in answer["message"]) == (False, True)
         assert say(command="stop", rows=[])["reasons"] == ["`rows` belongs to load"]
         assert say(command="load", loaded=True)["reasons"] == ["`loaded` belongs to start"]
-        assert house.rig.mode is Mode.HOLDING
-    house.run(0.05)
-    assert house.service.control.connections == 0
+        assert served.rig.mode is Mode.HOLDING
+    served.run(0.05)
+    assert served.service.control.connections == 0
 
 
-def test_what_was_led_by_hand_is_done_again(house: ServedDaemon, tmp_path: Path) -> None:
+def test_what_was_led_by_hand_is_done_again(served: ServedDaemon, tmp_path: Path) -> None:
     """Recorded while a push leads the arm, then run."""
     path = tmp_path / "led.csv"
-    house.rig.enable()
-    began = stands(house)
-    assert house.contactctl("arm").exit_code == 0
-    with Client(house.path) as client:
+    served.rig.enable()
+    began = stands(served)
+    assert served.contactctl("arm").exit_code == 0
+    with Client(served.path) as client:
         made: list[Recorded] = []
 
         def follow() -> None:
@@ -207,8 +206,8 @@ def test_what_was_led_by_hand_is_done_again(house: ServedDaemon, tmp_path: Path)
         thread = threading.Thread(target=follow)
         thread.start()
         for tick in range(400):
-            house.rig.arm.external_torque[0] = 2.0 if 30 <= tick < 110 else 0.0
-            house.tick()
+            served.rig.arm.external_torque[0] = 2.0 if 30 <= tick < 110 else 0.0
+            served.tick()
             thread.join(0.002)
             if not thread.is_alive():
                 break
@@ -218,18 +217,18 @@ def test_what_was_led_by_hand_is_done_again(house: ServedDaemon, tmp_path: Path)
     file = read_trajectory(path, ["joint"])
     assert abs(file.positions[0][0] - began) <= 0.101  # somewhere in its gap
     led = file.positions[-1][0] - file.positions[0][0]
-    assert abs(stands(house) - began - led) <= 0.11
+    assert abs(stands(served) - began - led) <= 0.11
     assert abs(led) > 0.3
-    assert house.contactctl("disarm").exit_code == 0
-    house.run(0.7)
-    here = stands(house)
-    assert house.contactctl("start", "--speed", "0.5").exit_code == 2
-    result = house.contactctl("start", str(path), "--from-here", "--speed", "0.5")
+    assert served.contactctl("disarm").exit_code == 0
+    served.run(0.7)
+    here = stands(served)
+    assert served.contactctl("start", "--speed", "0.5").exit_code == 2
+    result = served.contactctl("start", str(path), "--from-here", "--speed", "0.5")
     assert result.exit_code == 0, result.stderr
-    begun = house.rig.time_s
-    while house.rig.mode is Mode.TRACKING:
-        house.tick()
-    assert house.rig.time_s - begun == pytest.approx(2.0 * made[0].duration_s + 2.0, abs=0.1)
-    assert stands(house) - here == pytest.approx(led, abs=0.02)
+    begun = served.rig.time_s
+    while served.rig.mode is Mode.TRACKING:
+        served.tick()
+    assert served.rig.time_s - begun == pytest.approx(2.0 * made[0].duration_s + 2.0, abs=0.1)
+    assert stands(served) - here == pytest.approx(led, abs=0.02)
     with pytest.raises(LogError, match="never overwritten"):
-        record_trajectory(lambda: Client(house.path), path)
+        record_trajectory(lambda: Client(served.path), path)

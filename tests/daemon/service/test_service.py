@@ -48,49 +48,49 @@ ATTACKS: dict[str, tuple[list[bytes], int]] = {
 
 @pytest.mark.parametrize("name", list(ATTACKS))
 def test_whatever_clients_do_a_tick_does_little_and_disarm_comes_through(
-    house: ServedDaemon, name: str
+    served: ServedDaemon, name: str
 ) -> None:
     """Counted, not timed: at most four requests in a tick; a person waits for few ticks."""
     packets, connections = ATTACKS[name]
-    house.rig.enable()
-    served: list[int] = [0]
-    handle = house.service.handle
+    served.rig.enable()
+    handled: list[int] = [0]
+    handle = served.service.handle
 
     def counting(request: Any, peer: Any) -> Reply:
-        served[0] += 1
+        handled[0] += 1
         return handle(request, peer)
 
-    attack = rude(house.path, packets, connections)
+    attack = rude(served.path, packets, connections)
     opened: list[socket.socket] = []
     for _ in range(30 if connections < 1000 else 260):
         for _ in range(4):
             opened = next(attack)
-        served[0] = 0
-        house.rig.step()
-        house.service.control.poll(counting)
-        assert served[0] <= 4
-    assert house.service.control.connections <= 32
-    assert house.rig.mode is Mode.HOLDING
-    ticks = house.rig.ticks
-    with Client(house.path) as person:
-        assert house.ask(person, "disarm").ok
-    assert house.rig.ticks - ticks < 60
+        handled[0] = 0
+        served.rig.step()
+        served.service.control.poll(counting)
+        assert handled[0] <= 4
+    assert served.service.control.connections <= 32
+    assert served.rig.mode is Mode.HOLDING
+    ticks = served.rig.ticks
+    with Client(served.path) as person:
+        assert served.ask(person, "disarm").ok
+    assert served.rig.ticks - ticks < 60
     for one in opened:
         one.close()
-    house.run(0.5)
-    assert house.service.control.connections == 0
+    served.run(0.5)
+    assert served.service.control.connections == 0
 
 
 # --- gains --------------------------------------------------------------------------------------
 
 
-def test_a_gain_is_shown_changed_and_told(house: ServedDaemon) -> None:
-    assert house.contactctl("gain").stdout.split() == ["joint", "0.3"]
-    result = house.contactctl("gain", "joint", "0.05")
+def test_a_gain_is_shown_changed_and_told(served: ServedDaemon) -> None:
+    assert served.contactctl("gain").stdout.split() == ["joint", "0.3"]
+    result = served.contactctl("gain", "joint", "0.05")
     assert (result.exit_code, result.stdout) == (0, "gain: joint 0.05 rad/s per Nm\n")
-    assert house.contactctl("gain", "joint").stdout.split() == ["joint", "0.05"]
-    house.run(0.6)
-    gains = house.rig.tick.controller.motion.gains
+    assert served.contactctl("gain", "joint").stdout.split() == ["joint", "0.05"]
+    served.run(0.6)
+    gains = served.rig.tick.controller.motion.gains
     np.testing.assert_array_equal(gains.value, [0.05])
 
 
@@ -106,21 +106,21 @@ def test_a_gain_is_shown_changed_and_told(house: ServedDaemon) -> None:
     ],
 )
 def test_what_is_no_gain_is_refused(
-    house: ServedDaemon, arguments: list[str], code: int, words: str
+    served: ServedDaemon, arguments: list[str], code: int, words: str
 ) -> None:
-    result = house.contactctl("gain", *arguments)
+    result = served.contactctl("gain", *arguments)
     assert result.exit_code == code
     assert words in result.stderr
-    assert house.rig.tick.controller.motion.gains.goal[0] == 0.3
+    assert served.rig.tick.controller.motion.gains.goal[0] == 0.3
 
 
 def test_a_gain_needs_its_joint_and_belongs_to_its_command(
-    house: ServedDaemon, client: Client
+    served: ServedDaemon, client: Client
 ) -> None:
     for request, reason in (
         (Request("gain", joint="joint"), "it takes a `joint` and a `gain`"),
         (Request("gain"), "it takes a `joint` and a `gain`"),
         (Request("arm", gain=1.0), "`gain` belongs to gain"),
     ):
-        reply = house.until(lambda asked=request: client.ask(asked))
+        reply = served.until(lambda asked=request: client.ask(asked))
         assert (reply.ok, reply.reasons) == (False, [reason])

@@ -13,6 +13,7 @@ from daemon.protocol.messages import Reply, Request, Snapshot
 from daemon.protocol.socket_path import Peer
 from daemon.service.socket import ControlSocket
 from errors import ModelError
+from tests.examples import scaled
 
 Dial = Callable[[], socket.socket]
 
@@ -119,7 +120,7 @@ def test_ten_megabytes_never_reach_the_daemon(control: ControlSocket, dial: Dial
     assert "at most 8192 bytes" in str(told(client)["message"])
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=scaled(150), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(packet=st.binary(min_size=1, max_size=10000))
 def test_garbage_is_refused(control: ControlSocket, dial: Dial, packet: bytes) -> None:
     handler = Handler()

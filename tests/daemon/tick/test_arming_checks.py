@@ -1,17 +1,24 @@
-"""Each pre-arm check fails by name for its reason, and passes again when it is over."""
+"""Each arming check fails by name for its reason, and passes again when it is over."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
-from daemon.faults.table import TABLE
-from daemon.protocol.messages import Check
-from daemon.tick.arming_checks import NAMES, Verdict
-from daemon.tick.tick import Wakeup
+from daemon.faults.finding import Finding
+from daemon.faults.table import TABLE, Condition
+from daemon.modes.table import Mode
+from daemon.protocol.messages import Check, Request
+from daemon.protocol.socket_path import Peer
+from daemon.service.permission import Permission
+from daemon.tick.arming_checks import NAMES, ArmingResult
+from daemon.tick.record import Wakeup
 from drivers.cia402 import DriveState
 from drivers.events import Emergency, Rebooted
+from estimator.estimate import Flag
 
 
 @pytest.fixture
@@ -30,28 +37,30 @@ def calm() -> Iterator[Rig]:
 
 
 def checks(rig: Rig) -> dict[str, Check]:
-    return {check.name: check for check in rig.tick.checks()}
+    return {check.name: check for check in rig.tick.check_arming(rig.time_s).checks}
 
 
 def failed(rig: Rig) -> list[str]:
-    return [name for name, check in checks(rig).items() if not check.passed]
+    return failing(rig.tick.check_arming(rig.time_s))
 
 
-def objections(rig: Rig) -> set[str]:
-    """Of the last samples, as they are now."""
-    samples, estimate = rig.tick.samples, rig.tick.estimate
-    assert samples is not None
-    assert estimate is not None
-    return {o.check for o in rig.tick.prearm.objections(samples, estimate, (), (), ())}
+def run(
+    rig: Rig, *, silent: Sequence[str] = (), late_s: float = 0.0, **changes: object
+) -> ArmingResult:
+    """On a last tick in which something was otherwise."""
+    record = replace(rig.last, **changes)  # type: ignore[arg-type]
+    time_s = rig.time_s + late_s
+    return rig.tick.arming_checks.run(record, rig.mode, silent, (), time_s)
+
+
+def failing(result: ArmingResult) -> list[str]:
+    return [check.name for check in result.checks if not check.passed]
 
 
 def watched(rig: Rig, *events: object) -> None:
     """As if these had come in the last tick; what they led to is over."""
-    samples = rig.tick.samples
-    assert samples is not None
-    samples.events = events  # type: ignore[assignment]
-    rig.tick.prearm.watch(samples, (), rig.time_s)
-    samples.events = ()
+    samples = rig.samples
+    rig.tick.arming_checks.watch(replace(samples, events=events), (), rig.time_s)
     rig.step()
 
 
@@ -68,9 +77,10 @@ def test_at_rest_every_check_passes_and_says_why(calm: Rig) -> None:
 
 def test_before_the_first_samples() -> None:
     with lockstep_rig(SINGLE_JOINT) as fresh:
-        assert [str(check) for check in fresh.tick.checks()] == [
+        assert [str(check) for check in fresh.tick.check_arming(0.0).checks] == [
             "failed  mode            no samples of the drives yet"
         ]
+        assert fresh.permit("the test") == ["no samples of the drives yet"]
 
 
 def test_off_only_the_mode_is_wrong() -> None:
@@ -115,7 +125,7 @@ def test_what_goes_wrong_fails_by_name(
     rig.run(0.05)
     assert names <= set(failed(rig))
     assert any(words in check.text for check in checks(rig).values() if not check.passed)
-    assert rig.tick.controller.arm("the test")
+    assert rig.permit("the test")
 
 
 def test_now_and_then_a_tick_may_be_late(rig: Rig) -> None:
@@ -152,19 +162,20 @@ def test_an_emergency_is_over_when_the_drive_restarts(calm: Rig) -> None:
     assert failed(calm) == []
     watched(calm, Rebooted(1), Emergency(1, 0x3220, 5))
     assert failed(calm) == ["emergencies"]
-    calm.tick.prearm.renewed([1])  # another joint's
+    calm.tick.arming_checks.renewed([1])  # another joint's
     assert failed(calm) == ["emergencies"]
-    calm.tick.prearm.renewed([0])
+    calm.tick.arming_checks.renewed([0])
     assert failed(calm) == []
 
 
 def test_an_emergency_after_one_that_was_taken_back_counts(calm: Rig) -> None:
-    samples = calm.tick.samples
-    assert samples is not None
-    samples.states, samples.events = [DriveState.FAULT], (Emergency(1, 0x2310, 1),)
-    calm.tick.prearm.watch(samples, (), calm.time_s)
-    samples.states, samples.events = [DriveState.OPERATION_ENABLED], (Emergency(1, 0, 0),)
-    calm.tick.prearm.watch(samples, (), calm.time_s)
+    samples = calm.samples
+    for state, emergency in (
+        (DriveState.FAULT, Emergency(1, 0x2310, 1)),
+        (DriveState.OPERATION_ENABLED, Emergency(1, 0, 0)),
+    ):
+        then = replace(samples, states=(state,), events=(emergency,))
+        calm.tick.arming_checks.watch(then, (), calm.time_s)
     watched(calm, Emergency(1, 0x4210, 8))  # of a drive that goes on
     assert failed(calm) == ["emergencies"]
     watched(calm, Emergency(1, 0, 0))
@@ -179,17 +190,14 @@ def test_a_drive_that_misses_our_heartbeat_fails_heartbeats(calm: Rig) -> None:
 
 def test_a_drive_that_left_its_fault_has_no_emergency(calm: Rig) -> None:
     """Although it never said that it was over."""
-    samples = calm.tick.samples
-    assert samples is not None
-    watch, time_s = calm.tick.prearm.watch, calm.time_s
-    samples.states, samples.events = [DriveState.FAULT], (Emergency(1, 0x2310, 1),)
-    watch(samples, (), time_s)
-    samples.events = ()
-    watch(samples, (), time_s)
-    assert "emergencies" in objections(calm)
-    samples.states = [DriveState.SWITCH_ON_DISABLED]
-    watch(samples, (), time_s)
-    assert "emergencies" not in objections(calm)
+    samples = calm.samples
+    watch, time_s = calm.tick.arming_checks.watch, calm.time_s
+    faulted = replace(samples, states=(DriveState.FAULT,))
+    watch(replace(faulted, events=(Emergency(1, 0x2310, 1),)), (), time_s)
+    watch(faulted, (), time_s)
+    assert failing(run(calm)) == ["emergencies"]
+    watch(replace(samples, states=(DriveState.SWITCH_ON_DISABLED,)), (), time_s)
+    assert failing(run(calm)) == []
 
 
 def test_a_restarted_drive_must_be_set_up_again_and_then_may_be_armed(rig: Rig) -> None:
@@ -199,43 +207,92 @@ def test_a_restarted_drive_must_be_set_up_again_and_then_may_be_armed(rig: Rig) 
     text = checks(rig)["set-up"].text
     assert text.startswith("restarted, and without their set-up: joint")
     assert "contactctl reset" in text
-    assert text in rig.tick.controller.not_armable()
+    assert text in rig.permit("the test")
     rig.tick.drives.start(rig.time_s)  # as after setting it up again
     rig.step()
     assert "set-up" not in failed(rig)
 
 
 def test_a_missing_heartbeat(calm: Rig) -> None:
-    arm, samples, estimate = calm.tick.drives, calm.tick.samples, calm.tick.estimate
-    assert samples is not None
-    assert estimate is not None
-    assert arm.silent() == ()
+    drives = calm.tick.drives
+    assert drives.silent() == ()
     for flag, unheard in (("lost", True), ("operational", False)):
-        setattr(arm._drives[0].watch, flag, unheard)
-        found = calm.tick.prearm.objections(samples, estimate, (), arm.silent(), ())
-        assert [(o.check, o.reason) for o in found] == [("heartbeats", "not heard from joint")]
-        setattr(arm._drives[0].watch, flag, not unheard)
+        setattr(drives._drives[0].watch, flag, unheard)
+        found = calm.tick.check_arming(calm.time_s)
+        assert failing(found) == ["heartbeats"]
+        assert found.reasons == ("not heard from joint",)
+        setattr(drives._drives[0].watch, flag, not unheard)
 
 
-def test_the_identification_is_somebody_elses_verdict(calm: Rig) -> None:
-    calm.tick.prearm.identification = Verdict(False, "identified.yaml is of other drives")
+@pytest.mark.parametrize(
+    ("passed", "text"),
+    [(False, "identified.yaml is of other drives"), (True, "identified.yaml of 2026-11-20")],
+)
+def test_the_identification_is_checked_elsewhere(passed: bool, text: str) -> None:
+    check = Check(name="identification", passed=passed, text=text)
+    with lockstep_rig(SINGLE_JOINT, identification=lambda *_: check) as rig:
+        rig.enable()
+        assert checks(rig)["identification"] == check
+        assert failed(rig) == ([] if passed else ["identification"])
+        assert rig.permit("the test") == ([] if passed else [text])
+
+
+def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
+    """One by one to the client, and by name to the person who reads the table."""
+    torque = calm.estimate.threshold + 1.0
+    estimate = structs.replace(
+        calm.estimate, residual=torque, thresholded=np.ones(1), flags=Flag.STARTING | Flag.LATE
+    )
+    findings = (
+        Finding(Condition.OVERRUN, figures="30 ms late"),
+        Finding(Condition.DRIVE_FAULT, "joint"),
+        Finding(Condition.OVERRUN, figures="40 ms late"),
+    )
+    record = replace(calm.last, estimate=estimate, findings=findings)
+    found = calm.tick.arming_checks.run(
+        record, Mode.STOPPING, ("joint",), ("joint",), calm.time_s + 0.03
+    )
+    over = f"joint feels {torque[0]:+.2f} Nm, beyond its threshold of {torque[0] - 1.0:.2f} Nm"
+    assert found.reasons == (
+        "the arm is still stopping",
+        "too many late ticks (30 ms late)",
+        "drive fault: joint",
+        "too many late ticks (40 ms late)",
+        "not heard from joint",
+        "restarted, and without their set-up: joint (`contactctl reset`)",
+        "the estimator is not ready: late, starting",
+        f"{over}: is somebody touching it?",
+        "the last tick is 40 ms old: ask again",
+    )
+    texts = {check.name: check.text for check in found.checks}
+    assert list(texts) == ["mode", *NAMES]
+    assert texts["mode"] == "the arm is still stopping"
+    assert texts["loop"] == "; ".join(found.reasons[i] for i in (1, 3, 8))
+    named = {"mode", "drives", "heartbeats", "set-up", "estimator", "residual", "loop"}
+    assert set(failing(found)) == named
+
+
+def test_no_arming_on_a_tick_that_is_longer_ago_than_a_period(calm: Rig) -> None:
+    """The process stood still between the tick and the request, say."""
     calm.step()
-    assert failed(calm) == ["identification"]
-    assert calm.tick.controller.arm("the test") == ["identified.yaml is of other drives"]
-    calm.tick.prearm.identification = Verdict(True, "identified.yaml of 2026-11-20")
+    assert run(calm).reasons == ()
+    assert failing(run(calm, late_s=0.0002)) == ["loop"]
+    late = calm.last.time_s + 5.0
+    assert calm.tick.check_arming(late).reasons == ("the last tick is 5000 ms old: ask again",)
+    permission = Permission(calm.tick)
+    request, person = Request("arm", detached=True), Peer(1000, 11, 1)
+    assert permission.arm(request, person, late).reasons
+    assert not calm.tick.controller.machine.armed
+    assert not permission.arm(request, person, calm.time_s).reasons
+    assert calm.tick.controller.machine.armed
+    calm.tick.controller.disarm("the test is over", calm.time_s)
     calm.step()
-    assert checks(calm)["identification"].text == "identified.yaml of 2026-11-20"
-    assert failed(calm) == []
 
 
 def test_a_joint_outside_its_limits(calm: Rig) -> None:
-    prearm, samples, estimate = calm.tick.prearm, calm.tick.samples, calm.tick.estimate
-    assert samples is not None
-    assert estimate is not None
     for q, inside in ((1.4, True), (1.449, True), (1.451, False), (-1.451, False)):
-        samples.link_position = np.array([q])
-        found = prearm.objections(samples, estimate, (), (), ())
-        assert [objection.check for objection in found] == ([] if inside else ["limits"])
+        there = replace(calm.samples, link_position=np.array([q]))
+        assert failing(run(calm, samples=there)) == ([] if inside else ["limits"])
 
 
 def test_every_finding_has_a_check() -> None:

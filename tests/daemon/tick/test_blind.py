@@ -7,9 +7,11 @@ import msgspec
 import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
-from daemon.assembly import heed_identification
+from daemon.assembly import check_identification
+from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
+from daemon.protocol.messages import Check
 
 Change = Callable[[Configuration], Configuration]
 
@@ -36,12 +38,16 @@ def encoder_turned_round(c: Configuration) -> Configuration:
 def test_it_closes_a_loop_over_its_links_only_as_they_were_checked(
     configure: Change, serials: list[int | None], known: bool, why: str
 ) -> None:
-    with lockstep_rig(SINGLE_JOINT, configure=configure) as rig:
-        robot = rig.robot if known else replace(rig.robot, identified=None)
-        heed_identification(rig.tick, robot, serials)
+    def checked(robot: Robot, answered: list[int | None]) -> Check:
+        assert answered == [1]
+        return check_identification(robot if known else replace(robot, identified=None), serials)
+
+    with lockstep_rig(SINGLE_JOINT, configure=configure, identification=checked) as rig:
         trusted = why == "is of these drives"
-        assert why in rig.tick.prearm.identification.text
         rig.run(0.1)
+        checks = {check.name: check for check in rig.tick.check_arming(rig.time_s).checks}
+        assert why in checks["identification"].text
+        assert checks["identification"].passed == trusted
         rig.enable()
         refused = rig.tick.controller.request(Event.START, "a test", rig.time_s)
         assert refused == [] if trusted else "the wiring was not checked" in refused[0]
@@ -53,5 +59,4 @@ def test_it_closes_a_loop_over_its_links_only_as_they_were_checked(
 
 
 def setpoint(rig: Rig) -> float:
-    assert rig.tick.decision is not None
-    return float(rig.tick.decision.velocity[0])
+    return float(rig.decision.velocity[0])

@@ -27,7 +27,7 @@ def test_it_backs_away_from_a_blow_and_goes_back_to_its_trajectory() -> None:
         rig.enable()
         rig.request(Event.START)
         rig.run(1.0)
-        assert rig.tick.controller.arm("the test") == []
+        assert rig.permit("the test") == []
         rig.arm.external_torque[ELBOW] = 1.0  # a touch
         states = rig.states(0.3)
         assert {state.mode for state in states} == {Mode.TRACKING}

@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.tick.loop import ANSWER_SHARE, Clock, Loop
-from daemon.tick.tick import Wakeup
+from daemon.tick.record import Wakeup
 
 T = 0.01
 START = 100.0
+AHEAD = 1.8e9  # of the clock on the wall
 
 
 @dataclass
@@ -24,6 +25,9 @@ class FakeClock:
 
     def now(self) -> float:
         return self.now_s
+
+    def wall(self) -> float:
+        return self.now_s + AHEAD
 
     def sleep_until(self, deadline: float) -> None:
         self.now_s = max(self.now_s, deadline) + self.late.get(len(self.asked), 0.0)
@@ -50,7 +54,7 @@ class FakeTick:
 def loop_of(**late: float) -> tuple[Loop, FakeTick, FakeClock]:
     clock = FakeClock(late={int(name.removeprefix("tick")): s for name, s in late.items()})
     tick = FakeTick(clock)
-    return Loop(tick, Clock(clock.now, clock.sleep_until), T), tick, clock
+    return Loop(tick, Clock(clock.now, clock.sleep_until, clock.wall), T), tick, clock
 
 
 def steps(times: list[float]) -> list[float]:
@@ -66,6 +70,15 @@ def test_deadlines_are_absolute_and_do_not_drift() -> None:
     assert tick.began[1] == pytest.approx(2 * T + 0.003)
     assert loop.lateness_max_s == pytest.approx(0.0039)
     assert loop.work_max_s == pytest.approx(0.002)
+
+
+def test_a_wakeup_has_the_time_of_both_clocks() -> None:
+    loop, tick, _ = loop_of(tick1=0.003)
+    for _ in range(3):
+        loop.step()
+    woken = [START + T, START + 2 * T + 0.003, START + 3 * T]
+    assert [w.monotonic_s for _, w in tick.finished] == pytest.approx(woken)
+    assert [w.wall_s - AHEAD for _, w in tick.finished] == pytest.approx(woken, abs=1e-6)
 
 
 @pytest.mark.parametrize(

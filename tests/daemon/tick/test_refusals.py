@@ -10,7 +10,6 @@ from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import ADVICE, TRANSITIONS, Event, Mode, refusal
-from daemon.tick.arming_checks import Objection
 from daemon.tick.controller import ControlInput
 
 COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")
@@ -115,20 +114,6 @@ def test_arming_is_refused_in_every_mode_that_is_not_calm(mode: Mode) -> None:
     assert refusal(mode, "arm") in arm.controller.arm("another")
 
 
-def test_arming_is_refused_with_every_reason(holding: IdealArm) -> None:
-    assert ideal_arm().controller.arm("me") == ["no samples of the drives yet"]
-    holding.request(Event.STOP)
-    against = (Objection("residual", "b is touched"), Objection("loop", "late"))
-    holding.controller.step(
-        holding.time_s,
-        T,
-        ControlInput(holding.q, np.ones(2), np.zeros(2), "", "", True, (), lambda: against),
-    )
-    reasons = holding.controller.arm("me")
-    assert reasons == ["the arm is still stopping", "b is touched", "late"]
-    assert not holding.armed
-
-
 def test_start_and_enable_are_refused_with_the_reason(holding: IdealArm) -> None:
     holding.step(q=np.array([0.8, 0.0]))
     assert "from 0.800 rad the path of a would leave" in holding.request(Event.START)[0]
@@ -153,7 +138,7 @@ def test_enable_is_refused_while_something_asks_for_a_quick_stop(
     off = ideal_arm()
     off.step()
     findings, on = (Finding(condition, "x"),), (False, False)
-    observed = ControlInput(off.q, np.zeros(2), np.zeros(2), "", "", on, findings, tuple)
+    observed = ControlInput(off.q, np.zeros(2), np.zeros(2), "", "", on, findings)
     off.controller.machine.mode = Mode.FAULTED  # which the finding would lead to
     off.controller.step(off.time_s, T, observed)
     off.controller.machine.mode = Mode.OFF

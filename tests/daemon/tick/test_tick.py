@@ -9,6 +9,7 @@ import pytest
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
+from daemon.tick.telemetry import state_of
 from daemon.tick.tick import LONGEST_STEP
 from drivers.cia402 import DriveState
 
@@ -26,7 +27,7 @@ def test_stop_ends_the_trajectory_and_the_permission(rig: Rig) -> None:
     rig.enable()
     rig.request(Event.START)
     rig.run(0.7)
-    assert rig.tick.controller.arm("the test") == []
+    assert rig.permit("the test") == []
     rig.run(0.01)
     rig.request(Event.STOP)
     states = rig.states(0.6)
@@ -70,8 +71,7 @@ def test_a_fault_of_one_drive_stops_all_and_stays_until_reset(rig: Rig) -> None:
     rig.request(Event.RESET)
     rig.run(0.6)
     assert rig.mode is Mode.OFF
-    assert rig.tick.samples is not None
-    assert DriveState.FAULT not in rig.tick.samples.states
+    assert DriveState.FAULT not in rig.samples.states
     rig.request(Event.ENABLE)
     rig.run(0.5)
     assert rig.mode is Mode.HOLDING
@@ -84,7 +84,7 @@ def test_a_contact_while_not_armed_is_only_reported(rig: Rig) -> None:
     assert {state.mode for state in states} == {"holding"}
     contacts = [e.contact for s in states for e in s.notices if e.contact]
     assert [c.joint for c in contacts][:1] == ["LElbowRoll"]
-    reasons = rig.tick.controller.arm("the test")
+    reasons = rig.permit("the test")
     assert any("is somebody touching it" in reason for reason in reasons)
 
 
@@ -96,7 +96,7 @@ def test_debounced_a_contact_is_none_yet() -> None:
 
     with lockstep_rig(SINGLE_JOINT, configure=patient) as rig:
         rig.enable()
-        assert rig.tick.controller.arm("the test") == []
+        assert rig.permit("the test") == []
         rig.arm.external_torque[0] = 4.0
         states = rig.states(0.3)
     felt = [any(state.thresholded) for state in states]
@@ -113,19 +113,58 @@ def test_drives_that_fall_silent_are_stale_after_three_ticks(rig: Rig) -> None:
         rig.tick.finish(0.0)
         rig.ticks += 1
         modes.append(rig.mode)
-        fresh.append(any(rig.tick.state().fresh))
+        fresh.append(any(rig.state().fresh))
     assert not any(fresh)
     assert modes == [Mode.HOLDING] * 2 + [Mode.FAULTED] * 3
     assert "samples stale" in rig.tick.controller.machine.cause
 
 
 def test_before_the_first_samples_there_is_no_state(rig: Rig) -> None:
+    assert rig.tick.last is None
+    rig.tick.begin(rig.time_s)  # nobody answers this SYNC
+    rig.tick.finish(0.0)
     with pytest.raises(RuntimeError, match="no complete samples"):
-        rig.tick.state()
-    assert rig.tick.controller.arm("the test") == ["no samples of the drives yet"]
+        rig.state()
+    assert rig.permit("the test") == ["no samples of the drives yet"]
     assert rig.tick.controller.request(Event.ENABLE, "the test", 0.0) == [
         "no samples of the drives yet"
     ]
+
+
+def test_the_record_of_a_tick_stays_as_it_was(rig: Rig) -> None:
+    """Whatever the ticks after it measure and decide."""
+    rig.enable()
+    rig.request(Event.START)
+    records, states = [], []
+    for number in range(120):
+        rig.arm.external_torque[ELBOW] = 2.0 * (number > 80)
+        rig.step()
+        records.append(rig.last)
+        states.append(rig.state())
+    assert len({id(record) for record in records}) == len(records)
+    assert states[0].link_position != states[-1].link_position
+    assert any(state.notices for state in states)
+    assert [state_of(record) for record in records] == states
+    arrays = [records[0].samples.link_position, records[0].samples.age_ticks]
+    assert not any(array.flags.writeable for array in arrays)
+
+
+def test_a_tick_without_samples_keeps_the_estimate_and_says_so(rig: Rig) -> None:
+    rig.enable()
+    before = rig.last
+    rig.lockstep.pump()
+    rig.tick.begin(rig.time_s)  # nobody answers this SYNC
+    rig.tick.finish(0.0)
+    rig.ticks += 1
+    silent = rig.last
+    assert (before.updated, silent.updated) == (True, False)
+    assert silent.estimate is before.estimate
+    assert silent.interval_s == before.interval_s
+    assert silent.number == before.number + 1
+    rig.step()
+    assert rig.last.updated
+    assert rig.last.interval_s == pytest.approx(2 * T)
+    assert rig.last.estimate is not before.estimate
 
 
 def test_starting_moves_and_energises_nothing(rig: Rig) -> None:
@@ -137,7 +176,7 @@ def test_starting_moves_and_energises_nothing(rig: Rig) -> None:
 
 def test_a_touch_that_begins_while_the_arm_stops_is_yielded_to(rig: Rig) -> None:
     rig.enable()
-    assert rig.tick.controller.arm("the test") == []
+    assert rig.permit("the test") == []
     rig.request(Event.START)
     rig.run(4.3)
     rig.request(Event.PAUSE)
@@ -155,8 +194,7 @@ def references(rig: Rig, times_s: list[float]) -> list[float]:
         rig.tick.begin(rig.time_s + time_s)
         rig.lockstep.pump()
         rig.tick.finish(0.0)
-        assert rig.tick.decision is not None
-        found.append(float(rig.tick.decision.reference[0]))
+        found.append(float(rig.decision.reference[0]))
     return found
 
 
@@ -164,7 +202,7 @@ def test_the_trajectory_keeps_to_the_clock_when_ticks_are_late_but_never_jumps(r
     rig.enable()
     rig.request(Event.START)
     rig.run(4.3)  # past the ramp, where the speed hardly changes
-    before = rig.tick.state().reference[0]
+    before = rig.state().reference[0]
     late = references(rig, [T * k for k in (0.0, 1.4, 2.0, 3.0, 8.0)])
     speed = late[0] - before
     assert abs(speed) > 1e-4

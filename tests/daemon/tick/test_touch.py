@@ -12,7 +12,7 @@ from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.clients.recorder import _LogWriter, _Stamp
 from daemon.clients.replay import replay
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
 
 ELBOW = 2
 T = 0.01
@@ -39,6 +39,7 @@ def snapshot_of(rig: Rig) -> Snapshot:
     """As the service would give it."""
     c = rig.robot.configuration
     return Snapshot(
+        format=STATE_FORMAT,
         joints=c.joint_names,
         half_gap=[joint.half_gap for joint in c.joints],
         thresholds=[joint.thresholds.contact for joint in c.joints],
@@ -60,7 +61,7 @@ def touched_and_resumed() -> Run:
         states = rig.states(0.5)
         rig.request(Event.START)
         states += rig.states(1.0)
-        assert rig.tick.controller.arm("the test") == []
+        assert rig.permit("the test") == []
         states += rig.states(0.2)
         rig.arm.external_torque[ELBOW] = 1.5
         states += rig.states(1.0)

@@ -13,7 +13,8 @@ from errors import BusError, DriveError
 
 
 def with_profile(setup, **changes):
-    return replace(setup, profile=msgspec.structs.replace(setup.profile, **changes))
+    profile = msgspec.structs.replace(setup.drive.profile, **changes)
+    return replace(setup, drive=replace(setup.drive, profile=profile))
 
 
 def hasty(setup):
@@ -164,7 +165,9 @@ def test_drives_in_fault_boot_side_by_side(bench, setups):
 
 def test_letting_go_tells_every_drive_even_if_one_is_gone(bench, setups):
     bench.boot_up(setups)
-    gone = replace(setups[2], wiring=msgspec.structs.replace(setups[2].wiring, node=99))
+    drive = setups[2].drive
+    elsewhere = replace(drive, wiring=msgspec.structs.replace(drive.wiring, node=99))
+    gone = replace(setups[2], drive=elsewhere)
     with bench.lockstep.serving(), pytest.raises(DriveError, match="node 99"):
         bench.boot([*setups[:2], hasty(gone), *setups[3:]]).let_go()
     watched = [bench.number(drive, 0x1016, 1) for drive in range(7)]

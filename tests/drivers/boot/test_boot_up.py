@@ -17,6 +17,17 @@ from errors import BusError, ConfigurationError, DriveError
 from simulator.objects import key
 
 
+def with_wiring(setup, **changes):
+    wiring = msgspec.structs.replace(setup.drive.wiring, **changes)
+    return replace(setup, drive=replace(setup.drive, wiring=wiring))
+
+
+def with_profile(setup, **changes):
+    raw = msgspec.to_builtins(setup.drive.profile) | changes
+    profile = msgspec.convert(raw, type(setup.drive.profile))
+    return replace(setup, drive=replace(setup.drive, profile=profile))
+
+
 def threads():
     return {thread.name for thread in threading.enumerate()}
 
@@ -27,7 +38,7 @@ def test_every_drive_says_who_it_is(bench, setups):
     identities = bench.boot_up(setups, progress=lines.append)
     assert threads() == before, "the reader is gone"
     assert [(i.name, i.node, i.serial) for i in identities] == [
-        (setup.name, setup.wiring.node, setup.wiring.node) for setup in setups
+        (setup.drive.name, setup.drive.node, setup.drive.node) for setup in setups
     ]
     assert {(i.vendor, i.product, i.revision) for i in identities} == {(0xC0DAC7, 0x402, 0x10000)}
     assert lines[2] == (
@@ -92,20 +103,15 @@ def test_set_up_twice_is_set_up(bench, setups):
 
 
 def test_the_configurations_own_objects_come_last(bench, setups):
-    extra = msgspec.structs.replace(
-        setups[0].profile,
-        write=[{"object": 0x6080, "value": 3000}, {"object": 0x6073, "value": 1500}],
-    )
-    extra = msgspec.convert(msgspec.to_builtins(extra), type(extra))
-    bench.boot_up([replace(setup, profile=extra) for setup in setups])
+    write = [{"object": 0x6080, "value": 3000}, {"object": 0x6073, "value": 1500}]
+    bench.boot_up([with_profile(setup, write=write) for setup in setups])
     assert bench.number(0, 0x6080) == 3000
     assert bench.number(0, 0x6073) == 1500
 
 
 def test_a_drive_that_is_not_there(bench, setups):
-    missing = msgspec.structs.replace(setups[2].wiring, node=99)
     with pytest.raises(DriveError, match=r"node 99 \(LElbowRoll\) does not answer \(SDO timeout"):
-        bench.boot_up([*setups[:2], replace(setups[2], wiring=missing), *setups[3:]])
+        bench.boot_up([*setups[:2], with_wiring(setups[2], node=99), *setups[3:]])
     assert bench.number(0, 0x6007) == 0, "nothing is written before everybody has answered"
 
 
@@ -128,9 +134,8 @@ def test_another_drive_than_configured(bench, setups, where, value, says):
 
 
 def test_another_serial_number(bench, setups):
-    wiring = msgspec.structs.replace(setups[2].wiring, serial=1234)
     with pytest.raises(DriveError, match="serial number 3, configured 1234"):
-        bench.boot_up([*setups[:2], replace(setups[2], wiring=wiring)])
+        bench.boot_up([*setups[:2], with_wiring(setups[2], serial=1234)])
 
 
 def forgetful(drive, where, value):
@@ -190,17 +195,15 @@ def test_a_drive_that_shows_its_mode_late(bench, setups):
 
 
 def test_a_refusal_in_words(bench, setups):
-    profile = msgspec.structs.replace(setups[2].profile, fault_reaction=1)
     with pytest.raises(
         DriveError, match=r"0x605E:00: writing 1 was refused: Value range .* \(0x06090030\)"
     ):
-        bench.boot_up([*setups[:2], replace(setups[2], profile=profile)])
+        bench.boot_up([*setups[:2], with_profile(setups[2], fault_reaction=1)])
 
 
 def test_a_value_outside_the_eds_never_gets_to_the_bus(bench, setups):
-    profile = msgspec.structs.replace(setups[2].profile, fault_reaction=-5)
     with pytest.raises(ConfigurationError, match=r"object 0x605E:00 .*: -5 is outside 0 \.\.\. 2"):
-        bench.boot([replace(setups[2], profile=profile)]).boot_up()
+        bench.boot([with_profile(setups[2], fault_reaction=-5)]).boot_up()
     assert bench.other_end.recv(0) is None
 
 

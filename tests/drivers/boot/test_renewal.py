@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
-from bench.rigs.served_daemon import open_house
+from bench.rigs.served_daemon import served_daemon
 from drivers.boot.boot_up import DriveBoot
 from errors import DriveError
 from simulator.objects import key
@@ -48,19 +48,19 @@ def test_another_drive_in_its_place_is_refused(rig: Rig, boot: DriveBoot) -> Non
 
 
 def test_what_a_drive_said_before_it_was_set_up_again_is_over(tmp_path: Path) -> None:
-    with open_house(tmp_path) as house:
-        rig = house.rig
-        house.service.boot = rig.boot
+    with served_daemon(tmp_path) as served:
+        rig = served.rig
+        served.service.boot = rig.boot
         (drive,) = rig.arm.drives
         drive.boot()
-        house.run(0.05)
+        served.run(0.05)
         drive._send_emergency(bytes([0x20, 0x32, 0x05, 0, 0, 0, 0, 0]))
-        house.run(0.1)
-        assert "emergency of node 1" in house.contactctl("status").output
+        served.run(0.1)
+        assert "emergency of node 1" in served.contactctl("status").output
         with rig.lockstep.serving():
-            assert house.contactctl("reset").exit_code == 0
-        house.run(0.5)
-        assert house.contactctl("enable").exit_code == 0
-        house.run(1.0)
-        armed = house.contactctl("arm")
+            assert served.contactctl("reset").exit_code == 0
+        served.run(0.5)
+        assert served.contactctl("enable").exit_code == 0
+        served.run(1.0)
+        armed = served.contactctl("arm")
         assert armed.exit_code == 0, armed.output

@@ -14,10 +14,11 @@ from errors import ConfigurationError
 
 def changed(setup, **fields):
     """The setup with other fields in its profile; a dict changes fields of a quantity."""
-    raw = msgspec.to_builtins(setup.profile)
+    raw = msgspec.to_builtins(setup.drive.profile)
     for name, value in fields.items():
         raw[name] = raw[name] | value if isinstance(value, dict) else value
-    return replace(setup, profile=msgspec.convert(raw, DriveProfile))
+    profile = msgspec.convert(raw, DriveProfile)
+    return replace(setup, drive=replace(setup.drive, profile=profile))
 
 
 @pytest.mark.parametrize(
@@ -25,7 +26,9 @@ def changed(setup, **fields):
 )
 def test_the_range_of_the_sdo_timeout(setups, timeout_ms, allowed):
     if allowed:
-        assert changed(setups[0], sdo_timeout_ms=timeout_ms).profile.sdo_timeout_ms == timeout_ms
+        assert (
+            changed(setups[0], sdo_timeout_ms=timeout_ms).drive.profile.sdo_timeout_ms == timeout_ms
+        )
     else:
         with pytest.raises(msgspec.ValidationError, match="sdo_timeout_ms"):
             changed(setups[0], sdo_timeout_ms=timeout_ms)

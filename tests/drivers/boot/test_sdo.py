@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from drivers.boot.sdo import LONGEST_ANSWER, ObjectAccess
 from errors import DriveError, SilentDriveError
+from tests.examples import scaled
 
 NODE = 3
 
@@ -135,7 +136,7 @@ def refusal(work: Callable[[], object]) -> str:
     return ""
 
 
-@settings(max_examples=100)
+@settings(max_examples=scaled(100))
 @given(answers=st.lists(st.lists(ANSWER, max_size=2), max_size=12))
 def test_whatever_it_answers_what_is_raised_is_a_drive_error(setups, answers):
     left = list(answers)
@@ -149,16 +150,15 @@ def test_whatever_it_answers_what_is_raised_is_a_drive_error(setups, answers):
         assert "node 3 (LElbowRoll)" in said or not said
 
 
-@settings(max_examples=8)
+@settings(max_examples=scaled(8))
 @given(
     harm=st.dictionaries(st.integers(0, 150), st.one_of(st.none(), ANSWER), min_size=1, max_size=4),
 )
 def test_a_boot_up_that_is_garbled_comes_up_or_says_why(make_bench, setups, harm):
     bench = make_bench()
     drive = bench.simulated.drives[2]
-    hasty = replace(
-        setups[2], profile=msgspec.structs.replace(setups[2].profile, sdo_timeout_ms=30)
-    )
+    profile = msgspec.structs.replace(setups[2].drive.profile, sdo_timeout_ms=30)
+    hasty = replace(setups[2], drive=replace(setups[2].drive, profile=profile))
     send, count = drive._sdo.network._send, iter(range(1_000_000))
 
     def garbled(cob_id, data):

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from drivers.can.frame_ring import FrameRing, RecordedWire, read_frames
 from drivers.can.wire import ERROR, EXTENDED, QueueWire, open_wire
 from errors import LogError
+from tests.examples import scaled
 
 FRAME = st.tuples(
     st.sampled_from([0x000, 0x181, 0x77F, 0x12345 | EXTENDED, 0x40 | ERROR]),
@@ -25,7 +26,7 @@ def path(tmp_path):
     return tmp_path / "frames"
 
 
-@settings(max_examples=30)
+@settings(max_examples=scaled(30))
 @given(frames=st.lists(FRAME, max_size=20), capacity=st.integers(1, 12))
 def test_the_last_ones_are_kept_in_order(tmp_path_factory, frames, capacity):
     path = tmp_path_factory.mktemp("ring") / "frames"

@@ -17,6 +17,7 @@ from drivers.can.bus import BUS_FAILURES, open_bus
 from drivers.can.wire import EXTENDED, REMOTE, SlcanWire, open_wire
 from drivers.settings import BusSettings
 from errors import BusError
+from tests.examples import scaled
 
 
 @pytest.fixture
@@ -102,7 +103,7 @@ def test_lines(line, text, frame):
 FRAMES = st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=8)
 
 
-@settings(max_examples=50)
+@settings(max_examples=scaled(50))
 @given(frames=FRAMES, garbage=st.binary(max_size=30), cut=st.integers(0, 60))
 def test_frames_survive_garbage_and_being_cut(frames, garbage, cut):
     reader, writer = os.pipe()

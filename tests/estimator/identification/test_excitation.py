@@ -1,4 +1,4 @@
-"""Excitations stay within their bounds, begin and end at rest, and are better than the first."""
+"""Excitations: within their bounds, from rest to rest, and better conditioned than the first."""
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from estimator.identification.excitation import (
     soft_run,
     trajectory,
 )
+from tests.examples import scaled
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -50,7 +51,7 @@ def test_a_joint_without_room_is_named(arm):
 
 
 @given(length=st.floats(0.5, 60.0), ramp=st.floats(0.1, 10.0))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=scaled(50))
 def test_soft_run_never_turns_back(length, ramp):
     s = soft_run(length, ramp, 0.01)
     rate = np.diff(s) / 0.01
@@ -62,7 +63,7 @@ def test_soft_run_never_turns_back(length, ramp):
 
 
 @given(way=st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=scaled(50))
 def test_point_to_point_obeys(way):
     bounds = Bounds(-3 * np.ones(3), 3 * np.ones(3), np.array([0.5, 1.0, 2.0]), np.full(3, 4.0))
     q = point_to_point(np.zeros(3), np.array(way), bounds, 0.01)

@@ -1,4 +1,4 @@
-"""The half-gap: by a hand, by ramps of torque, in motion; and when there is none to be given."""
+"""Half-gap by a hand, by ramps of torque and in motion; and logs that have none to give."""
 
 import gzip
 import itertools

@@ -1,4 +1,4 @@
-"""Thresholds: the chosen rate of false alarms, and nothing learned from a touch."""
+"""Identified thresholds: the chosen rate of false alarms, and nothing learned from a touch."""
 
 from dataclasses import replace
 

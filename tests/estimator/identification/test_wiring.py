@@ -1,4 +1,4 @@
-"""A wrong sign, a wrong scale and another joint's drive are seen in a motion of 20 mrad."""
+"""Wiring errors in a motion of 20 mrad: a wrong sign, a wrong scale, another joint's drive."""
 
 from dataclasses import replace
 

@@ -1,0 +1,51 @@
+"""Record of one tick: what was measured, estimated, found and decided in it, and when.
+
+Made once at the end of each tick and never changed, so that whatever is asked between two ticks
+(status, arming, the published State) is asked of one moment.
+"""
+
+from dataclasses import dataclass
+
+from daemon.faults.finding import Finding
+from daemon.modes.table import Mode
+from daemon.protocol.messages import Notice
+from daemon.tick.controller import Decision
+from drivers.answers import Samples
+from estimator.estimate import Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Wakeup:
+    """Wake-up of the loop for a tick: when it came, and how well it met its deadline."""
+
+    monotonic_s: float = 0.0
+    lateness_s: float = 0.0
+    work_s: float = 0.0  # of the tick before
+    missed: int = 0  # deadlines, since the start
+    left_out: int = 0  # deadlines that this tick came too late for
+    doors_s: float = 0.0  # what clients and the log took, after the tick before
+    wall_s: float = 0.0  # Unix time
+
+
+ON_TIME = Wakeup()
+
+
+@dataclass(frozen=True, slots=True)
+class TickRecord:
+    """One tick. Nothing of it changes afterwards; arrays of shape (n,), SI at the link."""
+
+    number: int
+    time_s: float  # since the loop started
+    wakeup: Wakeup
+    samples: Samples
+    updated: bool  # the samples are complete, and the estimate is made of them
+    interval_s: float  # between the samples of `estimate` and those before them
+    estimate: Estimate | None  # the newest; None until samples were complete for the first time
+    findings: tuple[Finding, ...]
+    decision: Decision | None  # None as long as `estimate` is
+    mode: Mode  # after the decision, like all that follows
+    armed: bool
+    cause: str  # of the mode
+    moving: bool  # a trajectory runs, or goes on after this contact
+    quiet_s: float  # since the last tick with a non-zero thresholded residual
+    notices: tuple[Notice, ...]  # news of this tick, and of the requests before it

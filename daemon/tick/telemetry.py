@@ -1,0 +1,97 @@
+"""Telemetry of a tick: its record as a State, with names and lists instead of enums and arrays."""
+
+from typing import Any
+
+import numpy as np
+
+from daemon.protocol.messages import Contact, Notice, PerJoint, SideName, State, Timing
+from daemon.tick.record import TickRecord
+from drivers.cia402 import DriveState
+from estimator import contact as estimator_contact
+from estimator.estimate import Estimate, Flag
+from estimator.motor_position import Side
+
+SIDE_NAMES: dict[int, SideName] = {
+    Side.LEFT: "left",
+    Side.GAP: "gap",
+    Side.RIGHT: "right",
+    Side.UNKNOWN: "unknown",
+}
+DRIVE_STATE_NAMES = {state: state.name.lower().replace("_", " ") for state in DriveState}
+FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
+
+
+def state_of(record: TickRecord) -> State:
+    """The State that is published of a tick. Raises RuntimeError before the first complete
+    samples."""
+    samples, decision, wakeup = record.samples, record.decision, record.wakeup
+    if record.estimate is None or decision is None:
+        raise RuntimeError("no complete samples yet")
+    motor_position = samples.motor_position
+    return State(
+        tick=record.number,
+        time_s=record.time_s,
+        interval_s=record.interval_s,
+        mode=record.mode,
+        armed=record.armed,
+        cause=record.cause,
+        moving=record.moving,
+        fresh=samples.fresh.tolist(),
+        drives=[DRIVE_STATE_NAMES[state] for state in samples.states],
+        current=finite_list(samples.current),
+        link_position=finite_list(samples.link_position),
+        motor_velocity=finite_list(samples.motor_velocity),
+        motor_position=None if motor_position is None else finite_list(motor_position),
+        **estimated(record.estimate),
+        updated=record.updated,
+        reference=finite_list(decision.reference),
+        setpoint=decision.velocity.tolist(),
+        quiet_s=record.quiet_s,
+        notices=list(record.notices),
+        timing=Timing(
+            wall_s=wakeup.wall_s,
+            monotonic_s=wakeup.monotonic_s,
+            lateness_us=wakeup.lateness_s * 1e6,
+            work_us=wakeup.work_s * 1e6,
+            doors_us=wakeup.doors_s * 1e6,
+            missed=wakeup.missed,
+        ),
+    )
+
+
+def estimated(estimate: Estimate) -> dict[str, Any]:
+    """The fields of a State that come from an estimate, by name: what a replay must reproduce."""
+    return {
+        "link_velocity": estimate.q_dot.tolist(),
+        "motor_estimate": estimate.theta.tolist(),
+        "phi": estimate.phi.tolist(),
+        "phi_sigma": estimate.phi_sigma.tolist(),
+        "side": [SIDE_NAMES[side] for side in estimate.side.tolist()],
+        "motor_torque": estimate.tau_M.tolist(),
+        "residual": estimate.residual.tolist(),
+        "threshold": estimate.threshold.tolist(),
+        "thresholded": estimate.thresholded.tolist(),
+        "touched_link": estimate.touched_link,
+        "beside": {name: values.tolist() for name, values in estimate.beside.items()},
+        "flags": [FLAG_NAMES[flag] for flag in estimate.flags],
+    }
+
+
+def contact_notice(contact: estimator_contact.Contact) -> Notice:
+    """A contact as news for readers and the log."""
+    return Notice(
+        kind="contact",
+        text=f"{contact.joint} {contact.torque:+.2f} Nm ({contact.level})",
+        contact=Contact(
+            joint=contact.joint,
+            torque=contact.torque,
+            threshold=contact.threshold,
+            level=contact.level,
+            side=SIDE_NAMES[contact.side],
+        ),
+    )
+
+
+def finite_list(values: np.ndarray) -> PerJoint:
+    """As a list; JSON has no NaN, and msgspec would write null where a number is promised."""
+    return [value if value == value else 0.0 for value in values.tolist()]  # noqa: PLR0124

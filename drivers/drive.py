@@ -1,0 +1,22 @@
+"""One drive of an arm: the joint that it turns, its place on the bus, its kind."""
+
+from dataclasses import dataclass
+
+from drivers.settings import DriveProfile, JointWiring
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One drive, resolved: `profile` is what `wiring.profile` names."""
+
+    name: str  # of the joint
+    wiring: JointWiring
+    profile: DriveProfile
+
+    @property
+    def node(self) -> int:
+        """Its node id (CiA 301)."""
+        return self.wiring.node
+
+    def __str__(self) -> str:
+        return f"node {self.node} ({self.name})"
