@@ -22,6 +22,7 @@ from daemon.protocol.messages import (
     Request,
     Snapshot,
     State,
+    Status,
     printable,
 )
 from daemon.protocol.socket_path import default_socket_path, how_to_be_let_in
@@ -97,6 +98,20 @@ class Client:
             self.close()
             raise
         return self._decode(self._replies, answer)
+
+    def demand(self, command: Command) -> Reply:
+        """Ask for `command`. Raises ControlError, with every reason, where it is refused."""
+        reply = self.request(command)
+        if not reply.ok:
+            raise ControlError(reply.refusal)
+        return reply
+
+    def ask_status(self) -> Status:
+        """The daemon's Status. Raises ControlError where it is refused."""
+        reply = self.request("status")
+        if reply.status is None:
+            raise ControlError(reply.refusal)
+        return reply.status
 
     def arm(self, lease_s: float | None = None, *, detached: bool = False) -> Reply:
         """Arm; the answer may be a refusal.
@@ -177,7 +192,7 @@ class Client:
         """
         reply = self.request("subscribe")
         if not reply.ok or reply.snapshot is None:
-            raise ControlError("; ".join([reply.message or "refused", *reply.reasons]))
+            raise ControlError(reply.refusal)
         return reply.snapshot, self._iterate()
 
     def packet(self, silence: str = "fell silent") -> bytes:

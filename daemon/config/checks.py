@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from daemon.config.counts import misfits
+from daemon.config.counts import unrepresentable
 from daemon.config.schema import Configuration, Joint
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup, problems
@@ -154,7 +154,7 @@ def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
 def _counts(c: Configuration) -> Iterator[Problem]:
     for i, joint in enumerate(c.joints):
         profile = c.drives.get(joint.wiring.profile)
-        for entry, what in misfits(joint, profile) if profile else ():
+        for entry, what in unrepresentable(joint, profile) if profile else ():
             keys, where = _at(i, joint, "wiring")
             yield Problem(keys, where, f"{joint.wiring.profile}.{entry}: {what}")
 

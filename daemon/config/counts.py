@@ -10,7 +10,7 @@ from drivers.settings import DriveProfile, PdoEntry
 COARSEST = 0.25
 
 
-def misfits(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, str]]:
+def unrepresentable(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, str]]:
     """(quantity, what does not fit) of one joint with its drive."""
     limits = joint.limits
     spans: tuple[tuple[PdoEntry, float, float, str], ...] = (

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from arrays import Matrix
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
-from daemon.identify.measured import Measured, read_measured, refuse_misfits
+from daemon.identify.measured import Measured, read_measured, refuse_made_otherwise
 from daemon.identify.motions import (
     HAND_S,
     WIDEST_GUESS,
@@ -54,7 +54,7 @@ class LiveArm:
 
     def serials(self) -> dict[str, int | None]:
         """Of the drives, by joint."""
-        status = self._session.status()
+        status = self._session.client.ask_status()
         return dict(zip(status.joints, status.serials, strict=False))
 
     def close(self) -> None:
@@ -153,7 +153,7 @@ class LiveArm:
         parts = self._session.parts(step)
         if not parts:
             return None
-        refuse_misfits(parts, self._c, residuals=residuals)
+        refuse_made_otherwise(parts, self._c, residuals=residuals)
         files = ", ".join(str(part) for part in parts)
         self._tell(f"going on with what was measured before; to begin anew, delete {files}")
         try:

@@ -52,9 +52,9 @@ def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
     for path in paths:
         later = states[-1].time_s + _APART_S if states else 0.0
         found, broken, recorded = _states_of(path, c.joint_names)
-        if why := misfit(recorded, c):
+        if why := made_otherwise(recorded, c):
             raise LogError(f"{path} {why}")
-        if why := misfit(recorded, c, residuals=True):
+        if why := made_otherwise(recorded, c, residuals=True):
             outdated = f"{path} {why}"
         if broken:
             notes.append(f"{broken}; what is whole is used")
@@ -71,7 +71,7 @@ def raised(states: Iterable[State], c: Configuration) -> list[State]:
     return [replace(s, threshold=np.subtract(s.threshold, levels).tolist()) for s in states]
 
 
-def misfit(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
+def made_otherwise(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
     """Why samples, or residuals as well, that were recorded with one configuration are of no use
     for `c`: to be said behind the recording's name. Empty where they are."""
     if not samples_alike(recorded, c):
@@ -82,13 +82,13 @@ def misfit(recorded: Configuration, c: Configuration, *, residuals: bool = False
     return ""
 
 
-def refuse_misfits(paths: Sequence[Path], c: Configuration, *, residuals: bool) -> None:
+def refuse_made_otherwise(paths: Sequence[Path], c: Configuration, *, residuals: bool) -> None:
     """Look only at how recordings begin, before a motion adds another to them. Raises LogError,
     which names those that are in its way."""
     reasons = []
     for path in paths:
         try:
-            if why := misfit(_recorded_with(path), c, residuals=residuals):
+            if why := made_otherwise(_recorded_with(path), c, residuals=residuals):
                 reasons.append(f"{path} {why}")
         except ContactdError as error:
             reasons.append(str(error))

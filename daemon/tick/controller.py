@@ -16,7 +16,7 @@ from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, Mo
 from daemon.motion.admittance import MAX_GAIN, Allowance, AllowanceSettings
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
-from daemon.tick.refusals import misfits, not_energisable, not_startable
+from daemon.tick.refusals import leaves_limits, not_energisable, not_startable
 from drivers.cia402 import PowerTarget
 
 # How long a reset may take until a drive's fault counts as a new one [s].
@@ -253,7 +253,7 @@ class Controller:
         if self._tuning.after_quiet is AfterQuiet.RETURN:
             return Event.RETURN, []
         place = self.motion.follower.place
-        reasons = misfits(self._tuning.joints, q, self.motion.limits, place)
+        reasons = leaves_limits(self._tuning.joints, q, self.motion.limits, place)
         return (Event.SETTLE if reasons else Event.RESUME), reasons
 
     def _apply(self, event: Event, cause: str, time_s: float) -> None:

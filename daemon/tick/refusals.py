@@ -59,7 +59,7 @@ def not_energisable(
 def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
     """Before `start`: joints that stand elsewhere than the path begins, else those that it would
     lead out of their limits."""
-    return _astray(joints, q, place) or misfits(joints, q, limits, place)
+    return _astray(joints, q, place) or leaves_limits(joints, q, limits, place)
 
 
 def _astray(joints: Sequence[str], q: Vector, place: Place) -> list[str]:
@@ -73,9 +73,9 @@ def _astray(joints: Sequence[str], q: Vector, place: Place) -> list[str]:
     ]
 
 
-def misfits(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
+def leaves_limits(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
     """Joints that what is left of the path would lead out of their limits from q (n,) [rad]."""
-    beyond = place.misfits(q, limits.lower, limits.upper)
+    beyond = place.leaves_limits(q, limits.lower, limits.upper)
     return [
         f"from {q[i]:.3f} rad the path of {name} would leave its limits "
         f"[{limits.lower[i]:g}, {limits.upper[i]:g}]"

@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from bench.rigs.lockstep import ROMEO
-from daemon.config.counts import COARSEST, misfits
+from daemon.config.counts import COARSEST, unrepresentable
 from daemon.config.load import load_robot
 from daemon.config.schema import Joint
 from drivers.settings import DriveProfile
@@ -26,7 +26,7 @@ def profile(entry: str, **changes: object) -> DriveProfile:
 
 
 def entries(joint: Joint, profile: DriveProfile) -> list[str]:
-    return [entry for entry, _ in misfits(joint, profile)]
+    return [entry for entry, _ in unrepresentable(joint, profile)]
 
 
 def test_what_is_shipped_fits() -> None:
