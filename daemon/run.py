@@ -1,4 +1,4 @@
-"""`contactd run`: from a configuration to a ticking loop, and back to a safe end."""
+"""Life of `contactd run`: from a configuration to a ticking loop, and back to a safe end."""
 
 import logging
 import os
@@ -131,7 +131,7 @@ def sleep_until(deadline: float) -> None:
 
 
 class _Signals:
-    """The name of the first SIGTERM or SIGINT; a second SIGINT during the end changes nothing, for
+    """Name of the first SIGTERM or SIGINT; a second SIGINT during the end changes nothing, for
     the arm must be brought to rest."""
 
     def __init__(self) -> None:

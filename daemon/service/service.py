@@ -1,4 +1,4 @@
-"""The running service: answers requests, tells readers and the log."""
+"""Running service: answers requests, publishes each tick to readers and the log."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -41,7 +41,7 @@ _log = logging.getLogger("contactd")
 
 
 def _misplaced(request: Request) -> list[str]:
-    """What was said beside a command that takes no such thing."""
+    """Fields of a request that its command does not take."""
     takers = {
         "header": ("load",),
         "rows": ("load",),
@@ -64,7 +64,7 @@ def _outcome(machine: ModeMachine) -> str:
 
 @dataclass(slots=True)
 class Service:
-    """What stands around the loop, in the slack after each tick."""
+    """Everything around the loop, in the slack after each tick."""
 
     process: Process
     loop: Loop
@@ -111,7 +111,7 @@ class Service:
         _log.log(_LEVELS[kind], "%s", text, extra=place)
 
     def summary(self) -> str:
-        """The mode and its cause, in one line."""
+        """Mode and its cause, in one line."""
         machine = self.loop.tick.controller.machine
         return f"{_outcome(machine)}: {machine.cause}"
 
@@ -146,7 +146,7 @@ class Service:
         return reply
 
     def _reply(self, request: Request, reasons: Sequence[str] = (), done: str = "") -> Reply:
-        """Refused for these reasons; without any, done: in words, unless the mode says it."""
+        """Refusal for these reasons; without any, what was done: in words, or as the mode says."""
         machine = self.loop.tick.controller.machine
         outcome = "refused" if reasons else done or _outcome(machine)
         return Reply(
@@ -197,7 +197,7 @@ class Service:
         return self._reply(request, reasons, f"{joint} {gain:g} rad/s per Nm")
 
     def _renewed(self) -> list[str]:
-        """Before a reset: set drives up again that need it; returns why that failed.
+        """Set drives up again that need it before a reset; returns why that failed.
 
         By SDO, so no tick happens meanwhile: the arm stands in quick stop or without torque. The
         watchdog is fed as long as drives answer or are given up.

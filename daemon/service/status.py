@@ -1,4 +1,4 @@
-"""The running daemon in words and figures: for `contactctl status`, and for new readers."""
+"""Status of the running daemon for `contactctl status`, and its snapshot for new readers."""
 
 import math
 from collections.abc import Sequence
@@ -83,7 +83,7 @@ def _trajectory(controller: Controller) -> Trajectory:
 
 
 def snapshot_of(robot: Robot, tick: Tick) -> Snapshot:
-    """What a reader needs beside the States. Raises ControlError before the first sample."""
+    """Snapshot for a reader, beside the States. Raises ControlError before the first sample."""
     c = robot.configuration
     last = tick.last
     if last is None or last.decision is None:
