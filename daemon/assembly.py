@@ -1,4 +1,4 @@
-"""From a checked configuration to the parts of one arm. The only place that knows them all."""
+"""Assembly of one arm from a checked configuration. The only place that knows all its parts."""
 
 from collections.abc import Callable, Sequence
 
@@ -62,7 +62,7 @@ def build_tick(
 
 
 def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:
-    """The arming check of identified.yaml: of these drives and this configuration, and passed?
+    """Arming check of identified.yaml: it must be of these drives and this configuration.
     serials: of the drives that answered, in the order of the joints."""
     c, found = robot.configuration, robot.identified
     against = objections(found, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True)))
@@ -71,14 +71,14 @@ def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:
 
 
 def build_boot(robot: Robot, bus: can.BusABC, ring: FrameRing | None = None) -> DriveBoot:
-    """The set-up of the drives over an open bus; `ring` keeps its frames. Raises
+    """Boot-up of the drives over an open bus; `ring` keeps its frames. Raises
     ConfigurationError."""
     c = robot.configuration
     return DriveBoot(bus, build_setups(robot), c.period_ms, c.bus.master_node, ring)
 
 
 def build_setups(robot: Robot) -> list[DriveSetup]:
-    """What each drive shall hold before it may be operational. Raises ConfigurationError."""
+    """Set-up that each drive must hold before it may be operational. Raises ConfigurationError."""
     c = robot.configuration
     sheets = {
         name: load_data_sheet(robot.folder / profile.eds) for name, profile in c.drives.items()
@@ -92,7 +92,7 @@ def build_setups(robot: Robot) -> list[DriveSetup]:
 
 
 def build_estimator(c: Configuration, urdf: str) -> Estimator:
-    """The whole chain from samples to contact."""
+    """Estimator: the whole chain from samples to contact."""
     return Estimator(
         Model(urdf, c.joint_names),
         build_transmission(c),
@@ -107,7 +107,7 @@ def build_estimator(c: Configuration, urdf: str) -> Estimator:
 
 
 def build_transmission(c: Configuration) -> Transmission:
-    """Gears, gaps, rotors and friction as arrays."""
+    """Gears, gaps, rotors and friction as arrays (n,)."""
     return Transmission(
         joints=tuple(c.joint_names),
         torque_constant=row(c, lambda j: j.torque_constant),
@@ -127,7 +127,7 @@ def build_transmission(c: Configuration) -> Transmission:
 
 
 def build_fault_detector(c: Configuration) -> FaultDetector:
-    """What is watched beside the contacts, and how long a nuisance may last."""
+    """Detector of faults, with the bounds and the patience that the configuration gives it."""
     s = c.supervisor
     patience = DetectorSettings(
         s.stale_ticks,
@@ -161,7 +161,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
 
 
 def build_controller(robot: Robot, *, links_trusted: bool) -> Controller:
-    """Modes and reactions over `build_motion`."""
+    """Controller: modes and reactions over `build_motion`."""
     c = robot.configuration
     tuning = ControllerSettings(
         joints=tuple(c.joint_names),
@@ -177,7 +177,8 @@ def build_controller(robot: Robot, *, links_trusted: bool) -> Controller:
 
 
 def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
-    """Trajectory, admittance and limits; position loops over links only where they are trusted."""
+    """Motion: trajectory, admittance, limits; position loops over links only where they are
+    trusted."""
     c = robot.configuration
     manner = MotionSettings(
         position_gain=c.control.position_gain,

@@ -55,7 +55,7 @@ def bring_to_rest(
 
 
 def _stragglers(tick: Tick) -> list[str]:
-    """Drives that have not reached what was last asked of them."""
+    """Names of drives that have not reached the state that was last asked of them."""
     last = tick.last
     if last is None or last.decision is None:
         return []

@@ -1,4 +1,4 @@
-"""`contactd run`: from a configuration to a ticking loop, and back to a safe end."""
+"""Life of `contactd run`: from a configuration to a ticking loop, and back to a safe end."""
 
 import logging
 import os
@@ -21,6 +21,7 @@ from daemon.service.notify import Notifier, notifier_of
 from daemon.service.realtime import go_realtime
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
+from daemon.service.status import Process
 from daemon.tick.loop import Clock, Loop
 from drivers.can.bus import open_bus
 from drivers.can.bus_load import frame_rate_hz
@@ -73,9 +74,8 @@ def _serve(
     for grant in realtime:
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
     loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)
-    service = Service(
-        robot, loop, control, realtime, os.getpid(), notifier, serials, boot, black_box.tell
-    )
+    process = Process(robot, os.getpid(), realtime, serials)
+    service = Service(process, loop, control, notifier, boot, black_box.tell)
     # From the first heartbeat on the drives expect the next.
     tick.drives.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)
@@ -130,7 +130,7 @@ def sleep_until(deadline: float) -> None:
 
 
 class _Signals:
-    """The name of the first SIGTERM or SIGINT; a second SIGINT during the end changes nothing, for
+    """Name of the first SIGTERM or SIGINT; a second SIGINT during the end changes nothing, for
     the arm must be brought to rest."""
 
     def __init__(self) -> None:

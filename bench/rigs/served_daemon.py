@@ -18,6 +18,7 @@ from daemon.protocol.messages import Reply, State
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
+from daemon.service.status import Process
 from daemon.tick.loop import Loop
 
 _PATIENCE_S = 5.0
@@ -119,4 +120,5 @@ def served_daemon(
         loop = Loop(rig.tick, rig.clock(), c.period_s)
         serials = [identity.serial for identity in rig.boot.identities]
         rig.run(0.1)
-        yield ServedDaemon(rig, Service(rig.robot, loop, control, [], 1, notifier, serials))
+        process = Process(rig.robot, 1, [], serials)
+        yield ServedDaemon(rig, Service(process, loop, control, notifier))

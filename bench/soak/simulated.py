@@ -37,6 +37,7 @@ from daemon.protocol.socket_path import Peer
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
+from daemon.service.status import Process
 from daemon.tick.loop import Loop
 from drivers.boot.boot_up import DriveBoot
 from errors import ContactdError
@@ -186,7 +187,7 @@ def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
     boot = _LockstepBoot(rig.bus, rig.boot.setups, c.period_ms, c.bus.master_node)
     boot.identities = rig.boot.identities
     boot.rig = rig
-    return Service(rig.robot, loop, control, [], os.getpid(), notifier, [], boot)
+    return Service(Process(rig.robot, os.getpid(), []), loop, control, notifier, boot)
 
 
 def _soak(

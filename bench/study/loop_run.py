@@ -29,6 +29,7 @@ from daemon.service.notify import Notifier
 from daemon.service.realtime import FIFO_PRIORITY, go_realtime
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
+from daemon.service.status import Process
 from daemon.tick.loop import Clock, Loop
 from drivers.ids import HEARTBEAT, NEXT_PDO, NODE, SYNC, TPDO
 
@@ -171,7 +172,7 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
             stack.enter_context(cyclictest)
         realtime = go_realtime()
         loop = Loop(tick, clock, 1.0 / hz)
-        service = Service(robot, loop, control, realtime, os.getpid(), Notifier())
+        service = Service(Process(robot, os.getpid(), realtime), loop, control, Notifier())
         figures = np.zeros((ticks, 3))  # lateness, CPU time, work [s]
         begun = time.thread_time()
 

@@ -22,6 +22,7 @@ from daemon.protocol.messages import (
     Request,
     Snapshot,
     State,
+    Status,
     format_refusal,
     printable,
 )
@@ -98,6 +99,20 @@ class Client:
             self.close()
             raise
         return self._decode(self._replies, answer)
+
+    def demand(self, command: Command) -> Reply:
+        """Ask for `command`. Raises ControlError, with every reason, where it is refused."""
+        reply = self.request(command)
+        if not reply.ok:
+            raise ControlError(reply.refusal)
+        return reply
+
+    def ask_status(self) -> Status:
+        """The daemon's Status. Raises ControlError where it is refused."""
+        reply = self.request("status")
+        if reply.status is None:
+            raise ControlError(reply.refusal)
+        return reply.status
 
     def arm(self, lease_s: float | None = None, *, detached: bool = False) -> Reply:
         """Arm the arm; the answer may be a refusal.
@@ -178,7 +193,7 @@ class Client:
         """
         reply = self.request("subscribe")
         if not reply.ok or reply.snapshot is None:
-            raise ControlError("; ".join([reply.message or "refused", *reply.reasons]))
+            raise ControlError(reply.refusal)
         if refusal := format_refusal(reply.snapshot.format):
             raise ControlError(f"the daemon speaks another version: its States are {refusal}")
         return reply.snapshot, self._iterate()

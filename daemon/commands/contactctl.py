@@ -13,7 +13,7 @@ import click
 
 from daemon.commands.live_states import record_csv, record_states, show_live, stream_json
 from daemon.commands.options import PATH, Group, Options, Range, json_option, socket_option
-from daemon.commands.replies import answer, carry_out, print_json, status_of
+from daemon.commands.replies import answer, carry_out, print_json
 from daemon.new_file import refuse_suffix
 from daemon.protocol.lease import LONGEST_S, PERSON_S
 from errors import TrajectoryError, UnreachableError
@@ -102,7 +102,7 @@ def start(options: Options, file: Path | None, from_here: bool, speed: float) ->
     from daemon.motion.trajectory_file import read_trajectory
 
     with options.connect() as client:
-        trajectory = read_trajectory(file, status_of(client).joints)
+        trajectory = read_trajectory(file, client.ask_status().joints)
         try:
             client.load_trajectory(
                 trajectory.joints,
@@ -169,7 +169,7 @@ def gain(options: Options, joint: str | None, value: float | None) -> None:
     if value is not None and not math.isfinite(value):
         raise click.UsageError(f"{value:g} is not a gain")  # nor is it a number in JSON
     with options.connect() as client:
-        found = status_of(client)
+        found = client.ask_status()
         gains = dict(zip(found.joints, found.gain, strict=True))
         if joint is not None and joint not in gains:
             reasons = [f"no joint {joint!r}; there are: {', '.join(gains)}"]
@@ -190,7 +190,7 @@ def gain(options: Options, joint: str | None, value: float | None) -> None:
 def status(options: Options) -> None:
     """Show mode, joints, and what arming needs."""
     with options.connect() as client:
-        found = status_of(client)
+        found = client.ask_status()
     if options.json:
         print_json(found)
         return

@@ -22,7 +22,7 @@ from daemon.clients.client import Client
 from daemon.clients.dashboard import Dashboard, History
 from daemon.commands.demo_story import Story, touch_of
 from daemon.config.load import load_robot
-from daemon.protocol.messages import Command, Snapshot, State
+from daemon.protocol.messages import Snapshot, State
 from errors import ContactdError, ControlError
 
 ROBOT = Path(__file__).resolve().parents[2] / "configs" / "romeo_left_arm"
@@ -85,24 +85,18 @@ def _play(
         run.snapshot, states = _patiently(stream)
         with _picture(console) as picture:
             watch = _watch(states, run, picture, quiet=console is None)
-            _order(orders, "enable")
+            orders.demand("enable")
             _advance(watch, run, SETTLE_S)
             deadline = time.monotonic() + ARM_PATIENCE_S
             while not (reply := orders.arm(seconds + ARM_PATIENCE_S, detached=True)).ok:
                 if time.monotonic() > deadline:
-                    raise ControlError("arm: " + "; ".join(reply.reasons))
+                    raise ControlError(reply.refusal)
                 _advance(watch, run, 0.2)
-            _order(orders, "start")
+            orders.demand("start")
             _advance(watch, run, seconds - SETTLE_S)
-            _order(orders, "disarm")
-            _order(orders, "stop")
+            orders.demand("disarm")
+            orders.demand("stop")
             _advance(watch, run, 0.5)
-
-
-def _order(client: Client, command: Command) -> None:
-    reply = client.request(command)
-    if not reply.ok:
-        raise ControlError(f"{command}: " + "; ".join(reply.reasons))
 
 
 def _advance(watch: Iterator[State], run: _Run, seconds: float) -> None:

@@ -200,7 +200,7 @@ def identification(
     session = open_session(socket, console)
     with ExitStack() as refused:
         refused.callback(session.client.close)
-        robot = load_robot(from_here(Path(session.status().configuration)))
+        robot = load_robot(from_here(Path(session.client.ask_status().configuration)))
         if config is not None and load_robot(config).path.resolve() != robot.path.resolve():
             raise ConfigurationError(f"the running daemon is that of {robot.path}, not of {config}")
         session.folder = robot.folder / "identify"

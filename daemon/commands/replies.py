@@ -9,11 +9,10 @@ import click
 
 from daemon.commands.options import Options
 from daemon.modes.table import Mode
-from errors import ControlError
 
 if TYPE_CHECKING:
     from daemon.clients.client import Client
-    from daemon.protocol.messages import Command, Reply, Status
+    from daemon.protocol.messages import Command, Reply
 
 WAIT_S = 5.0
 POLL_S = 0.02
@@ -65,7 +64,7 @@ def wait_for(
     deadline = time.monotonic() + WAIT_S
     left = False
     while True:
-        now = status_of(client)
+        now = client.ask_status()
         left = left or now.mode != first.mode
         late = time.monotonic() > deadline
         guided = yields and now.mode in YIELDING
@@ -81,14 +80,6 @@ def wait_for(
         expected = "holding" if "holding" in goal else Mode.OFF
         text = f"not {expected} {f'after {WAIT_S:.0f} s' if late else 'but'} {text}"
     return Reply(ok=guided or now.mode in goal, message=text, mode=now.mode, armed=now.armed)
-
-
-def status_of(client: "Client") -> "Status":
-    """Status of the daemon. Raises ControlError."""
-    reply = client.request("status")
-    if reply.status is None:
-        raise ControlError("; ".join([reply.message or "no status", *reply.reasons]))
-    return reply.status
 
 
 def print_json(message: Any) -> None:

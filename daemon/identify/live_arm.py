@@ -57,7 +57,7 @@ class LiveArm:
 
     def serials(self) -> dict[str, int | None]:
         """Serial numbers of the drives, by joint."""
-        status = self._session.status()
+        status = self._session.client.ask_status()
         return dict(zip(status.joints, status.serials, strict=False))
 
     def close(self) -> None:

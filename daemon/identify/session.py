@@ -23,7 +23,7 @@ from daemon.clients.client import Client
 from daemon.config.schema import Configuration
 from daemon.identify.measured import configuration_of
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Command, Notice, State, Status
+from daemon.protocol.messages import Notice, State, Status
 from errors import ContactdError, ControlError, LogError, UnreachableError
 
 _SETTLE_S = 6.0
@@ -88,13 +88,6 @@ class Session:
     def __post_init__(self) -> None:
         self.client = Client(self.socket)
 
-    def status(self) -> Status:
-        """Status of the daemon now. Raises ControlError."""
-        reply = self.client.request("status")
-        if reply.status is None:
-            raise ControlError("; ".join([reply.message or "no status", *reply.reasons]))
-        return reply.status
-
     def configuration(self) -> Configuration:
         """Configuration that the daemon runs with, whatever its files say by now."""
         with Client(self.socket) as reader:
@@ -103,27 +96,21 @@ class Session:
     def hold(self) -> Status:
         """Wait until the arm holds, disarmed. Raises ControlError where it does not: enabling is
         left to the person."""
-        status = self.status()
+        status = self.client.ask_status()
         if status.mode == Mode.OFF:
             raise ControlError("the drives are off: look at the arm, then `contactctl enable`")
         if status.mode == Mode.FAULTED:
             raise ControlError(f"a fault is latched: {status.cause}")
         if status.armed:
-            self.ask("disarm")
+            self.client.demand("disarm")
         if status.mode == Mode.TRACKING:
-            self.ask("pause")
+            self.client.demand("pause")
         deadline = time.monotonic() + _SETTLE_S
-        while (status := self.status()).mode != Mode.HOLDING:
+        while (status := self.client.ask_status()).mode != Mode.HOLDING:
             if time.monotonic() > deadline:
                 raise ControlError(f"the arm does not hold: {status.mode}, {status.cause}")
             time.sleep(0.05)
         return status
-
-    def ask(self, command: Command) -> None:
-        """Send a command. Raises ControlError with the reasons of a refusal."""
-        reply = self.client.request(command)
-        if not reply.ok:
-            raise ControlError("; ".join([reply.message, *reply.reasons]))
 
     def parts(self, step: str) -> list[Path]:
         """Recordings of a step that is not concluded, oldest first."""
@@ -171,7 +158,7 @@ class Session:
                     _, states = reader.subscribe()
                     reply = self.client.start_loaded()
                     if not reply.ok:
-                        raise ControlError("; ".join([reply.message, *reply.reasons]))
+                        raise ControlError(reply.refusal)
                     ended = followed(states, each, on_contact)
             except KeyboardInterrupt:
                 ended = "stopped by you"

@@ -84,7 +84,7 @@ class Place:
     path: JointPath
     s: float = 0.0
 
-    def misfits(self, q: Vector, lower: Vector, upper: Vector) -> NDArray[np.bool_]:
+    def leaves_limits(self, q: Vector, lower: Vector, upper: Vector) -> NDArray[np.bool_]:
         """Mask (n,) of joints whose path from here on, anchored at q, leaves [lower, upper]."""
         origin = q - self.path.offset(self.s)
         low, high = self.path.extent(self.s)

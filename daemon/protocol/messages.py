@@ -105,6 +105,11 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     status: "Status | None" = None
     snapshot: "Snapshot | None" = None
 
+    @property
+    def refusal(self) -> str:
+        """The message and every reason of a refusal, in one line."""
+        return "; ".join([self.message or "refused", *self.reasons])
+
 
 class Contact(msgspec.Struct, frozen=True, kw_only=True):
     """Contact: the residual of a joint passed one of its levels."""

@@ -1,1 +1,1 @@
-"""What stands around the loop, in the slack between two ticks: socket, log, permission, systemd."""
+"""Service around the loop, in the slack between two ticks: socket, log, permission, systemd."""

@@ -1,4 +1,4 @@
-"""The black box: the last minute of frames, written to a log after a fault by another process.
+"""Black box: the last minute of frames, written to a log after a fault by another process.
 
 The daemon keeps the frames in a `FrameRing` beside its control socket. Before it goes real-time it
 starts a helper, which holds the other end of a pipe and sleeps: a line on the pipe is a fault, and
@@ -42,7 +42,7 @@ _log = logging.getLogger("contactd")
 
 
 def default_directory() -> Path:
-    """Where logs go: `$STATE_DIRECTORY` (systemd), else contactd's folder in the user's state."""
+    """Directory for logs: `$STATE_DIRECTORY` (systemd), else contactd's in the user's state."""
     if given := os.environ.get("STATE_DIRECTORY"):
         return Path(given.split(":")[0])
     home = os.environ.get("XDG_STATE_HOME")
@@ -50,16 +50,16 @@ def default_directory() -> Path:
 
 
 def ring_path(socket: Path) -> Path:
-    """The ring of the daemon with this control socket: beside it, where memory is files."""
+    """Path of the ring of the daemon with this control socket: beside it, where memory is files."""
     return socket.with_name(f"{socket.name}.frames")
 
 
 class BlackBox:
-    """The daemon's side; a context that ends in good order unless an exception leaves it."""
+    """Daemon's side; a context that ends in good order unless an exception leaves it."""
 
     def __init__(self, path: Path, directory: Path, rate_hz: float) -> None:
-        """For a bus with so many frames a second: save what an earlier daemon left, make the ring,
-        start the helper.
+        """Save what an earlier daemon left, make the ring, for a bus of `rate_hz` frames a second,
+        and start the helper.
 
         Without a place for the ring or the log there is no black box: `ring` is None, and the log
         says why. The arm runs all the same.
@@ -87,7 +87,7 @@ class BlackBox:
         self.close(orderly=kind is None)
 
     def tell(self, fault: str) -> None:
-        """A fault has happened. Never waits: a full pipe says that the helper knows of one."""
+        """Report a fault to the helper. Never waits: a full pipe says that it knows of one."""
         if self._helper and self._helper.stdin:
             try:
                 os.write(self._helper.stdin.fileno(), fault.encode()[:200] + b"\n")
@@ -121,7 +121,7 @@ def _start_helper(path: Path, directory: Path) -> "subprocess.Popen[bytes]":
 
 
 def follow(path: Path, directory: Path, pipe: int, tell: Callable[[str], None]) -> None:
-    """Until the pipe ends: write a log after every fault, and after a death. Raises LogError."""
+    """Write a log after every fault, and after a death, until the pipe ends. Raises LogError."""
     with path.open("rb") as ring:
         # Whoever finds the ring locked knows that it is being looked after.
         fcntl.flock(ring, fcntl.LOCK_EX)
@@ -140,7 +140,7 @@ def follow(path: Path, directory: Path, pipe: int, tell: Callable[[str], None]) 
 
 
 def _alive(heard: bytes) -> bool:
-    """Whether the daemon goes on after saying this."""
+    """True if the daemon goes on after it sent `heard`."""
     return bool(heard) and not heard.endswith(_ENDED)
 
 
@@ -159,7 +159,7 @@ def save(path: Path, directory: Path) -> Path | None:
 
 
 def new_log(directory: Path) -> Path:
-    """A name in `directory`, which is made: the time of day, UTC. Raises LogError."""
+    """Path of a new log in `directory`, which is made: the time of day, UTC. Raises LogError."""
     now = time.time()
     stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(now)) + f"{now % 1:.3f}"[1:] + "Z"
     try:
@@ -192,7 +192,8 @@ def write_log(frames: list[Recorded], target: Path) -> Path:
 
 
 def save_left_over(path: Path, directory: Path, patience_s: float = _PATIENCE_S) -> Path | None:
-    """What a dead daemon left and no helper saves: save it, remove the ring. None if there is none.
+    """Save the frames that a dead daemon left and no helper saves, and remove the ring; returns the
+    log's path, None if there is none.
 
     Waits up to `patience_s` for a helper that is at work. Raises LogError.
     """

@@ -38,7 +38,7 @@ MOST_TOLD = 8
 
 
 class _Formatter(logging.Formatter):
-    """`[mode tick=812] off -> enabling: ...` for what happened in a tick, else the bare text."""
+    """Lines like `[mode tick=812] off -> enabling: ...` for news of a tick, else the bare text."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:
         kind = getattr(record, "kind", "")
@@ -55,7 +55,7 @@ class _JournalFormatter(_Formatter):
 
 
 class _BoundedHandler(logging.handlers.QueueHandler):
-    """Hands lines to the writer, as long as it keeps up."""
+    """Queue of lines for the writer, as long as it keeps up."""
 
     queue: queue.SimpleQueue[logging.LogRecord]
     lost = 0
@@ -71,14 +71,14 @@ class _BoundedHandler(logging.handlers.QueueHandler):
 
 
 def stderr_is_journal() -> bool:
-    """Whether systemd's journal reads stderr (systemd.exec(5), $JOURNAL_STREAM)."""
+    """True if systemd's journal reads stderr (systemd.exec(5), $JOURNAL_STREAM)."""
     about = os.fstat(2)
     return os.environ.get("JOURNAL_STREAM") == f"{about.st_dev}:{about.st_ino}"
 
 
 @contextmanager
 def log_to_stderr() -> Iterator[None]:
-    """Everything logged under `contactd` goes to stderr while the block lasts."""
+    """Write everything logged under `contactd` to stderr while the block lasts."""
     lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
     stderr = logging.StreamHandler(sys.stderr)
     if stderr_is_journal():
@@ -104,7 +104,7 @@ def log_to_stderr() -> Iterator[None]:
 
 @dataclass(slots=True)
 class LogLimit:
-    """Of one log."""
+    """Rate limit for one event log."""
 
     _room: float = BURST
     _time_s: float = 0.0  # when `_room` was true
@@ -113,7 +113,7 @@ class LogLimit:
     _others: int = 0
 
     def admit(self, line: str, time_s: float) -> bool:
-        """Whether to write this line now; otherwise it is kept for `summary`."""
+        """True if this line may be written now; otherwise it is kept for `summary`."""
         self._room = min(self._room + PER_S * (time_s - self._time_s), float(BURST))
         self._time_s = time_s
         if self._room >= 1.0 and not self._left_out:
@@ -128,7 +128,7 @@ class LogLimit:
         return False
 
     def summary(self, time_s: float) -> str:
-        """What was left out, once it is time to tell; empty until then, and where there is none."""
+        """Summary of the lines left out, once it is due; empty until then, and without any."""
         if not self._left_out or time_s < self._since_s + SUMMARY_EVERY_S:
             return ""
         told = [f"{count} x {line}" for line, count in self._left_out.items()]

@@ -1,4 +1,4 @@
-"""Telling systemd how the service is, as sd_notify(3) says: datagrams to $NOTIFY_SOCKET.
+"""Reports to systemd on the state of the service (sd_notify(3)): datagrams to $NOTIFY_SOCKET.
 
 Nothing here waits. What the socket does not take is kept, and tried again after the next tick.
 """
@@ -17,7 +17,7 @@ _log = logging.getLogger("contactd")
 
 
 class Notifier:
-    """One service's line to its manager; without one (`address` empty) nothing is sent."""
+    """Line of one service to its manager; without one (`address` empty) nothing is sent."""
 
     def __init__(self, address: str = "", watchdog_s: float = 0.0) -> None:
         """`address` as in $NOTIFY_SOCKET: a path, or @ and an abstract name."""
@@ -30,26 +30,26 @@ class Notifier:
         self._failing = False
 
     def ready(self, status: str) -> None:
-        """The start is over: whoever waited for this service may begin."""
+        """Report that the start is over: units that wait for this service may begin."""
         self._tell(b"READY=1\n", status)
 
     def status(self, text: str) -> None:
-        """One line for `systemctl status`."""
+        """Report one line for `systemctl status`."""
         self._tell(self._state, text)
 
     def stopping(self, status: str) -> None:
-        """The end has begun."""
+        """Report that the end has begun."""
         self._tell(b"STOPPING=1\n", status)
 
     def ticked(self, now_s: float) -> None:
-        """A tick was completed: feed the watchdog if it is time (`now_s` monotonic)."""
+        """Feed the watchdog after a tick, if it is time (`now_s` monotonic)."""
         if self._status:
             self._flush()
         if 0.0 < self.feed_every_s <= now_s - self._fed_s and self._send(_FEED):
             self._fed_s = now_s
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the socket."""
         self._socket.close()
 
     def _tell(self, state: bytes, status: str) -> None:
@@ -62,7 +62,7 @@ class Notifier:
             self._state = self._status = b""
 
     def _send(self, message: bytes) -> bool:
-        """Whether it is out, or there is nobody to send it to."""
+        """Send; True if it is out, or if there is no manager."""
         if not self._address:
             return True
         try:
@@ -77,7 +77,7 @@ class Notifier:
 
 
 def notifier_of(environment: Mapping[str, str], pid: int) -> Notifier:
-    """The line that systemd offers process `pid` in its environment, if it does."""
+    """Notifier for the line that systemd offers process `pid` in its environment, if it does."""
     address = environment.get("NOTIFY_SOCKET", "")
     watched = environment.get("WATCHDOG_PID", str(pid)) == str(pid)
     usec = environment.get("WATCHDOG_USEC", "")
@@ -85,7 +85,7 @@ def notifier_of(environment: Mapping[str, str], pid: int) -> Notifier:
 
 
 def _socket_address(address: str) -> bytes:
-    """For an AF_UNIX socket; empty for none, and for what is none (vsock:...)."""
+    """Address of an AF_UNIX socket; empty for none, and for what is none (vsock:...)."""
     if address.startswith("@"):
         return b"\0" + os.fsencode(address[1:])
     if address.startswith("/") or not address:

@@ -1,4 +1,4 @@
-"""Who may keep the arm armed, asked at the daemon's door: the lease over the controller."""
+"""Grants, renews and ends the arming lease."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from daemon.tick.tick import Tick
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """To `arm` or `renew`: every reason why not, for how long [s], each check passed or failed."""
+    """Answer to `arm` or `renew`: reasons of a refusal, duration [s], and all checks of `arm`."""
 
     reasons: Sequence[str]
     duration_s: float
@@ -20,7 +20,8 @@ class Answer:
 
 @dataclass(slots=True)
 class Permission:
-    """One lease at a time; it ends with its time, or with its owner's connection."""
+    """Permission to yield to hands: one lease at a time, which ends with its time or with its
+    owner's connection."""
 
     tick: Tick
     _lease: Lease | None = None
@@ -83,7 +84,7 @@ class Permission:
             controller.disarm(why, time_s)
 
     def permit(self, time_s: float) -> Permit | None:
-        """Who armed the arm, and for how long from now; None while it is not."""
+        """Owner of the lease and the time it has left; None while the arm is not armed."""
         lease = self._lease
         if lease is None or not self.tick.controller.machine.armed:
             return None

@@ -1,4 +1,4 @@
-"""What this machine grants of a real-time set-up; each step is reported as achieved or not.
+"""Real-time set-up of the process; each step is reported as achieved or not.
 
 A machine without the rights works all the same. Imports nothing that may start threads.
 """
@@ -56,7 +56,7 @@ def _freeze() -> Grant:
 
 
 def _cpus() -> Grant:
-    """Which CPU the loop may have is the administrator's to say (`CPUAffinity=`, `taskset`)."""
+    """CPUs of the loop, which are the administrator's to say (`CPUAffinity=`, `taskset`)."""
     mine, there_are = sorted(os.sched_getaffinity(0)), os.cpu_count() or 1
     if len(mine) < there_are:
         names = ", ".join(map(str, mine))

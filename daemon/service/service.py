@@ -1,27 +1,21 @@
-"""The running service: answers requests, tells readers and the log."""
+"""Running service: answers requests, publishes each tick to readers and the log."""
 
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from daemon.config.load import Robot
+from msgspec.structs import replace
+
 from daemon.config.motion import limits_of
 from daemon.modes.table import Event, ModeMachine
 from daemon.protocol.lease import Owner, in_words
-from daemon.protocol.messages import (
-    Check,
-    Grant,
-    Reply,
-    Request,
-    Snapshot,
-    Status,
-)
+from daemon.protocol.messages import Reply, Request, Status
 from daemon.protocol.socket_path import Peer
 from daemon.service.journal import LogLimit
 from daemon.service.notify import Notifier
-from daemon.service.permission import Permission
+from daemon.service.permission import Answer, Permission
 from daemon.service.socket import ControlSocket
-from daemon.service.status import snapshot_of, status_of
+from daemon.service.status import Process, snapshot_of, status_of
 from daemon.service.upload import TrajectoryUpload
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import state_of
@@ -47,7 +41,7 @@ _log = logging.getLogger("contactd")
 
 
 def _misplaced(request: Request) -> list[str]:
-    """What was said beside a command that takes no such thing."""
+    """Fields of a request that its command does not take."""
     takers = {
         "header": ("load",),
         "rows": ("load",),
@@ -70,26 +64,21 @@ def _outcome(machine: ModeMachine) -> str:
 
 @dataclass(slots=True)
 class Service:
-    """What stands around the loop, in the slack after each tick."""
+    """Everything around the loop, in the slack after each tick."""
 
-    robot: Robot
+    process: Process
     loop: Loop
     control: ControlSocket
-    realtime: list[Grant]
-    pid: int
     notifier: Notifier
-    serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
     boot: DriveBoot | None = None  # None: the drives cannot be set up again from here
     on_fault: Callable[[str], None] = lambda text: None
     ending: bool = False  # the arm is being brought to rest for good
     dock: TrajectoryUpload = field(init=False)
     permission: Permission = field(init=False)
-    place: str = field(init=False)  # of config.yaml; the file system is asked only once
     _limit: LogLimit = field(default_factory=LogLimit)
 
     def __post_init__(self) -> None:
-        c = self.robot.configuration
-        self.place = str(self.robot.place())
+        c = self.process.robot.configuration
         self.dock = TrajectoryUpload(c.joint_names, limits_of(c), c.trajectory.ramp_s)
         self.permission = Permission(self.loop.tick)
         self.control.on_close = self._on_close
@@ -114,7 +103,7 @@ class Service:
             self._tell("mode", left_out)
         # After the State, which tells of what was decided in its tick: the next one tells of this.
         self.permission.expire(self.loop.time_s)
-        self.control.poll(self.handle, DOORS_SHARE * self.robot.configuration.period_s)
+        self.control.poll(self.handle, DOORS_SHARE * self.process.robot.configuration.period_s)
         self.notifier.ticked(record.wakeup.monotonic_s)
 
     def _tell(self, kind: str, text: str) -> None:
@@ -122,7 +111,7 @@ class Service:
         _log.log(_LEVELS[kind], "%s", text, extra=place)
 
     def summary(self) -> str:
-        """The mode and its cause, in one line."""
+        """Mode and its cause, in one line."""
         machine = self.loop.tick.controller.machine
         return f"{_outcome(machine)}: {machine.cause}"
 
@@ -136,9 +125,10 @@ class Service:
         who = str(Owner(peer.uid, peer.pid))
         match request.command:
             case "status":
-                reply = self._reply(request, [], status=self._status())
+                reply = replace(self._reply(request), status=self._status())
             case "subscribe":
-                reply = self._reply(request, [], snapshot=snapshot_of(self.robot, self.loop.tick))
+                snapshot = snapshot_of(self.process.robot, self.loop.tick)
+                reply = replace(self._reply(request), snapshot=snapshot)
             case "load":
                 reply = self._load(request, peer)
             case "gain":
@@ -155,58 +145,39 @@ class Service:
                 reply = self._reply(request, reasons)
         return reply
 
-    def _reply(
-        self,
-        request: Request,
-        reasons: Sequence[str],
-        *,
-        checks: Sequence[Check] = (),
-        said: str = "",
-        row: int | None = None,
-        status: Status | None = None,
-        snapshot: Snapshot | None = None,
-        more: str = "",
-    ) -> Reply:
+    def _reply(self, request: Request, reasons: Sequence[str] = (), done: str = "") -> Reply:
+        """Refusal for these reasons; without any, what was done: in words, or as the mode says."""
         machine = self.loop.tick.controller.machine
-        outcome = "refused" if reasons else said or _outcome(machine) + more
+        outcome = "refused" if reasons else done or _outcome(machine)
         return Reply(
             ok=not reasons,
             message=f"{request.command}: {outcome}",
             reasons=list(reasons),
             mode=machine.mode,
             armed=machine.armed,
-            checks=list(checks),
-            row=row,
-            status=status,
-            snapshot=snapshot,
         )
 
     def _arm(self, request: Request, peer: Peer) -> Reply:
         answer = self.permission.arm(request, peer, self.loop.time_s)
         self.control.spare = self.permission.connection
-        more = f" for {in_words(answer.duration_s)}"
-        return self._reply(request, answer.reasons, checks=answer.checks, more=more)
+        return replace(self._granted(request, answer), checks=list(answer.checks))
 
     def _renew(self, request: Request, peer: Peer) -> Reply:
-        answer = self.permission.renew(request, peer, self.loop.time_s)
-        return self._reply(request, answer.reasons, more=f" for {in_words(answer.duration_s)}")
+        return self._granted(request, self.permission.renew(request, peer, self.loop.time_s))
+
+    def _granted(self, request: Request, answer: Answer) -> Reply:
+        outcome = _outcome(self.loop.tick.controller.machine)
+        done = f"{outcome} for {in_words(answer.duration_s)}"
+        return self._reply(request, answer.reasons, done)
 
     def _on_close(self, peer: Peer) -> None:
         self.dock.release(peer.connection)
         self.permission.expire(self.loop.time_s, peer.connection)
 
     def _status(self) -> Status:
-        return status_of(
-            self.robot,
-            self.loop,
-            place=self.place,
-            pid=self.pid,
-            permit=self.permission.permit(self.loop.time_s),
-            realtime=self.realtime,
-            readers=len(self.control.readers),
-            identities=self.boot.identities if self.boot else (),
-            serials=self.serials,
-        )
+        identities = self.boot.identities if self.boot else ()
+        permit = self.permission.permit(self.loop.time_s)
+        return status_of(self.process, self.loop, identities, permit, len(self.control.readers))
 
     def _load(self, request: Request, peer: Peer) -> Reply:
         try:
@@ -215,18 +186,18 @@ class Service:
             if request.rows is not None:
                 self.dock.append(request.rows, peer.connection)
         except TrajectoryError as error:
-            return self._reply(request, [str(error)], row=error.row)
-        return self._reply(request, [])
+            return replace(self._reply(request, [str(error)]), row=error.row)
+        return self._reply(request)
 
     def _gain(self, request: Request, who: str) -> Reply:
         joint, gain = request.joint, request.gain
         if joint is None or gain is None:
             return self._reply(request, ["it takes a `joint` and a `gain`"])
         reasons = self.loop.tick.controller.set_gain(joint, gain, who)
-        return self._reply(request, reasons, said=f"{joint} {gain:g} rad/s per Nm")
+        return self._reply(request, reasons, f"{joint} {gain:g} rad/s per Nm")
 
     def _renewed(self) -> list[str]:
-        """Before a reset: set drives up again that need it; returns why that failed.
+        """Set drives up again that need it before a reset; returns why that failed.
 
         By SDO, so no tick happens meanwhile: the arm stands in quick stop or without torque. The
         watchdog is fed as long as drives answer or are given up.

@@ -1,4 +1,4 @@
-"""The control socket: the daemon's only door, polled by the tick and never waited for.
+"""Control socket: the daemon's only door, polled by the tick and never waited for.
 
 AF_UNIX with message boundaries (SOCK_SEQPACKET): one JSON message is one packet. Whoever may
 connect is decided by the socket file's group; who did connect is known from the kernel, which is
@@ -143,7 +143,7 @@ class ControlSocket:
                 self.path.unlink()
 
     def _accept(self) -> bool:
-        """Take in whoever waits next; False if nobody does."""
+        """Take in the client that waits next; False if none does."""
         try:
             accepted, _ = self._listener.accept()
         except OSError:  # gone again, or out of descriptors: it will be looked at in the next tick
@@ -164,7 +164,7 @@ class ControlSocket:
         return True
 
     def _admitted(self, accepted: socket.socket) -> bool:
-        """Whether the socket file's group, owner or root is at the other end: what the file's mode
+        """True if the socket file's group, owner or root is at the other end: what the file's mode
         says, even where somebody has opened it to all."""
         try:
             return peer_of(accepted).uid in (0, os.getuid()) or self._group in groups_of(accepted)

@@ -1,7 +1,8 @@
-"""The running daemon in words and figures: for `contactctl status`, and for new readers."""
+"""Status of the running daemon for `contactctl status`, and its snapshot for new readers."""
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from importlib.metadata import version
 
 from daemon.config.load import Robot
@@ -11,32 +12,40 @@ from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
 from daemon.tick.tick import Tick
+from drivers.boot.identity import DriveIdentity
 from errors import ControlError
 
 
+@dataclass(slots=True)
+class Process:
+    """Running daemon, as far as it does not change while it runs."""
+
+    robot: Robot
+    pid: int
+    realtime: list[Grant]
+    serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
+    place: str = field(init=False)  # of config.yaml; the file system is asked only once
+
+    def __post_init__(self) -> None:
+        self.place = str(self.robot.place())
+
+
 def status_of(
-    robot: Robot,
+    process: Process,
     loop: Loop,
-    *,
-    place: str,
-    pid: int,
+    identities: Sequence[DriveIdentity],
     permit: Permit | None,
-    realtime: list[Grant],
     readers: int,
-    identities: Sequence[object],
-    serials: list[int | None],
 ) -> Status:
-    """Everything that a person asks for; `place` is that of config.yaml, whoever asks from where;
-    `identities` and `serials` are the drives'."""
-    c, tick = robot.configuration, loop.tick
-    last = tick.last
+    """Status of the daemon: its process, its last tick, and what arming needs now."""
+    c, tick, last = process.robot.configuration, loop.tick, loop.tick.last
     samples, estimate = (last.samples, last.estimate) if last else (None, None)
     zeros = [0.0] * len(c.joints)
     machine = tick.controller.machine
     return Status(
         name=c.name,
-        configuration=place,
-        pid=pid,
+        configuration=process.place,
+        pid=process.pid,
         uptime_s=loop.time_s,
         mode=machine.mode,
         armed=machine.armed,
@@ -49,7 +58,7 @@ def status_of(
         missed=loop.missed,
         lateness_max_us=loop.lateness_max_s * 1e6,
         work_max_us=loop.work_max_s * 1e6,
-        realtime=realtime,
+        realtime=process.realtime,
         readers=readers,
         joints=c.joint_names,
         identities=[str(identity) for identity in identities],
@@ -60,7 +69,7 @@ def status_of(
         side=[SIDE_NAMES[s] for s in estimate.side.tolist()] if estimate else [],
         gain=tick.controller.motion.gains.goal.tolist(),
         age_ticks=samples.age_ticks.tolist() if samples else [],
-        serials=serials,
+        serials=process.serials,
     )
 
 
@@ -76,7 +85,7 @@ def _trajectory(controller: Controller) -> Trajectory:
 
 
 def snapshot_of(robot: Robot, tick: Tick) -> Snapshot:
-    """What a reader needs beside the States. Raises ControlError before the first sample."""
+    """Snapshot for a reader, beside the States. Raises ControlError before the first sample."""
     c = robot.configuration
     last = tick.last
     if last is None or last.decision is None:

@@ -1,4 +1,4 @@
-"""The one trajectory that a client hands over, chunk by chunk, before it is started."""
+"""Upload of one trajectory by a client, chunk by chunk, before it is started."""
 
 from collections.abc import Sequence
 
@@ -9,8 +9,8 @@ from errors import ControlError
 
 
 class TrajectoryUpload:
-    """Room for one trajectory, which belongs to the connection that began it. Whoever begins
-    another takes its place: an upload that was left half-way blocks nobody."""
+    """Room for one trajectory, which belongs to the connection that began it. A connection that
+    begins another takes its place: an upload that was left half-way blocks nobody."""
 
     def __init__(self, joints: Sequence[str], limits: Limits, ramp_s: float) -> None:
         self._joints, self._limits, self._ramp_s = tuple(joints), limits, ramp_s
@@ -46,7 +46,7 @@ class TrajectoryUpload:
         return builder.rows
 
     def take(self, owner: int) -> SampledPath:
-        """The complete trajectory. Raises TrajectoryError if it is too short, ControlError where
+        """Complete trajectory. Raises TrajectoryError if it is too short, ControlError where
         this connection has loaded none."""
         builder = self._of(owner)
         if self._path is None:

@@ -1,1 +1,1 @@
-"""What runs every period: read, estimate, judge, decide, command. No I/O but the drives."""
+"""Work of one period: read, estimate, judge, decide, command. No I/O but the drives."""

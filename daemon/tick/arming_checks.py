@@ -187,7 +187,7 @@ class ArmingChecks:
             yield _failed("loop", f"the last tick is {1000 * age_s:.0f} ms old: ask again")
 
     def _evidence(self, samples: Samples, estimate: Estimate) -> dict[str, str]:
-        """What speaks for each check that passes."""
+        """Evidence for each check that passes, by name."""
         n = len(self._joints)
         on = samples.states.count(DriveState.OPERATION_ENABLED)
         i = int(np.argmax(np.abs(estimate.residual) / estimate.threshold))

@@ -1,4 +1,4 @@
-"""What the arm does and why: from requests and observations to events of the mode table.
+"""Controller: from requests and observations to events of the mode table, and to setpoints.
 
 No I/O and no clock: time is an argument, requests come in between two ticks, and the decision is
 plain data. How the arm moves in a mode is elsewhere (motion), and so is what is too far or too fast
@@ -18,7 +18,7 @@ from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, Mo
 from daemon.motion.admittance import MAX_GAIN, Allowance, AllowanceSettings
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
-from daemon.tick.refusals import misfits, not_energisable, not_startable
+from daemon.tick.refusals import leaves_limits, not_energisable, not_startable
 from drivers.cia402 import PowerTarget
 
 # How long a reset may take until a drive's fault counts as a new one [s].
@@ -27,7 +27,7 @@ RESET_PATIENCE_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class ControlInput:
-    """What one tick knows when it decides. Vectors of shape (n,), SI at the link."""
+    """Everything a decision is made of. Vectors of shape (n,), SI at the link."""
 
     q: Vector  # measured link position
     motor_velocity: Vector
@@ -42,7 +42,7 @@ class ControlInput:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What goes to the drives, and the reference behind it."""
+    """Commands to the drives, and the reference behind them; vectors of shape (n,)."""
 
     power: tuple[PowerTarget, ...]
     reset: bool  # ask drives in fault for a reset
@@ -52,7 +52,7 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class ControllerSettings:
-    """What the configuration says about deciding."""
+    """Settings of the controller, from the configuration."""
 
     joints: tuple[str, ...]
     ends: tuple[str, ...]  # hold, brake or limp, per joint
@@ -80,7 +80,7 @@ class Controller:
 
     @property
     def faulted(self) -> bool:
-        """Whether a fault is latched."""
+        """True while a fault is latched."""
         return self.machine.mode is Mode.FAULTED
 
     # --- what a person asks for, between two ticks ------------------------------------------
@@ -105,7 +105,7 @@ class Controller:
         return []
 
     def next_place(self, path: JointPath | None = None) -> Place:
-        """Where the trajectory is, or where `start` would begin it."""
+        """Place of the trajectory, or the one at which `start` would begin it."""
         if path is not None:
             return Place(path)
         goes_on = self.machine.moving or self.machine.paused
@@ -124,7 +124,7 @@ class Controller:
         return []
 
     def disarm(self, cause: str, time_s: float) -> None:
-        """The permission has ended by itself: while guided, the arm stops and holds."""
+        """Take the permission back: an arm that is being guided stops and holds."""
         self._apply(Event.DISARM, cause, time_s)
 
     def set_gain(self, joint: str, gain: float, who: str) -> list[str]:
@@ -183,7 +183,7 @@ class Controller:
             self._apply(event, str(finding), time_s)
 
     def _resetting(self, time_s: float) -> bool:
-        """Whether drives are asked for a fault reset: only while nothing may move yet."""
+        """True while drives are asked for a fault reset: only while nothing may move yet."""
         return self.machine.mode is Mode.OFF and time_s < self._reset_until_s
 
     def _feel(self, time_s: float, observed: ControlInput) -> None:
@@ -204,7 +204,7 @@ class Controller:
             self._apply(event, observed.touched, time_s)
 
     def _progress(self, time_s: float, dt: float, observed: ControlInput) -> None:
-        """Events of the arm's own: energised, at rest, quiet, at a bound, arrived, too late."""
+        """Apply the arm's own events: energised, at rest, quiet, at a bound, arrived, too late."""
         mode, elapsed = self.machine.mode, time_s - self.machine.entered_s
         if mode is Mode.ADMITTANCE or mode is Mode.RETRACTING:
             self._allowance.spend(dt)
@@ -252,7 +252,7 @@ class Controller:
         if self._tuning.after_quiet is AfterQuiet.RETURN:
             return Event.RETURN, []
         place = self.motion.follower.place
-        reasons = misfits(self._tuning.joints, q, self.motion.limits, place)
+        reasons = leaves_limits(self._tuning.joints, q, self.motion.limits, place)
         return (Event.SETTLE if reasons else Event.RESUME), reasons
 
     def _apply(self, event: Event, cause: str, time_s: float) -> None:

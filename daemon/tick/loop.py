@@ -1,4 +1,4 @@
-"""The fixed loop: absolute deadlines, one tick each, then the doors, then sleep.
+"""Fixed loop: absolute deadlines, one tick each, then the doors, then sleep.
 
 All ticks stand on one grid, so that lateness never adds up. After a late wake-up every deadline
 that the drives' answers would still run into is counted and left out, never made up for: two ticks
@@ -18,7 +18,7 @@ ANSWER_SHARE = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Where the loop's time comes from, and how it waits."""
+    """Source of the loop's time, and its way of waiting."""
 
     now: Callable[[], float]  # monotonic [s]
     sleep_until: Callable[[float], None]
@@ -26,7 +26,7 @@ class Clock:
 
 
 class Loop:
-    """Runs `tick` every `period_s` until it is told to stop."""
+    """Loop over `tick`, every `period_s` until it is told to stop."""
 
     def __init__(self, tick: Tick, clock: Clock, period_s: float) -> None:
         self.tick = tick
@@ -41,12 +41,12 @@ class Loop:
 
     @property
     def now_s(self) -> float:
-        """Of the clock."""
+        """Time of the clock [s]."""
         return self._clock.now()
 
     @property
     def time_s(self) -> float:
-        """Since the loop was made."""
+        """Time since the loop was made [s]."""
         return self.now_s - self._start_s
 
     def run(self, doors: Callable[[], None], running: Callable[[], bool]) -> None:

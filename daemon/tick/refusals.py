@@ -1,4 +1,4 @@
-"""Why the arm may not be energised, or not run a trajectory, from where it stands. Pure."""
+"""Refusals of `enable` and `start`, from where the arm stands: reasons in words. Pure."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -22,7 +22,7 @@ WAY_BACK = {
 
 
 class Standing(Protocol):
-    """As much of an arm as `enable` looks at."""
+    """Part of the `ControlInput` that `enable` looks at."""
 
     @property
     def q(self) -> Vector:
@@ -30,19 +30,18 @@ class Standing(Protocol):
 
     @property
     def operating(self) -> Sequence[bool]:
-        """Which drives are in operation enabled."""
+        """True for each drive in operation enabled."""
 
     @property
     def findings(self) -> Sequence[Finding]:
-        """Of the last tick."""
+        """Findings of the last tick."""
 
 
 def not_energisable(
     joints: Sequence[str], ends: Sequence[str], limits: Limits, arm: Standing
 ) -> list[str]:
-    """Before `enable`: what asks for a quick stop, drives that were switched off and have not got
-    there, and joints that stand further outside their limits than the arm would lead them back by
-    itself."""
+    """Reasons against `enable`: findings that ask for a quick stop, drives on their way off, and
+    joints that stand further outside their limits than the arm would lead them back by itself."""
     reasons = [str(f) for f in arm.findings if f.response >= Response.QUICK_STOP]
     if late := [name for name, on in zip(joints, arm.operating, strict=True) if on]:
         # Taken for enabled drives in the next tick, and then for drives that have dropped out.
@@ -58,9 +57,9 @@ def not_energisable(
 
 
 def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
-    """Before `start`: joints that stand elsewhere than the path begins, else those that it would
-    lead out of their limits."""
-    return _astray(joints, q, place) or misfits(joints, q, limits, place)
+    """Reasons against `start`: joints that stand elsewhere than the path begins, else those that it
+    would lead out of their limits."""
+    return _astray(joints, q, place) or leaves_limits(joints, q, limits, place)
 
 
 def _astray(joints: Sequence[str], q: Vector, place: Place) -> list[str]:
@@ -74,9 +73,10 @@ def _astray(joints: Sequence[str], q: Vector, place: Place) -> list[str]:
     ]
 
 
-def misfits(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
-    """Joints that what is left of the path would lead out of their limits from q (n,) [rad]."""
-    beyond = place.misfits(q, limits.lower, limits.upper)
+def leaves_limits(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
+    """Reasons for each joint that the rest of the path would lead out of its limits, from q (n,)
+    [rad]."""
+    beyond = place.leaves_limits(q, limits.lower, limits.upper)
     return [
         f"from {q[i]:.3f} rad the path of {name} would leave its limits "
         f"[{limits.lower[i]:g}, {limits.upper[i]:g}]"

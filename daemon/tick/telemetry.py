@@ -22,7 +22,7 @@ FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
 
 
 def state_of(record: TickRecord) -> State:
-    """The State that is published of a tick. Raises RuntimeError before the first complete
+    """State that is published of a tick. Raises RuntimeError before the first complete
     samples."""
     samples, decision, wakeup = record.samples, record.decision, record.wakeup
     if record.estimate is None or decision is None:
@@ -60,7 +60,7 @@ def state_of(record: TickRecord) -> State:
 
 
 def estimated(estimate: Estimate) -> dict[str, Any]:
-    """The fields of a State that come from an estimate, by name: what a replay must reproduce."""
+    """Fields of a State that come from an estimate, by name: what a replay must reproduce."""
     return {
         "link_velocity": estimate.q_dot.tolist(),
         "motor_estimate": estimate.theta.tolist(),
@@ -78,7 +78,7 @@ def estimated(estimate: Estimate) -> dict[str, Any]:
 
 
 def contact_notice(contact: estimator_contact.Contact) -> Notice:
-    """A contact as news for readers and the log."""
+    """Notice of a contact, for readers and the log."""
     return Notice(
         kind="contact",
         text=f"{contact.joint} {contact.torque:+.2f} Nm ({contact.level})",
@@ -93,5 +93,5 @@ def contact_notice(contact: estimator_contact.Contact) -> Notice:
 
 
 def finite_list(values: np.ndarray) -> PerJoint:
-    """As a list; JSON has no NaN, and msgspec would write null where a number is promised."""
+    """Values as a list, NaN as 0: JSON has none, and msgspec would write null instead."""
     return [value if value == value else 0.0 for value in values.tolist()]  # noqa: PLR0124

@@ -16,6 +16,7 @@ from daemon.protocol.socket_path import Peer
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
+from daemon.service.status import Process
 from daemon.tick.loop import Loop
 from drivers.boot.boot_up import DriveBoot
 from drivers.cia402 import DriveState
@@ -52,7 +53,8 @@ def served(rig: Rig, tmp_path: Path) -> Iterator[ServedDeskArm]:
     c = rig.robot.configuration
     loop = Loop(rig.tick, rig.clock(), c.period_s)
     with ControlSocket(tmp_path / "control") as control, closing(Notifier()) as notifier:
-        yield ServedDeskArm(rig, Service(rig.robot, loop, control, [], 1, notifier, boot=rig.boot))
+        service = Service(Process(rig.robot, 1, []), loop, control, notifier, rig.boot)
+        yield ServedDeskArm(rig, service)
 
 
 def test_it_measures_what_is_true(rig):

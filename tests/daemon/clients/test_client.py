@@ -13,7 +13,7 @@ import pytest
 
 from daemon.clients import client as client_module
 from daemon.clients.client import Client
-from daemon.protocol.messages import State
+from daemon.protocol.messages import Reply, State
 from errors import ControlError, UnreachableError
 
 
@@ -50,6 +50,19 @@ def test_requests(fake_daemon: Any) -> None:
         assert status.pid == 4711
     (command, peer), _ = fake_daemon.seen
     assert (command, peer.uid, peer.pid) == ("enable", os.getuid(), os.getpid())
+
+
+def test_a_demand_raises_with_every_reason(fake_daemon: Any) -> None:
+    fake_daemon.refusals |= {"arm": ["too early", "too late"], "status": ["never"]}
+    with Client(fake_daemon.path) as client:
+        assert client.demand("enable").message == "enable done"
+        with pytest.raises(ControlError, match=r"^arm is refused; too early; too late$"):
+            client.demand("arm")
+        with pytest.raises(ControlError, match=r"^status is refused; never$"):
+            client.ask_status()
+        del fake_daemon.refusals["status"]
+        assert client.ask_status().pid == 4711
+    assert Reply(ok=False, reasons=["why"]).refusal == "refused; why"
 
 
 def test_states_keep_every_bit(fake_daemon: Any, make_state: Callable[..., State]) -> None:

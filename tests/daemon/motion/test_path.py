@@ -120,7 +120,7 @@ def test_put_at_its_beginning_it_begins_from_the_start() -> None:
 
 
 @pytest.mark.parametrize(
-    ("shift", "misfit"),
+    ("shift", "leaves"),
     [
         ([0.0, 0.0, 0.0], [False, False, False]),
         ([0.149, 0.0, 0.0], [False, False, False]),
@@ -129,20 +129,20 @@ def test_put_at_its_beginning_it_begins_from_the_start() -> None:
         ([0.0, 9.0, 0.0], [False, False, False]),  # a joint that holds does not leave its place
     ],
 )
-def test_which_joints_would_leave_their_limits(shift: list[float], misfit: list[bool]) -> None:
+def test_which_joints_would_leave_their_limits(shift: list[float], leaves: list[bool]) -> None:
     bound = np.full(3, 0.5)
-    assert Place(PATH).misfits(np.array(shift), -bound, bound).tolist() == misfit
+    assert Place(PATH).leaves_limits(np.array(shift), -bound, bound).tolist() == leaves
 
 
-def test_misfits_look_at_the_path_ahead_not_only_at_the_place() -> None:
+def test_leaving_limits_looks_at_the_path_ahead_not_only_at_the_place() -> None:
     follower = follower_of()
     follower.anchor(np.zeros(3))
     for _ in range(200):
         reference = follower.step(DT)
     # At the far end of the swing there is room for the way back.
     bound = np.full(3, 0.36)
-    assert not follower.place.misfits(reference.q, -bound, bound).any()
-    assert follower.place.misfits(reference.q + 0.02, -bound, bound).tolist() == [
+    assert not follower.place.leaves_limits(reference.q, -bound, bound).any()
+    assert follower.place.leaves_limits(reference.q + 0.02, -bound, bound).tolist() == [
         True,
         False,
         False,

@@ -196,19 +196,19 @@ def test_disarm_works_in_every_mode(served: ServedDaemon) -> None:
 
 
 def test_status_says_what_to_do_about_a_fault_until_it_is_reset(
-    house: ServedDaemon, client: Client
+    served: ServedDaemon, client: Client
 ) -> None:
     def advice() -> str:
-        status = house.ask(client, "status").status
+        status = served.ask(client, "status").status
         assert status is not None
         return status.advice
 
-    house.rig.enable()
+    served.rig.enable()
     assert advice() == ""
-    house.rig.arm.drives[0].fault(0x2310, "injected by the test")
-    house.run(0.1)
+    served.rig.arm.drives[0].fault(0x2310, "injected by the test")
+    served.run(0.1)
     assert advice() == TABLE[Condition.EMERGENCY].advice
-    house.ask(client, "reset")
+    served.ask(client, "reset")
     assert advice() == ""
 
 
