@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 from msgspec.structs import replace
 
@@ -22,7 +23,10 @@ from daemon.tick.telemetry import state_of
 from drivers.boot.boot_up import DriveBoot
 from errors import ContactdError, TrajectoryError
 
-EVENT_OF_COMMAND = {
+# Keyed so that mypy names a new command that `handle` forgets.
+EVENT_OF_COMMAND: dict[
+    Literal["enable", "start", "pause", "disarm", "stop", "disable", "reset"], Event
+] = {
     "enable": Event.ENABLE,
     "start": Event.START,
     "pause": Event.PAUSE,

@@ -17,6 +17,7 @@ from bench.soak.onlooker import Onlooker
 from bench.soak.people import (
     HEARD_TICKS,
     LAPSES_TICKS,
+    WISHES,
     Leases,
     Person,
     Step,
@@ -341,3 +342,7 @@ def test_a_hand_that_begins_within_a_tick_has_moved_the_arm_already(
     part = run_lockstep(9, 4.0 / 3600.0)  # whose only fault comes after a second
     assert part.counts["ticks faulted"] > 280, part.counts
     assert not part.ledger.broken, part.ledger.cases
+
+
+def test_an_operator_has_wishes_in_every_mode() -> None:
+    assert WISHES.keys() == set(Mode)

@@ -1,11 +1,13 @@
 """Residuals: closed form of the first-order filter, linearity, refusals, the variants' meaning."""
 
+from typing import get_args
+
 import msgspec
 import numpy as np
 import pytest
 
 from errors import ModelError
-from estimator.residual import Residual, Variant, forms
+from estimator.residual import Kind, Residual, Variant, forms
 
 K, T = 25.0, 0.01
 BACKLASH = (Variant(),)
@@ -133,3 +135,9 @@ def test_variants_that_make_no_sense_are_refused() -> None:
         Residual([Variant(kind="two_mass", rotor_inertia=False)], K, T, 1)
     with pytest.raises(msgspec.ValidationError, match="unknown field"):
         msgspec.convert({"kind": "backlash", "gain": 3}, Variant)
+
+
+def test_every_kind_can_be_built() -> None:
+    for kind in get_args(Kind):
+        always, engaged = forms(Variant(kind=kind))
+        assert always.keys() | engaged.keys() > {"momentum", "beta", "tau_M"}

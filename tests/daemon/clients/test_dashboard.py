@@ -8,7 +8,16 @@ import msgspec
 import pytest
 from rich.console import Console, RenderableType
 
-from daemon.clients.dashboard import Dashboard, History, Summary, gap_bar, residual_bar, status_view
+from daemon.clients.dashboard import (
+    MODE_STYLES,
+    Dashboard,
+    History,
+    Summary,
+    gap_bar,
+    residual_bar,
+    status_view,
+)
+from daemon.modes.table import Mode
 from daemon.protocol.messages import Notice, Permit, Snapshot, State
 
 MakeState = Callable[..., State]
@@ -189,3 +198,7 @@ def test_status_report_before_the_first_samples(fake_daemon: Any) -> None:
     assert "7 joints, no samples from the drives yet" in "\n".join(
         text_of(status_view(status), 100, 40)
     )
+
+
+def test_every_mode_has_a_style() -> None:
+    assert MODE_STYLES.keys() == set(Mode)
