@@ -64,7 +64,7 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
         if found and obeyed and told is None:
             if told_to_stop(on, reaction):
                 told = tick
-            elif on.bus.sending:
+            elif on.wire.sending:
                 mute += 1
         if on.speed >= STANDS:
             stood = None

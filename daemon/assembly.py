@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-import can
 import numpy as np
 
 from daemon.config.identified import objections
@@ -23,6 +22,7 @@ from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.frame_ring import FrameRing
+from drivers.can.wire import OpenBus, Wire
 from drivers.drives import Drives
 from estimator.estimator import Estimator
 from estimator.model import Model
@@ -30,21 +30,10 @@ from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
 
 
-def build_tick(
-    robot: Robot, bus: can.BusABC, clock: Callable[[], float], ring: FrameRing | None = None
-) -> Tick:
-    """The tick of `robot` on an open bus whose drives are set up; `ring` keeps its frames.
-
-    Raises ContactdError."""
+def build_tick(robot: Robot, wire: Wire, clock: Callable[[], float]) -> Tick:
+    """The tick of `robot` on the wire to drives that are set up. Raises ContactdError."""
     c = robot.configuration
-    drives = Drives(
-        bus,
-        c.joint_drives,
-        c.period_s,
-        clock,
-        c.bus.master_node,
-        ring,
-    )
+    drives = Drives(wire, c.joint_drives, c.period_s, clock, c.bus.master_node)
     estimator, controller, observer = (
         build_estimator(c, robot.urdf),
         build_controller(robot),
@@ -64,7 +53,7 @@ def heed_identification(tick: Tick, robot: Robot, serials: list[int | None]) -> 
     tick.controller.motion.blind = not tick.prearm.identification.passed
 
 
-def build_boot(robot: Robot, bus: can.BusABC, ring: FrameRing | None = None) -> DriveBoot:
+def build_boot(robot: Robot, bus: OpenBus, ring: FrameRing | None = None) -> DriveBoot:
     """The set-up of the drives over an open bus; `ring` keeps its frames. Raises
     ConfigurationError."""
     c = robot.configuration

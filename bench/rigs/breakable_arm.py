@@ -3,18 +3,17 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
 
-import can
 import msgspec
 import numpy as np
 
 from bench.contact_free import MOTION
-from bench.rigs.faulty_bus import FaultyBus
+from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
 from daemon.tick.tick import ON_TIME, Wakeup
+from drivers.can.wire import Wire
 from drivers.cia402 import FAULT_STATES, QUICK_STOP
 from simulator.sensors import Readings
 
@@ -35,7 +34,7 @@ class BreakableArm:
     """The rig, and what can be broken about it."""
 
     rig: Rig
-    bus: FaultyBus
+    wire: FaultyWire
     first_pose: np.ndarray
     late_s: float = 0.0
     """How late the next ticks begin."""
@@ -51,13 +50,13 @@ class BreakableArm:
 
     def tick(self) -> None:
         """One tick of the daemon, on time or late."""
-        rig, self.bus.sent[:] = self.rig, []
+        rig, self.wire.sent[:] = self.rig, []
         if self.late_s:
             rig.arm.advance(rig.arm.now + self.left_out * self.period_s)
             rig.ticks += self.left_out
         wakeup = Wakeup(lateness_s=self.late_s, left_out=self.left_out) if self.late_s else ON_TIME
         rig.tick.begin(rig.time_s)
-        if not self.bus.sent:
+        if not self.wire.sent:
             rig.arm.advance(rig.arm.now + self.period_s)  # without a SYNC nobody else moves it
         rig.lockstep.pump()
         rig.tick.finish(0.0, wakeup)
@@ -65,7 +64,7 @@ class BreakableArm:
 
     def silence(self) -> None:
         """The time of a tick after the program has ended: the drives hear no master."""
-        self.bus.sent[:] = []
+        self.wire.sent[:] = []
         self.rig.arm.advance(self.rig.arm.now + self.period_s)
         self.rig.lockstep.pump()
 
@@ -93,7 +92,7 @@ class BreakableArm:
                 data[0] | data[1] << 8,
                 int.from_bytes(data[2:6], "little", signed=True),
             )
-            for cob_id, data in self.bus.sent
+            for cob_id, data in self.wire.sent
             if 0x200 < cob_id < 0x280
         }
 
@@ -122,22 +121,22 @@ class BreakableArm:
     @contextmanager
     def losing(self, *cob_ids: int) -> Iterator[None]:
         """These frames do not reach the daemon inside the block."""
-        self.bus.lost.update(cob_ids)
+        self.wire.lost.update(cob_ids)
         try:
             yield
         finally:
-            self.bus.lost.difference_update(cob_ids)
+            self.wire.lost.difference_update(cob_ids)
 
     @contextmanager
     def raising(
         self, sending: Exception | None = None, receiving: Exception | None = None
     ) -> Iterator[None]:
         """The bus fails inside the block."""
-        self.bus.sending, self.bus.receiving = sending, receiving
+        self.wire.sending, self.wire.receiving = sending, receiving
         try:
             yield
         finally:
-            self.bus.sending = self.bus.receiving = None
+            self.wire.sending = self.wire.receiving = None
 
     @contextmanager
     def late(self, seconds: float) -> Iterator[None]:
@@ -172,14 +171,14 @@ def _configured(c: Configuration) -> Configuration:
 @contextmanager
 def stage() -> Iterator[BreakableArm]:
     """A booted arm, off, on a bus that can be broken."""
-    buses: list[FaultyBus] = []
+    wires: list[FaultyWire] = []
 
-    def between(near: can.BusABC) -> Any:
-        buses.append(FaultyBus(near))
-        return buses[0]
+    def between(wire: Wire) -> FaultyWire:
+        wires.append(FaultyWire(wire))
+        return wires[0]
 
-    with lockstep_rig(configure=_configured, bus=between) as rig:
-        made = BreakableArm(rig, buses[0], rig.arm.plant.q.copy())
+    with lockstep_rig(configure=_configured, between=between) as rig:
+        made = BreakableArm(rig, wires[0], rig.arm.plant.q.copy())
         read = rig.arm.sensors.read
         rig.arm.sensors.read = lambda *state: made.sense(read(*state))  # type: ignore[method-assign]
         made.run(0.1)

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 import can
 
 from bench.rigs.breakable_arm import ELBOW, BreakableArm, Fault, for_ever
-
-ERROR = {"is_extended_id": False, "is_error_frame": True}
+from drivers.can.wire import ERROR
 
 
 def one_pdo_missing(on: BreakableArm) -> Iterator[None]:
@@ -36,7 +35,7 @@ def pdos_stale_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
 
 def foreign(cob_id: int, data: bytes = b"") -> Fault:
     def fault(on: BreakableArm) -> Iterator[None]:
-        on.bus.add(cob_id, data)
+        on.wire.add(cob_id, data)
         yield
 
     return fault
@@ -70,18 +69,18 @@ def old_frames(on: BreakableArm) -> Iterator[None]:
     for _ in range(4):
         for _ in range(50):
             for drive in drives:
-                on.bus.add(0x180 + drive.node, bytes(8))
-                on.bus.add(0x280 + drive.node, bytes(8))
+                on.wire.add(0x180 + drive.node, bytes(8))
+                on.wire.add(0x280 + drive.node, bytes(8))
         yield
 
 
 def error_passive(on: BreakableArm) -> Iterator[None]:
-    on.bus.add(0x004, b"\0\x20\0\0\0\0\0\0", **ERROR)
+    on.wire.add(0x004 | ERROR, b"\0\x20\0\0\0\0\0\0")
     yield
 
 
 def bus_off(on: BreakableArm) -> Iterator[None]:
-    on.bus.add(0x040, bytes(8), **ERROR)
+    on.wire.add(0x040 | ERROR, bytes(8))
     with on.raising(_full_queue()):
         yield
 

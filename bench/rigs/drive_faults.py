@@ -16,9 +16,9 @@ def heartbeat_lost(on: BreakableArm) -> Iterator[None]:
 
 def emergency(code: int) -> Fault:
     def fault(on: BreakableArm) -> Iterator[None]:
-        on.bus.add(0x081 + ELBOW, code.to_bytes(2, "little") + bytes([1, 0, 0, 0, 0, 0]))
+        on.wire.add(0x081 + ELBOW, code.to_bytes(2, "little") + bytes([1, 0, 0, 0, 0, 0]))
         yield
-        on.bus.add(0x081 + ELBOW, bytes(8))  # it is over
+        on.wire.add(0x081 + ELBOW, bytes(8))  # it is over
 
     return fault
 

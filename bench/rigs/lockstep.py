@@ -20,6 +20,8 @@ from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import State
 from daemon.tick.tick import Tick
 from drivers.boot.boot_up import DriveBoot
+from drivers.can.virtual import open_end
+from drivers.can.wire import Wire
 from simulator.arm import SimulatedArm
 from simulator.description import SimulationSettings
 from simulator.events import Listener
@@ -61,7 +63,6 @@ class Rig:
     arm: SimulatedArm
     lockstep: Lockstep
     channel: str  # of the virtual bus, for whoever wants to listen
-    bus: can.BusABC  # the daemon's end
     boot: DriveBoot
     ticks: int = 0
 
@@ -115,11 +116,11 @@ def lockstep_rig(
     simulate: Callable[[SimulationSettings], SimulationSettings] = lambda s: s,
     hand: tuple[AnyAct, ...] = (),
     on_event: Listener = lambda _: None,
-    bus: Callable[[can.BusABC], can.BusABC] = lambda near: near,
+    between: Callable[[Wire], Wire] = lambda wire: wire,
     truth: Path | None = None,
 ) -> Iterator[Rig]:
     """Boot the simulated arm of `folder` up; `configure` and `simulate` may change both ends, and
-    `bus` what is between them once the drives are set up. `truth` is the folder whose arm is
+    `between` what stands before the daemon's wire. `truth` is the folder whose arm is
     simulated, where the daemon's own believes something else."""
     robot = load_robot(folder)
     true = load_robot(truth) if truth else robot
@@ -137,13 +138,14 @@ def lockstep_rig(
         arm = SimulatedArm(description, settings, far.send, hand_script=hand, on_event=on_event)
         lockstep = Lockstep(arm, far)
         arm.power_on()
-        tick = build_tick(robot, bus(near), lambda: 0.0)
-        boot = replace(build_boot(robot, near), listen_s=0.0)
+        bus = open_end(near)
+        tick = build_tick(robot, between(bus.wire), lambda: 0.0)
+        boot = replace(build_boot(robot, bus), listen_s=0.0)
         with lockstep.serving():
             boot.boot_up()
         tick.drives.start(0.0)
         lockstep.pump()
-        yield Rig(robot, tick, arm, lockstep, channel, near, boot)
+        yield Rig(robot, tick, arm, lockstep, channel, boot)
 
 
 def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:

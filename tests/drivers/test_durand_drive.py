@@ -9,6 +9,7 @@ import can
 import msgspec
 import numpy as np
 import pytest
+from can.interfaces.virtual import VirtualBus
 
 from bench.rigs.durand_drive import SERIAL, DurandDrive
 from bench.rigs.lockstep import SINGLE_JOINT
@@ -20,6 +21,7 @@ from daemon.tick.tick import Tick
 from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import problems
+from drivers.can.virtual import open_end
 from errors import DriveError
 
 T = 0.01
@@ -87,15 +89,16 @@ def rig(tmp_path) -> Iterator[Rig]:
 
     channel = f"durand-{next(_channels)}"
     with (
-        can.Bus(interface="virtual", channel=channel) as near,
+        VirtualBus(channel) as near,
         can.Bus(interface="virtual", channel=channel) as far,
     ):
         drive = DurandDrive(far, 1, torque)
         (tmp_path / "drive.eds").write_text(drive.eds)
         sheet = load_data_sheet(tmp_path / "drive.eds")
         setups = [dataclasses.replace(each, data_sheet=sheet) for each in build_setups(robot)]
-        boot = DriveBoot(near, setups, c.period_ms, c.bus.master_node)
-        tick = build_tick(robot, near, lambda: 0.0)
+        bus = open_end(near)
+        boot = DriveBoot(bus, setups, c.period_ms, c.bus.master_node)
+        tick = build_tick(robot, bus.wire, lambda: 0.0)
         yield Rig(tick, boot, drive, [])
 
 

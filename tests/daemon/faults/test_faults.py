@@ -129,7 +129,7 @@ def stopped(on: BreakableArm, fault: Iterator[None]) -> None:
     assert on.rig.mode is Mode.FAULTED
     assert not on.rig.tick.controller.machine.armed
     for _ in range(PROMPT_TICKS + 1):
-        while on.bus.sending and next(fault, "over") != "over":
+        while on.wire.sending and next(fault, "over") != "over":
             on.tick()  # nothing can be sent
         if on.stops:
             break
@@ -221,7 +221,7 @@ def test_an_exception_anywhere_in_the_tick_stops_all_drives(
     tick = on.rig.tick
     part, _, method = where.partition(".")
     monkeypatch.setattr(getattr(tick, part), method or "findings", _Broken())
-    on.bus.sent.clear()
+    on.wire.sent.clear()
     slept: list[float] = []
 
     def sleep(seconds: float) -> None:
@@ -257,10 +257,10 @@ def test_a_fault_soon_after_a_reset_is_a_fault(on: BreakableArm) -> None:
     on.run(0.05)
     on.until(Mode.OFF, Event.RESET)
     on.until(Mode.HOLDING, Event.ENABLE)
-    on.bus.lost.add(0x083)
+    on.wire.lost.add(0x083)
     on.rig.arm.drives[2].fault(0x2310, "over-current")
     on.run(0.03)
-    on.bus.lost.clear()
+    on.wire.lost.clear()
     assert on.rig.mode is Mode.FAULTED
     assert on.rig.tick.controller.machine.cause == "drive fault: LElbowRoll"
     samples = on.rig.tick.samples
