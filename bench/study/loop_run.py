@@ -227,7 +227,7 @@ def record(hz: int) -> tuple[Robot, Answers]:
     with lockstep_rig(folder, configure=configure) as rig:
         nodes = {joint.wiring.node for joint in rig.robot.configuration.joints}
         answers: Answers = []
-        with can.Bus(interface="virtual", channel=rig.channel) as ear:
+        with can.Bus(interface="virtual", channel=rig.line.channel) as ear:
             while rig.time_s < END_S:
                 if rig.ticks == round(ENABLE_S * hz) + 1:
                     rig.request(Event.ENABLE)
