@@ -3,21 +3,45 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 
+import can
 import msgspec
 import numpy as np
 
-from bench.contact_free import MOTION
 from bench.rigs.faulty_wire import FaultyWire
-from bench.rigs.lockstep import Rig, lockstep_rig
+from bench.rigs.lines import OpenLine, virtual_line
+from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
 from daemon.tick.tick import ON_TIME, Wakeup
 from drivers.can.wire import Wire
 from drivers.cia402 import FAULT_STATES, QUICK_STOP
+from drivers.codec import receive_pdos
+from drivers.drive import Drive
+from simulator.drive import Drive as SimulatedDrive
 from simulator.sensors import Readings
+from simulator.state_machine import State
 
-ELBOW, YAW, PITCH = 2, 5, 6  # joints that are disturbed; nodes are one more
+
+@dataclass(frozen=True, slots=True)
+class Make:
+    """Drives of one make, and which of their joints are disturbed and how."""
+
+    name: str
+    folder: Path
+    joint: int  # that is disturbed
+    pushed: int  # that has narrow limits, to be pushed out of
+    push_Nm: float
+    saturated: int
+    stuck: int
+    after_silence: State
+    """Where a drive ends that has lost its master."""
+
+
+ROMEO_ARM = Make("romeo", ROMEO, 2, 5, 1.4, 6, 0, State.QUICK_STOP_ACTIVE)
+DESK = Make("desk arm", DESK_ARM, 0, 1, 5.5, 0, 1, State.FAULT)
+MAKES = (ROMEO_ARM, DESK)
 
 Fault = Callable[["BreakableArm"], Iterator[None]]
 """What is between two `yield`s happens before a tick; when it is closed, the cause is gone."""
@@ -33,6 +57,7 @@ def for_ever() -> Iterator[None]:
 class BreakableArm:
     """The rig, and what can be broken about it."""
 
+    make: Make
     rig: Rig
     wire: FaultyWire
     first_pose: np.ndarray
@@ -47,6 +72,34 @@ class BreakableArm:
     def period_s(self) -> float:
         """T."""
         return self.rig.robot.configuration.period_s
+
+    @property
+    def joint(self) -> int:
+        """The joint that is disturbed."""
+        return self.make.joint
+
+    @property
+    def drives(self) -> tuple[Drive, ...]:
+        """As the daemon knows them."""
+        return self.rig.robot.configuration.joint_drives
+
+    @property
+    def drive(self) -> Drive:
+        """That of the disturbed joint."""
+        return self.drives[self.joint]
+
+    @property
+    def simulated(self) -> SimulatedDrive:
+        """The same at the other end of the bus."""
+        return self.rig.arm.drives[self.joint]
+
+    def say(self, cob_id: int, data: bytes = b"", *, error: bool = False) -> None:
+        """Let a frame of somebody else arrive before the next SYNC."""
+        self.rig.line.far.send(
+            can.Message(
+                arbitration_id=cob_id, data=data, is_extended_id=False, is_error_frame=error
+            )
+        )
 
     def tick(self) -> None:
         """One tick of the daemon, on time or late."""
@@ -87,20 +140,22 @@ class BreakableArm:
 
     def setpoints(self) -> dict[int, tuple[int, int]]:
         """By node: the controlword and the target velocity [counts] that the last tick sent."""
-        return {
-            cob_id - 0x200: (
-                data[0] | data[1] << 8,
-                int.from_bytes(data[2:6], "little", signed=True),
-            )
-            for cob_id, data in self.wire.sent
-            if 0x200 < cob_id < 0x280
-        }
+        sent, found = dict(self.wire.sent), {}
+        for drive in self.drives:
+            told: dict[str, int] = {}
+            for pdo in receive_pdos(drive):
+                if pdo.cob_id in sent:
+                    counts = pdo.layout.unpack(sent[pdo.cob_id])
+                    told |= zip((field.entry for field in pdo.fields), counts, strict=True)
+            if told:
+                found[drive.node] = told["controlword"], told["target_velocity"]
+        return found
 
     @property
     def stops(self) -> bool:
         """Whether the last tick told every drive to quick-stop that can."""
         words = [word for word, _ in self.setpoints().values()]
-        return len(words) == len(self.rig.arm.drives) and all(
+        return len(words) == len(self.drives) and all(
             word & 0x0F in (0, QUICK_STOP) for word in words
         )
 
@@ -148,17 +203,17 @@ class BreakableArm:
             self.late_s, self.left_out = 0.0, 0
 
 
-def _configured(c: Configuration) -> Configuration:
-    """All joints move at once, to and fro; a wrist has narrow limits to be pushed out of, and a
+def _configured(c: Configuration, make: Make) -> Configuration:
+    """All joints move at once, to and fro; one has narrow limits to be pushed out of, and a
     residual is implausible that the simulated hand can make."""
 
     def narrowed(index: int, joint: Joint) -> Joint:
         limits = joint.limits
-        if index == YAW:
+        if index == make.pushed:
             limits = msgspec.structs.replace(limits, lower=-0.3, upper=0.3)
         return msgspec.structs.replace(joint, limits=limits)
 
-    waves = {name: Sinusoid(amplitude=0.15, frequency_Hz=0.4) for name in MOTION}
+    waves = {name: Sinusoid(amplitude=0.15, frequency_Hz=0.4) for name in c.joint_names}
     return msgspec.structs.replace(
         c,
         joints=[narrowed(i, joint) for i, joint in enumerate(c.joints)],
@@ -169,7 +224,7 @@ def _configured(c: Configuration) -> Configuration:
 
 
 @contextmanager
-def stage() -> Iterator[BreakableArm]:
+def stage(make: Make = ROMEO_ARM, line: OpenLine = virtual_line) -> Iterator[BreakableArm]:
     """A booted arm, off, on a bus that can be broken."""
     wires: list[FaultyWire] = []
 
@@ -177,8 +232,10 @@ def stage() -> Iterator[BreakableArm]:
         wires.append(FaultyWire(wire))
         return wires[0]
 
-    with lockstep_rig(configure=_configured, between=between) as rig:
-        made = BreakableArm(rig, wires[0], rig.arm.plant.q.copy())
+    with lockstep_rig(
+        make.folder, configure=lambda c: _configured(c, make), between=between, line=line
+    ) as rig:
+        made = BreakableArm(make, rig, wires[0], rig.arm.plant.q.copy())
         read = rig.arm.sensors.read
         rig.arm.sensors.read = lambda *state: made.sense(read(*state))  # type: ignore[method-assign]
         made.run(0.1)
@@ -202,3 +259,7 @@ def restore(on: BreakableArm) -> None:
     on.until(Mode.OFF, Event.RESET if on.rig.mode is Mode.FAULTED else Event.DISABLE)
     on.rig.arm.plant.place(on.first_pose)
     on.run(0.05)
+    if on.rig.mode is Mode.FAULTED:
+        # Motors without encoders, that were moved unseen, are apart from their links until a reset.
+        on.until(Mode.OFF, Event.RESET)
+        on.run(0.05)

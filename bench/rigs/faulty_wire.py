@@ -1,4 +1,4 @@
-"""Wire that can be broken: it loses frames, adds frames, and raises what the real one raises."""
+"""Wire that can be broken: it loses frames, and raises what the real one raises."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,6 @@ class FaultyWire:
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
         self.lost: set[int] = set()
-        self.added: list[Frame] = []
         self.sending: Exception | None = None
         self.receiving: Exception | None = None
         self.sent: list[tuple[int, bytes]] = []
@@ -21,8 +20,6 @@ class FaultyWire:
         """As Wire.receive."""
         if self.receiving:
             raise self.receiving
-        if self.added:
-            return self.added.pop(0)
         while (frame := self._wire.receive(timeout)) is not None:
             if frame[0] not in self.lost:
                 return frame
@@ -34,7 +31,3 @@ class FaultyWire:
             raise self.sending
         self.sent += [(can_id, bytes(data)) for can_id, data in frames]
         self._wire.send(frames)
-
-    def add(self, can_id: int, data: bytes = b"") -> None:
-        """Let a frame of somebody else arrive before the next SYNC."""
-        self.added.append((can_id, data))

@@ -19,7 +19,7 @@ from random import Random
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.rigs.breakable_arm import BreakableArm
+from bench.rigs.breakable_arm import ROMEO_ARM, BreakableArm
 from bench.rigs.faults import CASES, Case
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import Rig, lockstep_rig
@@ -160,7 +160,7 @@ def run_lockstep(seed: int, hours: float, tell: Tell = lambda share: None) -> Pa
             ControlSocket(Path(folder) / "control") as control,
             contextlib.closing(Notifier()) as notifier,
         ):
-            stage = BreakableArm(rig, wires[0], rig.arm.plant.q.copy())
+            stage = BreakableArm(ROMEO_ARM, rig, wires[0], rig.arm.plant.q.copy())
             read = rig.arm.sensors.read
             rig.arm.sensors.read = lambda *state: stage.sense(read(*state))  # type: ignore[method-assign]
             _soak(part, rng, stage, _service(rig, control, notifier), seconds, tell)
