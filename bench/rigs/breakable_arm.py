@@ -1,14 +1,15 @@
 """An arm in lockstep, and what can be broken about it: where faults are made to happen."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import partial
 
 import can
 import msgspec
 import numpy as np
 
+from bench.rigs.durand_arm import durand_rig
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lines import OpenLine, virtual_line
 from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
@@ -29,19 +30,20 @@ class Make:
     """Drives of one make, and which of their joints are disturbed and how."""
 
     name: str
-    folder: Path
+    rig: Callable[..., AbstractContextManager[Rig]]
     joint: int  # that is disturbed
     pushed: int  # that has narrow limits, to be pushed out of
     push_Nm: float
-    saturated: int
-    stuck: int
+    saturated: int  # whose current is at its limit
+    stuck: int  # whose current is stuck
     after_silence: State
     """Where a drive ends that has lost its master."""
 
 
-ROMEO_ARM = Make("romeo", ROMEO, 2, 5, 1.4, 6, 0, State.QUICK_STOP_ACTIVE)
-DESK = Make("desk arm", DESK_ARM, 0, 1, 5.5, 0, 1, State.FAULT)
-MAKES = (ROMEO_ARM, DESK)
+ROMEO_ARM = Make("romeo", partial(lockstep_rig, ROMEO), 2, 5, 1.4, 6, 0, State.QUICK_STOP_ACTIVE)
+DESK = Make("desk arm", partial(lockstep_rig, DESK_ARM), 0, 1, 5.5, 0, 1, State.FAULT)
+DURAND = Make("durand", durand_rig, 0, -1, 0.0, 0, 0, State.FAULT)
+MAKES = (ROMEO_ARM, DESK, DURAND)
 
 Fault = Callable[["BreakableArm"], Iterator[None]]
 """What is between two `yield`s happens before a tick; when it is closed, the cause is gone."""
@@ -232,9 +234,7 @@ def stage(make: Make = ROMEO_ARM, line: OpenLine = virtual_line) -> Iterator[Bre
         wires.append(FaultyWire(wire))
         return wires[0]
 
-    with lockstep_rig(
-        make.folder, configure=lambda c: _configured(c, make), between=between, line=line
-    ) as rig:
+    with make.rig(configure=lambda c: _configured(c, make), between=between, line=line) as rig:
         made = BreakableArm(make, rig, wires[0], rig.arm.plant.q.copy())
         read = rig.arm.sensors.read
         rig.arm.sensors.read = lambda *state: made.sense(read(*state))  # type: ignore[method-assign]

@@ -145,10 +145,26 @@ CASES = (
 
 NO_FRAMES = "the daemon alone makes it, or a sensor: the frames are ordinary ones"
 
+_NO_6007 = "the stack does nothing by itself when it leaves NMT operational (0x6007)"
+_NO_PLANT = "its motor follows its setpoints at once: there is nothing that could be pushed"
+
 # (case, make or wire): why it cannot be shown there.
 EXCLUDED: dict[tuple[str, str], str] = {
     ("current at its limit", "desk arm"): "its motors reach the collision level at half their "
     "current: that stops the arm before",
+    ("PDOs missing in turn", "durand"): "one drive has none to take turns with",
+    ("drive deaf to setpoints", "durand"): _NO_6007,
+    ("... and to quick stops", "durand"): _NO_6007,
+    ("... and to NMT", "durand"): _NO_6007,
+    ("drive stone-deaf", "durand"): _NO_6007,
+    ("drive leaves operational", "durand"): _NO_6007,
+    (
+        "current at its limit",
+        "durand",
+    ): "what nothing bears is a residual beyond its limit",
+    ("hit of 9 Nm", "durand"): _NO_PLANT,
+    ("drive runs away", "durand"): _NO_PLANT,
+    ("pushed beyond a limit", "durand"): _NO_PLANT,
     ("network down", "socketcand"): "only a network interface goes down; this one is gone then",
     ("network down", "slcan"): "only a network interface goes down; this one is gone then",
     ("error-passive", "slcan"): "slcan has no error frames",
