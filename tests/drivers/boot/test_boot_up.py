@@ -299,6 +299,13 @@ def said(kept, sent):
     return [(frame.can_id, frame.data) for frame in kept if frame.sent is sent]
 
 
+def test_a_connection_that_is_gone_is_not_a_drives_fault(wire, setups):
+    bus = replace(open_end(wire[0]), connection_lost=lambda: True)
+    hasty = with_profile(setups[0], sdo_timeout_ms=20)
+    with pytest.raises(BusError, match="the connection to the bus is gone"):
+        DriveBoot(bus, [hasty], 10, listen_s=0.005).boot_up()
+
+
 def test_a_closed_bus(wire, setups):
     wire[0].shutdown()
     with pytest.raises(BusError, match="closed bus"):
