@@ -24,15 +24,19 @@ import can
 import canopen
 import click
 import numpy as np
+from can.interfaces.virtual import VirtualBus
 from numpy.typing import NDArray
 
 from arrays import Vector
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO
+from bench.rigs.message_wire import MessageWire
 from daemon.assembly import build_setups
 from daemon.config.load import load_robot
 from drivers.boot.required_objects import DriveSetup
-from drivers.can.frame_ring import FrameRing
+from drivers.can.frame_ring import FrameRing, RecordedWire
+from drivers.can.virtual import QueueWire
+from drivers.can.wire import Wire
 from drivers.cia402 import PowerTarget
 from drivers.codec import MEASURED, link_side, receive_pdos, transmit_pdos
 from drivers.drives import Drives
@@ -63,10 +67,10 @@ class Ours:
     """The hot path of the daemon, which also keeps every frame for the black box."""
 
     def __init__(
-        self, bus: Any, setups: list[DriveSetup], period_s: float, ring: FrameRing
+        self, wire: Wire, setups: list[DriveSetup], period_s: float, ring: FrameRing
     ) -> None:
         drives = [setup.drive for setup in setups]
-        self._drives = Drives(bus, drives, period_s, time.monotonic, ring=ring)
+        self._drives = Drives(RecordedWire(wire, ring), drives, period_s, time.monotonic)
         self._tick, self._period_s = 0, period_s
 
     def request(self) -> None:
@@ -86,13 +90,6 @@ class Ours:
                 samples.motor_position,
             ]
         )
-
-
-class OwnCalls:
-    """A bus of which nothing is known but python-can's own `recv` and `send`."""
-
-    def __init__(self, bus: can.BusABC) -> None:
-        self.recv, self.send = bus.recv, bus.send
 
 
 class Stock:
@@ -198,12 +195,12 @@ class FarEnd:
 
 
 @contextmanager
-def both_ends() -> Iterator[tuple[can.BusABC, can.BusABC]]:
+def both_ends() -> Iterator[tuple[VirtualBus, VirtualBus]]:
     """A virtual bus of its own."""
     channel = f"bench-bus-{next(_channels)}"
     with (
-        can.Bus(interface="virtual", channel=channel) as near,
-        can.Bus(interface="virtual", channel=channel) as far,
+        VirtualBus(channel) as near,
+        VirtualBus(channel) as far,
     ):
         yield near, far
 
@@ -243,8 +240,8 @@ def compare(number: int, rounds: int) -> dict[str, Any]:
         folder = Path(rings)
         stock = Stock(c, setups)
         masters: tuple[Master, ...] = (
-            Ours(a, setups, period_s, FrameRing(folder / "a", 10_000, time.monotonic)),
-            Ours(OwnCalls(b), setups, period_s, FrameRing(folder / "b", 10_000, time.monotonic)),
+            Ours(QueueWire(a), setups, period_s, FrameRing(folder / "a", 10_000, time.monotonic)),
+            Ours(MessageWire(b), setups, period_s, FrameRing(folder / "b", 10_000, time.monotonic)),
             stock,
         )
         ends = [FarEnd(far, setups) for far in (far_a, far_b, far_c)]

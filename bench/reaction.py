@@ -1,7 +1,7 @@
 """Reaction to faults: ticks until each is found, the stop command is sent, and the arm stands.
 
-Every case of `bench.rigs.faults`, in lockstep, and what is none: an exception in the tick, and a
-daemon that dies.
+Every case of `bench.rigs.faults`, in lockstep, on the drives of every make, and what is none: an
+exception in the tick, and a daemon that dies.
 
     python -m bench.reaction [--json]
 
@@ -20,8 +20,8 @@ from typing import Any, cast
 import click
 
 from bench.report import Target, print_report
-from bench.rigs.breakable_arm import BreakableArm, restore, stage, start
-from bench.rigs.faults import CASES, Case
+from bench.rigs.breakable_arm import BreakableArm, restore, start
+from bench.rigs.faults import PLACES, SHOWN, Case, Place
 from daemon.ending import stop_on_error
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.table import Mode
@@ -31,6 +31,7 @@ from simulator.state_machine import State
 STOP_TICKS = 2
 STANDS = 0.02  # [rad/s] of the fastest motor, at the link
 PATIENCE_TICKS = 100
+PERIOD_MS = 10  # of every make
 WORDS = {
     Response.CONTINUE: "continue",
     Response.HOLD: "hold",
@@ -64,7 +65,7 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
         if found and obeyed and stopped is None:
             if stop_sent(on, reaction):
                 stopped = tick
-            elif on.bus.sending:
+            elif on.wire.sending:
                 mute += 1
         if on.speed >= STANDS:
             stood = None
@@ -76,6 +77,7 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
         fault.close()
     stops = reaction is not Response.CONTINUE
     return row(
+        on,
         case,
         found_tick=found,
         stop_ticks_after_found=stopped - found - mute if found and stopped else None,
@@ -84,10 +86,10 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
     )
 
 
-def program_error() -> dict[str, Any]:
+def program_error(place: Place) -> dict[str, Any]:
     """An exception in the tick, in full motion."""
     logging.getLogger("contactd").addHandler(logging.NullHandler())  # its traceback is no news here
-    with stage() as on:
+    with place.stage() as on:
         start(on, armed=True)
         stopped = []
 
@@ -100,6 +102,7 @@ def program_error() -> dict[str, Any]:
             on.tick()
         stands = 1 + len(stopped) + silent_ticks(on, lambda: on.speed < STANDS)
     return row(
+        on,
         Case("exception in the tick", Condition.PROGRAM_ERROR, lambda _: iter(()), 1),
         found_tick=1,
         stop_ticks_after_found=stopped.index(True),
@@ -107,16 +110,17 @@ def program_error() -> dict[str, Any]:
     )
 
 
-def killed() -> dict[str, Any]:
+def killed(place: Place) -> dict[str, Any]:
     """Without the daemon: found is when the last drive has missed its heartbeat."""
-    with stage() as on:
+    with place.stage() as on:
         start(on, armed=True)
         drives, c = on.rig.arm.drives, on.rig.robot.configuration
         timeout_ms = max(profile.master_timeout_ms for profile in c.drives.values())
-        stops = State.QUICK_STOP_ACTIVE
-        found = silent_ticks(on, lambda: all(drive.state is stops for drive in drives))
+        runs = State.OPERATION_ENABLED
+        found = silent_ticks(on, lambda: all(drive.state is not runs for drive in drives))
         stands = found + silent_ticks(on, lambda: on.speed < STANDS)
     return {
+        "make": place.make.name,
         "fault": "daemon killed",
         "condition": "(by the drives)",
         "reaction": "quick stop",
@@ -137,14 +141,15 @@ def silent_ticks(on: BreakableArm, done: Callable[[], bool]) -> int:
     raise AssertionError("never")
 
 
-def row(case: Case, **measured: int | None) -> dict[str, Any]:
+def row(on: BreakableArm, case: Case, **measured: int | None) -> dict[str, Any]:
     """Results of one fault that are printed and kept."""
     reaction = WORDS[TABLE[case.condition].response]
-    stated = {"fault": case.name, "condition": case.condition.value, "reaction": reaction}
+    found_as = {"condition": case.condition.value, "reaction": reaction}
+    stated = {"make": on.make.name, "fault": case.name, **found_as}
     return {**stated, "stated_ticks": case.ticks, "mute_ticks": 0, **measured}
 
 
-def line(row: dict[str, Any], period_ms: float) -> str:
+def line(row: dict[str, Any]) -> str:
     """One row of the printed table."""
     stop = row["stop_ticks_after_found"]
     words = "-" if stop is None else f"+{stop}"
@@ -152,35 +157,40 @@ def line(row: dict[str, Any], period_ms: float) -> str:
         words = "silence"
     elif row["mute_ticks"]:
         words += f" after {row['mute_ticks']} mute"
-    stands = "-" if row["stands_tick"] is None else f"{row['stands_tick'] * period_ms:.0f} ms"
+    stands = "-" if row["stands_tick"] is None else f"{row['stands_tick'] * PERIOD_MS} ms"
     return (
-        f"{row['fault']:26} {row['condition']:29} {row['stated_ticks']:5} "
+        f"{row['make']:8} {row['fault']:26} {row['condition']:29} {row['stated_ticks']:5} "
         f"{row['found_tick']!s:>6}  {row['reaction']:10} {words:15} {stands:>8}"
     )
+
+
+def measured(place: Place) -> list[dict[str, Any]]:
+    """Every fault that can be shown at a place."""
+    rows = []
+    shown = [each for each in SHOWN if each.place == place]
+    with place.stage() as on:
+        for case in (each.case for each in shown if each.recovers):
+            start(on, armed=case.armed)
+            rows.append(measure(on, case))
+            restore(on)
+    for case in (each.case for each in shown if not each.recovers):
+        with place.stage() as on:
+            start(on, armed=case.armed)
+            rows.append(measure(on, case))
+    return [*rows, program_error(place), killed(place)]
 
 
 @click.command(help=__doc__)
 @click.option("--json", "as_json", is_flag=True)
 def main(as_json: bool) -> None:
-    rows = []
-    with stage() as on:
-        period_ms = 1000 * on.period_s
-        for case in (case for case in CASES if case.recovers):
-            start(on, armed=case.armed)
-            rows.append(measure(on, case))
-            restore(on)
-    for case in (case for case in CASES if not case.recovers):
-        with stage() as on:
-            start(on, armed=case.armed)
-            rows.append(measure(on, case))
-    rows += [program_error(), killed()]
+    rows = [row for place in PLACES if place.wire == "virtual" for row in measured(place)]
     if not as_json:
         click.echo(
-            f"{'fault':26} {'found as':29} {'ticks':>5} {'found':>6}  {'reaction':10} "
+            f"{'make':8} {'fault':26} {'found as':29} {'ticks':>5} {'found':>6}  {'reaction':10} "
             f"{'stop command':15} {'stands':>8}"
         )
         for row in rows:
-            click.echo(line(row, period_ms))
+            click.echo(line(row))
     late = [r for r in rows if r["found_tick"] is None or r["found_tick"] > r["stated_ticks"]]
     waits = [r["stop_ticks_after_found"] for r in rows if r["reaction"] in ("hold", "quick stop")]
     moving = [r for r in rows if r["reaction"] != "continue" and r["stands_tick"] is None]

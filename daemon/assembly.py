@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 
-import can
 import numpy as np
 
 from daemon.config.identified import objections
@@ -24,6 +23,7 @@ from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.frame_ring import FrameRing
+from drivers.can.wire import OpenBus, Wire
 from drivers.drives import Drives
 from estimator.estimator import Estimator
 from estimator.model import Model
@@ -31,26 +31,11 @@ from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
 
 
-def build_tick(
-    robot: Robot,
-    bus: can.BusABC,
-    clock: Callable[[], float],
-    identification: Check,
-    ring: FrameRing | None = None,
-) -> Tick:
-    """The tick of `robot` on an open bus whose drives are set up; `ring` keeps its frames. Unless
-    the `identification` passes it does not arm, and closes no loop over the links.
-
-    Raises ContactdError."""
+def build_tick(robot: Robot, wire: Wire, clock: Callable[[], float], identification: Check) -> Tick:
+    """The tick of `robot` on the wire to drives that are set up. Unless the `identification` passes
+    it does not arm, and closes no loop over the links. Raises ContactdError."""
     c = robot.configuration
-    drives = Drives(
-        bus,
-        c.joint_drives,
-        c.period_s,
-        clock,
-        c.bus.master_node,
-        ring,
-    )
+    drives = Drives(wire, c.joint_drives, c.period_s, clock, c.bus.master_node)
     return Tick(
         drives,
         build_estimator(c, robot.urdf),
@@ -70,7 +55,7 @@ def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:
     return Check(name="identification", passed=not against, text=text)
 
 
-def build_boot(robot: Robot, bus: can.BusABC, ring: FrameRing | None = None) -> DriveBoot:
+def build_boot(robot: Robot, bus: OpenBus, ring: FrameRing | None = None) -> DriveBoot:
     """Boot-up of the drives over an open bus; `ring` keeps its frames. Raises
     ConfigurationError."""
     c = robot.configuration

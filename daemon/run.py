@@ -7,7 +7,6 @@ import time
 from contextlib import closing
 from pathlib import Path
 
-import can
 import numpy as np
 
 from daemon.assembly import build_boot, build_estimator, build_tick, check_identification
@@ -25,6 +24,8 @@ from daemon.service.status import Process
 from daemon.tick.loop import Clock, Loop
 from drivers.can.bus import open_bus
 from drivers.can.bus_load import frame_rate_hz
+from drivers.can.frame_ring import RecordedWire
+from drivers.can.wire import OpenBus
 from errors import BusError, DriveError
 
 _log = logging.getLogger("contactd")
@@ -45,12 +46,12 @@ def run_daemon(robot: Robot, socket: Path | None) -> None:
                 with _black_box(robot, control) as black_box:
                     _serve(robot, bus, control, notifier, signals, black_box)
             finally:
-                bus.shutdown()
+                bus.python_can.shutdown()
 
 
 def _serve(
     robot: Robot,
-    bus: can.BusABC,
+    bus: OpenBus,
     control: ControlSocket,
     notifier: Notifier,
     signals: "_Signals",
@@ -68,7 +69,9 @@ def _serve(
         return
     serials = [identity.serial for identity in boot.identities]
     identification = check_identification(robot, serials)
-    tick = build_tick(robot, bus, time.monotonic, identification, black_box.ring)
+    ring = black_box.ring
+    wire = RecordedWire(bus.wire, ring) if ring else bus.wire
+    tick = build_tick(robot, wire, time.monotonic, identification)
     _warm_up(robot)
     realtime = go_realtime()
     for grant in realtime:

@@ -9,14 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import can
 import numpy as np
 
 from arrays import Vector
 from drivers.answers import Answers, Counters, Samples
 from drivers.can.bus import BUS_FAILURES
-from drivers.can.frame_ring import FrameRing, RecordedWire
-from drivers.can.wire import ERROR, Frame, Wire, open_wire
+from drivers.can.wire import ERROR, Frame, Wire
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.drive import Drive
 from drivers.events import (
@@ -69,21 +67,17 @@ class Drives:
 
     def __init__(
         self,
-        bus: can.BusABC,
+        wire: Wire,
         drives: Sequence[Drive],
         period_s: float,
         clock: Callable[[], float],
         master_node: int = 127,
-        ring: FrameRing | None = None,
     ) -> None:
-        """`ring` keeps the frames of both directions. Raises ConfigurationError if a PDO layout
-        does not fit."""
+        """Raises ConfigurationError if a PDO layout does not fit."""
         self.names = tuple(drive.name for drive in drives)
         self.nodes = tuple(drive.node for drive in drives)
         self.counters = Counters()
-        wire = open_wire(bus)
-        self._wire: Wire = RecordedWire(wire, ring) if ring else wire
-        self._clock = clock
+        self._wire, self._clock = wire, clock
         self._answers = Answers(drives, self.counters, self._tell)
         self._setpoints = Setpoints(drives)
         self._quick_stops = [*self._setpoints.quick_stops, SYNC_FRAME]

@@ -3,10 +3,18 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
 import can
 
 from simulator.arm import SYNC, SimulatedArm
+
+
+class Receiver(Protocol):
+    """What is needed of the arm's end of a bus."""
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """As BusABC.recv."""
 
 
 class Lockstep:
@@ -16,7 +24,7 @@ class Lockstep:
     the SDO part of a boot-up, `serving` answers from a thread, while the plant stands still.
     """
 
-    def __init__(self, arm: SimulatedArm, bus: can.BusABC) -> None:
+    def __init__(self, arm: SimulatedArm, bus: Receiver) -> None:
         self.arm, self._bus = arm, bus
         self.syncs = 0
         """SYNCs seen since the beginning."""

@@ -1,24 +1,49 @@
 """An arm in lockstep, and what can be broken about it: where faults are made to happen."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
 
 import can
 import msgspec
 import numpy as np
 
-from bench.contact_free import MOTION
-from bench.rigs.faulty_bus import FaultyBus
-from bench.rigs.lockstep import Rig, lockstep_rig
+from bench.rigs.durand_arm import durand_rig
+from bench.rigs.faulty_wire import FaultyWire
+from bench.rigs.lines import OpenLine, virtual_line
+from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
 from daemon.tick.record import ON_TIME, Wakeup
+from drivers.can.wire import Wire
 from drivers.cia402 import FAULT_STATES, QUICK_STOP
+from drivers.codec import receive_pdos
+from drivers.drive import Drive
+from simulator.drive import Drive as SimulatedDrive
 from simulator.sensors import Readings
+from simulator.state_machine import State
 
-ELBOW, YAW, PITCH = 2, 5, 6  # joints that are disturbed; nodes are one more
+
+@dataclass(frozen=True, slots=True)
+class Make:
+    """Drives of one make, and which of their joints are disturbed and how."""
+
+    name: str
+    rig: Callable[..., AbstractContextManager[Rig]]
+    joint: int  # that is disturbed
+    pushed: int  # that has narrow limits, to be pushed out of
+    push_Nm: float
+    saturated: int  # whose current is at its limit
+    stuck: int  # whose current is stuck
+    after_silence: State
+    """Where a drive ends that has lost its master."""
+
+
+ROMEO_ARM = Make("romeo", partial(lockstep_rig, ROMEO), 2, 5, 1.4, 6, 0, State.QUICK_STOP_ACTIVE)
+DESK = Make("desk arm", partial(lockstep_rig, DESK_ARM), 0, 1, 5.5, 0, 1, State.FAULT)
+DURAND = Make("durand", durand_rig, 0, -1, 0.0, 0, 0, State.FAULT)
+MAKES = (ROMEO_ARM, DESK, DURAND)
 
 Fault = Callable[["BreakableArm"], Iterator[None]]
 """What is between two `yield`s happens before a tick; when it is closed, the cause is gone."""
@@ -34,8 +59,9 @@ def for_ever() -> Iterator[None]:
 class BreakableArm:
     """The rig, and what can be broken about it."""
 
+    make: Make
     rig: Rig
-    bus: FaultyBus
+    wire: FaultyWire
     first_pose: np.ndarray
     late_s: float = 0.0
     """How late the next ticks begin."""
@@ -49,15 +75,43 @@ class BreakableArm:
         """T."""
         return self.rig.robot.configuration.period_s
 
+    @property
+    def joint(self) -> int:
+        """The joint that is disturbed."""
+        return self.make.joint
+
+    @property
+    def drives(self) -> tuple[Drive, ...]:
+        """As the daemon knows them."""
+        return self.rig.robot.configuration.joint_drives
+
+    @property
+    def drive(self) -> Drive:
+        """That of the disturbed joint."""
+        return self.drives[self.joint]
+
+    @property
+    def simulated(self) -> SimulatedDrive:
+        """The same at the other end of the bus."""
+        return self.rig.arm.drives[self.joint]
+
+    def say(self, cob_id: int, data: bytes = b"", *, error: bool = False) -> None:
+        """Let a frame of somebody else arrive before the next SYNC."""
+        self.rig.line.far.send(
+            can.Message(
+                arbitration_id=cob_id, data=data, is_extended_id=False, is_error_frame=error
+            )
+        )
+
     def tick(self) -> None:
         """One tick of the daemon, on time or late."""
-        rig, self.bus.sent[:] = self.rig, []
+        rig, self.wire.sent[:] = self.rig, []
         if self.late_s:
             rig.arm.advance(rig.arm.now + self.left_out * self.period_s)
             rig.ticks += self.left_out
         wakeup = Wakeup(lateness_s=self.late_s, left_out=self.left_out) if self.late_s else ON_TIME
         rig.tick.begin(rig.time_s)
-        if not self.bus.sent:
+        if not self.wire.sent:
             rig.arm.advance(rig.arm.now + self.period_s)  # without a SYNC nobody else moves it
         rig.lockstep.pump()
         rig.tick.finish(0.0, wakeup)
@@ -65,7 +119,7 @@ class BreakableArm:
 
     def silence(self) -> None:
         """The time of a tick after the program has ended: the drives hear no master."""
-        self.bus.sent[:] = []
+        self.wire.sent[:] = []
         self.rig.arm.advance(self.rig.arm.now + self.period_s)
         self.rig.lockstep.pump()
 
@@ -88,20 +142,22 @@ class BreakableArm:
 
     def setpoints(self) -> dict[int, tuple[int, int]]:
         """By node: the controlword and the target velocity [counts] that the last tick sent."""
-        return {
-            cob_id - 0x200: (
-                data[0] | data[1] << 8,
-                int.from_bytes(data[2:6], "little", signed=True),
-            )
-            for cob_id, data in self.bus.sent
-            if 0x200 < cob_id < 0x280
-        }
+        sent, found = dict(self.wire.sent), {}
+        for drive in self.drives:
+            told: dict[str, int] = {}
+            for pdo in receive_pdos(drive):
+                if pdo.cob_id in sent:
+                    counts = pdo.layout.unpack(sent[pdo.cob_id])
+                    told |= zip((field.entry for field in pdo.fields), counts, strict=True)
+            if told:
+                found[drive.node] = told["controlword"], told["target_velocity"]
+        return found
 
     @property
     def stops(self) -> bool:
         """Whether the last tick told every drive to quick-stop that can."""
         words = [word for word, _ in self.setpoints().values()]
-        return len(words) == len(self.rig.arm.drives) and all(
+        return len(words) == len(self.drives) and all(
             word & 0x0F in (0, QUICK_STOP) for word in words
         )
 
@@ -122,22 +178,22 @@ class BreakableArm:
     @contextmanager
     def losing(self, *cob_ids: int) -> Iterator[None]:
         """These frames do not reach the daemon inside the block."""
-        self.bus.lost.update(cob_ids)
+        self.wire.lost.update(cob_ids)
         try:
             yield
         finally:
-            self.bus.lost.difference_update(cob_ids)
+            self.wire.lost.difference_update(cob_ids)
 
     @contextmanager
     def raising(
         self, sending: Exception | None = None, receiving: Exception | None = None
     ) -> Iterator[None]:
         """The bus fails inside the block."""
-        self.bus.sending, self.bus.receiving = sending, receiving
+        self.wire.sending, self.wire.receiving = sending, receiving
         try:
             yield
         finally:
-            self.bus.sending = self.bus.receiving = None
+            self.wire.sending = self.wire.receiving = None
 
     @contextmanager
     def late(self, seconds: float) -> Iterator[None]:
@@ -149,17 +205,17 @@ class BreakableArm:
             self.late_s, self.left_out = 0.0, 0
 
 
-def _configured(c: Configuration) -> Configuration:
-    """All joints move at once, to and fro; a wrist has narrow limits to be pushed out of, and a
+def _configured(c: Configuration, make: Make) -> Configuration:
+    """All joints move at once, to and fro; one has narrow limits to be pushed out of, and a
     residual is implausible that the simulated hand can make."""
 
     def narrowed(index: int, joint: Joint) -> Joint:
         limits = joint.limits
-        if index == YAW:
+        if index == make.pushed:
             limits = msgspec.structs.replace(limits, lower=-0.3, upper=0.3)
         return msgspec.structs.replace(joint, limits=limits)
 
-    waves = {name: Sinusoid(amplitude=0.15, frequency_Hz=0.4) for name in MOTION}
+    waves = {name: Sinusoid(amplitude=0.15, frequency_Hz=0.4) for name in c.joint_names}
     return msgspec.structs.replace(
         c,
         joints=[narrowed(i, joint) for i, joint in enumerate(c.joints)],
@@ -170,16 +226,16 @@ def _configured(c: Configuration) -> Configuration:
 
 
 @contextmanager
-def stage() -> Iterator[BreakableArm]:
+def stage(make: Make = ROMEO_ARM, line: OpenLine = virtual_line) -> Iterator[BreakableArm]:
     """A booted arm, off, on a bus that can be broken."""
-    buses: list[FaultyBus] = []
+    wires: list[FaultyWire] = []
 
-    def between(near: can.BusABC) -> Any:
-        buses.append(FaultyBus(near))
-        return buses[0]
+    def between(wire: Wire) -> FaultyWire:
+        wires.append(FaultyWire(wire))
+        return wires[0]
 
-    with lockstep_rig(configure=_configured, bus=between) as rig:
-        made = BreakableArm(rig, buses[0], rig.arm.plant.q.copy())
+    with make.rig(configure=lambda c: _configured(c, make), between=between, line=line) as rig:
+        made = BreakableArm(make, rig, wires[0], rig.arm.plant.q.copy())
         read = rig.arm.sensors.read
         rig.arm.sensors.read = lambda *state: made.sense(read(*state))  # type: ignore[method-assign]
         made.run(0.1)
@@ -203,3 +259,7 @@ def restore(on: BreakableArm) -> None:
     on.until(Mode.OFF, Event.RESET if on.rig.mode is Mode.FAULTED else Event.DISABLE)
     on.rig.arm.plant.place(on.first_pose)
     on.run(0.05)
+    if on.rig.mode is Mode.FAULTED:
+        # Motors without encoders, that were moved unseen, are apart from their links until a reset.
+        on.until(Mode.OFF, Event.RESET)
+        on.run(0.05)

@@ -5,54 +5,64 @@ from collections.abc import Iterator
 
 import can
 
-from bench.rigs.breakable_arm import ELBOW, BreakableArm, Fault, for_ever
+from bench.rigs.breakable_arm import BreakableArm, for_ever
+from drivers.codec import receive_pdos, transmit_pdos
+from drivers.drive import Drive
+from drivers.drives import FRAMES_PER_PASS
+from drivers.ids import ENTER_PRE_OPERATIONAL, NMT, SYNC
 
-ERROR = {"is_extended_id": False, "is_error_frame": True}
+
+def _answers(drive: Drive) -> list[int]:
+    return [pdo.cob_id for pdo in transmit_pdos(drive)]
 
 
 def one_pdo_missing(on: BreakableArm) -> Iterator[None]:
-    with on.losing(0x281 + ELBOW):
+    with on.losing(_answers(on.drive)[-1]):
         yield
 
 
 def pdos_stale(on: BreakableArm) -> Iterator[None]:
-    with on.losing(0x181 + ELBOW, 0x281 + ELBOW):
+    with on.losing(*_answers(on.drive)):
         yield from for_ever()
 
 
 def pdos_lost_in_turn(on: BreakableArm) -> Iterator[None]:
     """Never a tick with all drives, never two in a row without the same one."""
     while True:
-        for node in (1, 2):
-            with on.losing(0x180 + node):
+        for drive in on.drives[:2]:
+            with on.losing(_answers(drive)[0]):
                 yield
 
 
 def pdos_stale_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
-    with on.losing(0x181 + ELBOW, 0x281 + ELBOW), on.late(0.012):
+    with on.losing(*_answers(on.drive)), on.late(0.012):
         for _ in range(4):
             yield
 
 
-def foreign(cob_id: int, data: bytes = b"") -> Fault:
-    def fault(on: BreakableArm) -> Iterator[None]:
-        on.bus.add(cob_id, data)
-        yield
-
-    return fault
+def foreign_sync(on: BreakableArm) -> Iterator[None]:
+    on.say(SYNC)
+    yield
 
 
-def _full_queue() -> Exception:
-    return can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
+def foreign_nmt(on: BreakableArm) -> Iterator[None]:
+    on.say(NMT, bytes([ENTER_PRE_OPERATIONAL, on.drive.node]))
+    yield
+
+
+def foreign_setpoint(on: BreakableArm) -> Iterator[None]:
+    pdo = receive_pdos(on.drive)[0]
+    on.say(pdo.cob_id, bytes(pdo.layout.size))
+    yield
 
 
 def one_enobufs(on: BreakableArm) -> Iterator[None]:
-    with on.raising(_full_queue()):
+    with on.raising(on.rig.line.full):
         yield
 
 
 def enobufs(on: BreakableArm) -> Iterator[None]:
-    with on.raising(_full_queue()):
+    with on.raising(on.rig.line.full):
         for _ in range(5):
             yield
 
@@ -65,29 +75,31 @@ def bus_down(on: BreakableArm) -> Iterator[None]:
 
 
 def old_frames(on: BreakableArm) -> Iterator[None]:
-    """The bus returns, and every drive's answers of the last half second come at once."""
-    drives = on.rig.arm.drives
+    """The bus returns, and with it so many old answers of every drive at once that one pass does
+    not read them all."""
+    answers = [pdo for drive in on.drives for pdo in transmit_pdos(drive)]
     for _ in range(4):
-        for _ in range(50):
-            for drive in drives:
-                on.bus.add(0x180 + drive.node, bytes(8))
-                on.bus.add(0x280 + drive.node, bytes(8))
+        for _ in range(FRAMES_PER_PASS // len(answers) + 14):
+            for pdo in answers:
+                on.say(pdo.cob_id, bytes(pdo.layout.size))
         yield
 
 
 def error_passive(on: BreakableArm) -> Iterator[None]:
-    on.bus.add(0x004, b"\0\x20\0\0\0\0\0\0", **ERROR)
+    on.say(0x004, b"\0\x20\0\0\0\0\0\0", error=True)
     yield
 
 
 def bus_off(on: BreakableArm) -> Iterator[None]:
-    on.bus.add(0x040, bytes(8), **ERROR)
-    with on.raising(_full_queue()):
+    on.say(0x040, bytes(8), error=True)
+    with on.raising(on.rig.line.full):
         yield
 
 
 def adapter_gone(on: BreakableArm) -> Iterator[None]:
-    with on.raising(
-        OSError(errno.ENODEV, "No such device"), OSError(errno.ENODEV, "No such device")
-    ):
+    if on.rig.line.unplug is not None:
+        on.rig.line.unplug()
+        yield from for_ever()
+    gone = OSError(errno.ENODEV, "No such device")
+    with on.raising(gone, gone):
         yield from for_ever()

@@ -3,52 +3,54 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from bench.rigs.breakable_arm import ELBOW, BreakableArm, Fault, for_ever
+from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
+from drivers.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT
 from simulator.state_machine import Trigger
 
 OVER_CURRENT, UNDER_VOLTAGE, OVER_TEMPERATURE = 0x2310, 0x3220, 0x4310
 
 
 def heartbeat_lost(on: BreakableArm) -> Iterator[None]:
-    with on.losing(0x701 + ELBOW):
+    with on.losing(HEARTBEAT + on.drive.node):
         yield from for_ever()
 
 
 def emergency(code: int) -> Fault:
     def fault(on: BreakableArm) -> Iterator[None]:
-        on.bus.add(0x081 + ELBOW, code.to_bytes(2, "little") + bytes([1, 0, 0, 0, 0, 0]))
+        cob_id = EMERGENCY + on.drive.node
+        on.say(cob_id, code.to_bytes(2, "little") + bytes([1, 0, 0, 0, 0, 0]))
         yield
-        on.bus.add(0x081 + ELBOW, bytes(8))  # it is over
+        on.say(cob_id, bytes(8))  # it is over
 
     return fault
 
 
 def fault_bit(on: BreakableArm) -> Iterator[None]:
-    with on.losing(0x081 + ELBOW):  # no emergency message: the statusword alone
-        on.rig.arm.drives[ELBOW].fault(OVER_CURRENT, "over-current")
+    with on.losing(EMERGENCY + on.drive.node):  # no emergency message: the statusword alone
+        on.simulated.fault(OVER_CURRENT, "over-current")
         yield from for_ever()
 
 
 def emergency_stop(on: BreakableArm) -> Iterator[None]:
-    on.rig.arm.drives[ELBOW].axis.happen(Trigger.DISABLE_VOLTAGE)
+    on.simulated.axis.happen(Trigger.DISABLE_VOLTAGE)
     yield
 
 
 def left_operational(on: BreakableArm) -> Iterator[None]:
-    on.rig.arm.drives[ELBOW].on_nmt(128)
+    on.simulated.on_nmt(ENTER_PRE_OPERATIONAL)
     yield from for_ever()
 
 
 def reboot(on: BreakableArm) -> Iterator[None]:
-    on.rig.arm.drives[ELBOW].boot()
+    on.simulated.boot()
     yield from for_ever()
 
 
 def runaway(on: BreakableArm) -> Iterator[None]:
     """A drive that does what it likes, but still knows the quick stop."""
-    servo, axis = on.rig.arm.servo, on.rig.arm.drives[ELBOW].axis
+    servo, axis = on.rig.arm.servo, on.simulated.axis
     while axis.state.name == "OPERATION_ENABLED":
-        servo.ramp(ELBOW, 3.2, 60.0)
+        servo.ramp(on.joint, 3.2, 60.0)
         yield
     yield from for_ever()
 
@@ -56,7 +58,7 @@ def runaway(on: BreakableArm) -> Iterator[None]:
 @contextmanager
 def _deaf(on: BreakableArm, *to: str) -> Iterator[None]:
     """The drive no longer hears these."""
-    drive = on.rig.arm.drives[ELBOW]
+    drive = on.simulated
     for method in to:
         setattr(drive, method, lambda *_: None)
     try:

@@ -18,6 +18,10 @@ from durand import Array, MinimalNode, Record, Variable, set_scheduler
 from durand import DatatypeEnum as Type
 from durand.scheduler import VirtualScheduler
 
+from bench.rigs.lines import FarEnd
+from simulator.sensors import Readings
+
+SYNC: Final = 0x080
 MASTER_HEARTBEAT: Final = 0x700 + 127
 SERIAL: Final = 4711
 SERVO_DRIVE: Final = 0x0002_0192
@@ -69,8 +73,10 @@ _COMMANDS: Final = (
 class PolledBus:
     """durand's network upon a bus that is polled, without a thread."""
 
-    def __init__(self, bus: can.BusABC) -> None:
+    def __init__(self, bus: FarEnd) -> None:
         self._bus = bus
+        self.on_sync: Callable[[], None] = lambda: None
+        """Called before a SYNC is handled."""
         self._callbacks: dict[int, Callable[[int, bytes], None]] = {}
 
     def forget(self) -> None:
@@ -86,11 +92,17 @@ class PolledBus:
     def send(self, cob_id: int, msg: bytes) -> None:
         self._bus.send(can.Message(arbitration_id=cob_id, data=msg, is_extended_id=False))
 
+    def hear(self, cob_id: int, data: bytes) -> None:
+        """Handle one frame."""
+        if callback := self._callbacks.get(cob_id):
+            callback(cob_id, data)
+
     def pump(self, timeout: float = 0.0) -> None:
         """Handle all queued frames; waits up to `timeout` s for the first."""
         while (message := self._bus.recv(timeout)) is not None:
-            if callback := self._callbacks.get(message.arbitration_id):
-                callback(message.arbitration_id, bytes(message.data))
+            if message.arbitration_id == SYNC:
+                self.on_sync()
+            self.hear(message.arbitration_id, bytes(message.data))
             timeout = 0.0
 
 
@@ -100,24 +112,25 @@ class DurandDrive:
     torque: what the motor gives at link position [rad] and velocity [rad/s], in Nm at the link.
     """
 
-    def __init__(self, bus: can.BusABC, node: int, torque: Callable[[float, float], float]) -> None:
-        self._network, self._torque, self._number = PolledBus(bus), torque, node
+    def __init__(self, bus: FarEnd, node: int, torque: Callable[[float, float], float]) -> None:
+        self.network, self._torque, self._number = PolledBus(bus), torque, node
         self._now_s, self._heard_s = 0.0, math.inf
-        self._q = 0.0
+        self.q = 0.0  # link position [rad]
+        self.velocity = 0.0  # [rad/s]
         self.states: list[str] = []
         """Every power state it was in, in order."""
         self.power_on()
 
     def power_on(self) -> None:
         """For the first time or again: a boot-up message, and nothing that it was told is left."""
-        self._network.forget()
+        self.network.forget()
         self._clock = VirtualScheduler()
         set_scheduler(self._clock)  # durand has one for all
         self._heard_s = math.inf
-        self._node = MinimalNode(self._network, self._number)
+        self._node = MinimalNode(self.network, self._number)
         self.objects = self._node.object_dictionary
         self._furnish()
-        self._network.add_subscription(MASTER_HEARTBEAT, self._hear_master)
+        self.network.add_subscription(MASTER_HEARTBEAT, self._hear_master)
         self._enter("SWITCH ON DISABLED")
 
     @property
@@ -129,32 +142,44 @@ class DurandDrive:
     def state(self) -> str:
         return self.states[-1]
 
-    @property
-    def q(self) -> float:
-        """Link position [rad]."""
-        return self._q
+    def hear(self, cob_id: int, data: bytes) -> None:
+        """As if the frame had come over the bus."""
+        set_scheduler(self._clock)
+        self.network.hear(cob_id, data)
 
     def pump(self, timeout: float = 0.0) -> None:
         """Answer what is on the bus."""
-        self._network.pump(timeout)
+        set_scheduler(self._clock)
+        self.network.pump(timeout)
 
     def advance(self, seconds: float) -> None:
         """Let the time of one tick pass."""
         self._now_s += seconds
+        set_scheduler(self._clock)
         self._clock.run(seconds)
         watch = self.objects.read(0x1016, 1) & 0xFFFF
         if watch and self._now_s - self._heard_s > watch / 1000.0 + 1e-9:
             self.fail(0x8130)
         moving = self.state == "OPERATION ENABLED"
         counts = self.objects.read(0x60FF, 0) if moving else 0
-        velocity = counts * VELOCITY_UNIT / GEAR
-        self._q += velocity * seconds
-        current = self._torque(self._q, velocity) / TORQUE_CONSTANT
+        self.velocity = counts * VELOCITY_UNIT / GEAR
+        self.q += self.velocity * seconds
+        readings = self.read()
+        self._show(0x6078, readings.current[0])
+        self._show(0x606C, readings.motor_velocity[0])
+        self._show(0x6064, readings.motor_position[0])
+        self._show(0x60E4, readings.link_position[0])
+
+    def read(self) -> Readings:
+        """What its sensors say."""
+        current = self._torque(self.q, self.velocity) / TORQUE_CONSTANT
         powered = self.state in ("OPERATION ENABLED", "QUICK STOP ACTIVE")
-        self._show(0x6078, 1000.0 * current / RATED_CURRENT_A if powered else 0.0)
-        self._show(0x606C, counts)
-        self._show(0x6064, self._q * GEAR / MOTOR_COUNT)
-        self._show(0x60E4, self._q / LINK_COUNT)
+        return Readings(
+            link_position=[round(self.q / LINK_COUNT)],
+            motor_position=[round(self.q * GEAR / MOTOR_COUNT)],
+            motor_velocity=[round(self.velocity * GEAR / VELOCITY_UNIT)],
+            current=[round(1000.0 * current / RATED_CURRENT_A if powered else 0.0)],
+        )
 
     def fail(self, code: int) -> None:
         """A fault: emergency, no torque."""
@@ -162,6 +187,10 @@ class DurandDrive:
         self.objects.write(0x603F, 0, code)
         self._node.emcy.set(code, 0x01)
         self._enter("FAULT")
+
+    def switch_off(self) -> None:
+        """Somebody takes the voltage away."""
+        self._enter("SWITCH ON DISABLED")
 
     @contextmanager
     def serving(self) -> Iterator[None]:
@@ -214,5 +243,5 @@ class DurandDrive:
     def _hear_master(self, _: int, __: bytes) -> None:
         self._heard_s = self._now_s
 
-    def _show(self, index: int, value: float) -> None:
-        self.objects.write(index, 1 if index in _RECORDS else 0, round(value))
+    def _show(self, index: int, value: int) -> None:
+        self.objects.write(index, 1 if index in _RECORDS else 0, value)

@@ -1,19 +1,23 @@
-"""Every condition of the table of faults, made to happen in lockstep.
+"""Every condition of the table of faults, made to happen in lockstep: cases x makes x wires.
 
-Faults of processes (SIGSTOP, SIGKILL, a second daemon) are no part of it.
+A case is shown on the drives of every make and over the wire of every interface, or `EXCLUDED` says
+why not. Faults of processes (SIGSTOP, SIGKILL, a second daemon) are no part of it.
 """
 
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
-from bench.rigs.breakable_arm import BreakableArm, Fault
+from bench.rigs.breakable_arm import MAKES, BreakableArm, Fault, Make, stage
 from bench.rigs.bus_faults import (
     adapter_gone,
     bus_down,
     bus_off,
     enobufs,
     error_passive,
-    foreign,
+    foreign_nmt,
+    foreign_setpoint,
+    foreign_sync,
     old_frames,
     one_enobufs,
     one_pdo_missing,
@@ -35,6 +39,7 @@ from bench.rigs.drive_faults import (
     runaway,
     stone_deaf,
 )
+from bench.rigs.lines import LINES
 from bench.rigs.measurement_faults import (
     encoder_frozen,
     encoder_jump,
@@ -77,19 +82,21 @@ class Case:
     """Whether `reset` and `enable` are enough once its cause is gone."""
     before: tuple[Condition, ...] = ()
     """What is found of it sooner, and latched."""
+    frames: bool = False
+    """Whether it is made, or shows, in frames: then every wire has to carry it."""
 
 
 _C = Condition
 CASES = (
-    Case("one PDO missing", _C.SAMPLE_MISSING, one_pdo_missing, 1),
-    Case("a drive's PDOs missing", _C.STALE, pdos_stale, 3),
+    Case("one PDO missing", _C.SAMPLE_MISSING, one_pdo_missing, 1, frames=True),
+    Case("a drive's PDOs missing", _C.STALE, pdos_stale, 3, frames=True),
     Case("... on a late machine", _C.STARVED, pdos_stale_on_a_late_machine, 3),
-    Case("PDOs missing in turn", _C.STALE, pdos_lost_in_turn, 9),
-    Case("heartbeat of a drive lost", _C.HEARTBEAT_LOST, heartbeat_lost, 21),
-    Case("over-temperature", _C.EMERGENCY, emergency(OVER_TEMPERATURE), 1),
-    Case("under-voltage", _C.EMERGENCY, emergency(UNDER_VOLTAGE), 1),
-    Case("fault bit", _C.DRIVE_FAULT, fault_bit, 1),
-    Case("emergency stop of a drive", _C.DRIVE_DROPPED, emergency_stop, 1),
+    Case("PDOs missing in turn", _C.STALE, pdos_lost_in_turn, 9, frames=True),
+    Case("heartbeat of a drive lost", _C.HEARTBEAT_LOST, heartbeat_lost, 21, frames=True),
+    Case("over-temperature", _C.EMERGENCY, emergency(OVER_TEMPERATURE), 1, frames=True),
+    Case("under-voltage", _C.EMERGENCY, emergency(UNDER_VOLTAGE), 1, frames=True),
+    Case("fault bit", _C.DRIVE_FAULT, fault_bit, 1, frames=True),
+    Case("emergency stop of a drive", _C.DRIVE_DROPPED, emergency_stop, 1, frames=True),
     Case("drive deaf to setpoints", _C.NOT_FOLLOWING, deaf_to_setpoints, 45, recovers=False),
     Case(
         "... and to quick stops",
@@ -108,17 +115,17 @@ CASES = (
         before=(_C.NOT_FOLLOWING, _C.DISOBEDIENT),
     ),
     Case("drive stone-deaf", _C.STALE, stone_deaf, 3, recovers=False),
-    Case("drive leaves operational", _C.STALE, left_operational, 3, recovers=False),
-    Case("drive restarts", _C.REBOOTED, reboot, 1, recovers=False),
-    Case("foreign SYNC", _C.FOREIGN_MASTER, foreign(0x080), 1),
-    Case("foreign NMT command", _C.FOREIGN_MASTER, foreign(0x000, b"\x80\x03"), 1),
-    Case("foreign setpoint", _C.FOREIGN_MASTER, foreign(0x203, bytes(6)), 1),
-    Case("ENOBUFS once", _C.BUS_DISTURBED, one_enobufs, 1),
-    Case("ENOBUFS for 3 ticks", _C.BUS_TROUBLE, enobufs, 4),
-    Case("network down", _C.BUS_TROUBLE, bus_down, 4),
-    Case("old frames come back", _C.STALE, old_frames, 3),
-    Case("error-passive", _C.ERROR_PASSIVE, error_passive, 1),
-    Case("bus-off", _C.BUS_OFF, bus_off, 1),
+    Case("drive leaves operational", _C.STALE, left_operational, 3, recovers=False, frames=True),
+    Case("drive restarts", _C.REBOOTED, reboot, 1, recovers=False, frames=True),
+    Case("foreign SYNC", _C.FOREIGN_MASTER, foreign_sync, 1, frames=True),
+    Case("foreign NMT command", _C.FOREIGN_MASTER, foreign_nmt, 1, frames=True),
+    Case("foreign setpoint", _C.FOREIGN_MASTER, foreign_setpoint, 1, frames=True),
+    Case("ENOBUFS once", _C.BUS_DISTURBED, one_enobufs, 1, frames=True),
+    Case("ENOBUFS for 3 ticks", _C.BUS_TROUBLE, enobufs, 4, frames=True),
+    Case("network down", _C.BUS_TROUBLE, bus_down, 4, frames=True),
+    Case("old frames come back", _C.STALE, old_frames, 3, frames=True),
+    Case("error-passive", _C.ERROR_PASSIVE, error_passive, 1, frames=True),
+    Case("bus-off", _C.BUS_OFF, bus_off, 1, frames=True),
     Case("NaN in the estimate", _C.NOT_FINITE, not_a_number, 1),
     Case("infinite reference", _C.NOT_FINITE, infinite_reference, 2),
     Case("encoder jump of 0.2 rad", _C.JUMP, encoder_jump, 1),
@@ -133,5 +140,80 @@ CASES = (
     Case("8 late ticks", _C.OVERRUN, late_ticks, 5),
     Case("60 ms late", _C.OVERRUN, late(0.060), 1),
     Case("stood still for 150 ms", _C.SUSPENDED, late(0.150), 1),
-    Case("adapter gone", _C.ADAPTER_GONE, adapter_gone, 1, recovers=False),
+    Case("adapter gone", _C.ADAPTER_GONE, adapter_gone, 1, recovers=False, frames=True),
 )
+
+NO_FRAMES = "the daemon alone makes it, or a sensor: the frames are ordinary ones"
+
+_NO_6007 = "the stack does nothing by itself when it leaves NMT operational (0x6007)"
+_NO_PLANT = "its motor follows its setpoints at once: there is nothing that could be pushed"
+
+# (case, make or wire): why it cannot be shown there.
+EXCLUDED: dict[tuple[str, str], str] = {
+    ("current at its limit", "desk arm"): "its motors reach the collision level at half their "
+    "current: that stops the arm before",
+    ("PDOs missing in turn", "durand"): "one drive has none to take turns with",
+    ("drive deaf to setpoints", "durand"): _NO_6007,
+    ("... and to quick stops", "durand"): _NO_6007,
+    ("... and to NMT", "durand"): _NO_6007,
+    ("drive stone-deaf", "durand"): _NO_6007,
+    ("drive leaves operational", "durand"): _NO_6007,
+    (
+        "current at its limit",
+        "durand",
+    ): "what nothing bears is a residual beyond its limit",
+    ("hit of 9 Nm", "durand"): _NO_PLANT,
+    ("drive runs away", "durand"): _NO_PLANT,
+    ("pushed beyond a limit", "durand"): _NO_PLANT,
+    ("network down", "socketcand"): "only a network interface goes down; this one is gone then",
+    ("network down", "slcan"): "only a network interface goes down; this one is gone then",
+    ("error-passive", "slcan"): "slcan has no error frames",
+    ("bus-off", "slcan"): "slcan has no error frames",
+}
+
+# (case, make): drives that lock when they have lost their master so long, until set up again.
+LOCKS = frozenset({("network down", "desk arm"), ("stood still for 150 ms", "desk arm")})
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Drives of one make, and the wire of one interface to them."""
+
+    make: Make
+    wire: str
+
+    def __str__(self) -> str:
+        return f"{self.make.name}, {self.wire}"
+
+    def stage(self) -> AbstractContextManager[BreakableArm]:
+        """A booted arm of this make on this wire."""
+        return stage(self.make, LINES[self.wire])
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A case at one place."""
+
+    place: Place
+    case: Case
+
+    def __str__(self) -> str:
+        return f"{self.place}, {self.case.name}"
+
+    @property
+    def excluded(self) -> str:
+        """Why it cannot be shown; empty if it can."""
+        name, place = self.case.name, self.place
+        alike = NO_FRAMES if place.wire != "virtual" and not self.case.frames else ""
+        where = (place.make.name, place.wire)
+        return next(filter(None, (EXCLUDED.get((name, each)) for each in where)), alike)
+
+    @property
+    def recovers(self) -> bool:
+        """Whether `reset` and `enable` are enough once its cause is gone."""
+        return self.case.recovers and (self.case.name, self.place.make.name) not in LOCKS
+
+
+PLACES = tuple(Place(make, wire) for make in MAKES for wire in LINES)
+ALL = tuple(Shown(place, case) for place in PLACES for case in CASES)
+SHOWN = tuple(shown for shown in ALL if not shown.excluded)

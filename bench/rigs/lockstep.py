@@ -1,17 +1,14 @@
 """Lockstep of the whole program and the simulated arm on one virtual bus, SYNC as the clock:
 deterministic, faster than real time. For tests and benches."""
 
-import itertools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from queue import Empty
 
-import can
 import msgspec
-from can.interfaces.virtual import VirtualBus
 
+from bench.rigs.lines import Line, OpenLine, virtual_line
 from daemon.assembly import build_boot, build_tick
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot, load_robot
@@ -25,6 +22,7 @@ from daemon.tick.telemetry import state_of
 from daemon.tick.tick import Tick
 from drivers.answers import Samples
 from drivers.boot.boot_up import DriveBoot
+from drivers.can.wire import Wire
 from estimator.estimate import Estimate
 from simulator.arm import SimulatedArm
 from simulator.description import SimulationSettings
@@ -41,27 +39,6 @@ TRUSTED = Check(name="identification", passed=True, text="none; the configuratio
 #: Unix time of the first tick.
 WALL_S = 1.8e9
 
-_channels = itertools.count()
-
-
-class LockstepBus(VirtualBus):
-    """python-can's virtual bus without its deep copy of every frame, which costs as much as the
-    rest of a tick's exchange: both ends here only read what they receive."""
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Put the frame itself into every other end's queue."""
-        for queue in self.channel:
-            if queue is not self.queue:
-                queue.put(msg, timeout=timeout)
-
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        """The next frame, unfiltered."""
-        self._check_if_open()
-        try:
-            return self.queue.get(timeout != 0.0, timeout)
-        except Empty:
-            return None
-
 
 @dataclass(slots=True)
 class Rig:
@@ -71,8 +48,7 @@ class Rig:
     tick: Tick
     arm: SimulatedArm
     lockstep: Lockstep
-    channel: str  # of the virtual bus, for whoever wants to listen
-    bus: can.BusABC  # the daemon's end
+    line: Line
     boot: DriveBoot
     ticks: int = 0
 
@@ -165,14 +141,15 @@ def lockstep_rig(
     simulate: Callable[[SimulationSettings], SimulationSettings] = lambda s: s,
     hand: tuple[AnyAct, ...] = (),
     on_event: Listener = lambda _: None,
-    bus: Callable[[can.BusABC], can.BusABC] = lambda near: near,
+    between: Callable[[Wire], Wire] = lambda wire: wire,
     truth: Path | None = None,
     identification: Callable[[Robot, list[int | None]], Check] = lambda robot, serials: TRUSTED,
+    line: OpenLine = virtual_line,
 ) -> Iterator[Rig]:
     """Boot the simulated arm of `folder` up; `configure` and `simulate` may change both ends, and
-    `bus` what is between them once the drives are set up. `truth` is the folder whose arm is
-    simulated, where the daemon's own believes something else, and `identification` the arming check
-    for the robot and the drives' serial numbers."""
+    `between` what stands before the daemon's wire. `truth` is the folder whose arm is simulated,
+    where the daemon's own believes something else, and `identification` the arming check for the
+    robot and the drives' serial numbers. `line` opens the bus."""
     robot = load_robot(folder)
     true = load_robot(truth) if truth else robot
     simulation = read_simulation(true)
@@ -181,22 +158,19 @@ def lockstep_rig(
     robot = replace(robot, configuration=configure(robot.configuration))
     # One SYNC is one period at both ends, whatever else the true arm is.
     description = replace(description, period_s=robot.configuration.period_s)
-    channel = f"lockstep-{next(_channels)}"
-    with (
-        LockstepBus(channel) as far,
-        LockstepBus(channel) as near,
-    ):
-        arm = SimulatedArm(description, settings, far.send, hand_script=hand, on_event=on_event)
-        lockstep = Lockstep(arm, far)
+    with line() as bus:
+        arm = SimulatedArm(description, settings, bus.far.send, hand_script=hand, on_event=on_event)
+        lockstep = Lockstep(arm, bus.far)
         arm.power_on()
-        boot = replace(build_boot(robot, near), listen_s=0.0)
+        boot = replace(build_boot(robot, bus.near), listen_s=0.0)
         with lockstep.serving():
             boot.boot_up()
+        bus.hand_over()
         checked = identification(robot, [identity.serial for identity in boot.identities])
-        tick = build_tick(robot, bus(near), lambda: 0.0, checked)
+        tick = build_tick(robot, between(bus.near.wire), lambda: 0.0, checked)
         tick.drives.start(0.0)
         lockstep.pump()
-        yield Rig(robot, tick, arm, lockstep, channel, near, boot)
+        yield Rig(robot, tick, arm, lockstep, bus, boot)
 
 
 def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:

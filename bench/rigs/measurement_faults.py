@@ -6,13 +6,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from bench.rigs.breakable_arm import ELBOW, PITCH, YAW, BreakableArm, for_ever
+from bench.rigs.breakable_arm import BreakableArm, for_ever
 from daemon.motion.path import Follower, Reference
 from simulator.sensors import Readings
 
 
 def not_a_number(on: BreakableArm) -> Iterator[None]:
-    on.rig.tick.estimator.residual.values[0][ELBOW] = np.nan
+    on.rig.tick.estimator.residual.values[0][on.joint] = np.nan
     yield
 
 
@@ -27,7 +27,8 @@ class _Infinite:
 
     def step(self, dt: float) -> Reference:
         """As Follower.step."""
-        return replace(self._follower.step(dt), q=np.full(7, np.inf))
+        reference = self._follower.step(dt)
+        return replace(reference, q=np.full_like(reference.q, np.inf))
 
 
 def infinite_reference(on: BreakableArm) -> Iterator[None]:
@@ -42,8 +43,7 @@ def infinite_reference(on: BreakableArm) -> Iterator[None]:
 
 
 def _counts(on: BreakableArm, rad: float) -> int:
-    profile = on.rig.robot.configuration.drives["two_encoder_drive"]
-    return round(rad / profile.link_position.scale)
+    return round(rad / on.drive.profile.link_position.scale)
 
 
 def _at(values: list[int], joint: int, value: int) -> list[int]:
@@ -54,7 +54,9 @@ def encoder_jump(on: BreakableArm) -> Iterator[None]:
     jump = _counts(on, 0.2)
 
     def jumped(r: Readings) -> Readings:
-        return replace(r, link_position=_at(r.link_position, ELBOW, r.link_position[ELBOW] + jump))
+        return replace(
+            r, link_position=_at(r.link_position, on.joint, r.link_position[on.joint] + jump)
+        )
 
     with on.sensing(jumped):
         yield from for_ever()
@@ -64,8 +66,8 @@ def encoder_frozen(on: BreakableArm) -> Iterator[None]:
     held: list[int] = []
 
     def frozen(r: Readings) -> Readings:
-        held[:] = held or [r.link_position[ELBOW]]
-        return replace(r, link_position=_at(r.link_position, ELBOW, held[0]))
+        held[:] = held or [r.link_position[on.joint]]
+        return replace(r, link_position=_at(r.link_position, on.joint, held[0]))
 
     with on.sensing(frozen):
         yield from for_ever()
@@ -75,8 +77,8 @@ def gear_slips(on: BreakableArm) -> Iterator[None]:
     slipped = 0.0
 
     def slipping(r: Readings) -> Readings:
-        where = r.link_position[ELBOW] + _counts(on, slipped)
-        return replace(r, link_position=_at(r.link_position, ELBOW, where))
+        where = r.link_position[on.joint] + _counts(on, slipped)
+        return replace(r, link_position=_at(r.link_position, on.joint, where))
 
     with on.sensing(slipping):
         while True:
@@ -88,19 +90,19 @@ def torque_stuck(on: BreakableArm) -> Iterator[None]:
     held: list[int] = []
 
     def stuck(r: Readings) -> Readings:
-        held[:] = held or [r.current[0]]
-        return replace(r, current=_at(r.current, 0, held[0]))
+        held[:] = held or [r.current[on.make.stuck]]
+        return replace(r, current=_at(r.current, on.make.stuck, held[0]))
 
     with on.sensing(stuck):
         yield from for_ever()
 
 
 def torque_saturated(on: BreakableArm) -> Iterator[None]:
-    joint = on.rig.robot.configuration.joints[PITCH].wiring
-    full = round(1000 * joint.max_current_A / joint.rated_current_A)
+    wiring = on.drives[on.make.saturated].wiring
+    full = round(1000 * wiring.max_current_A / wiring.rated_current_A)
 
     def saturated(r: Readings) -> Readings:
-        return replace(r, current=_at(r.current, PITCH, full))
+        return replace(r, current=_at(r.current, on.make.saturated, full))
 
     with on.sensing(saturated):
         for _ in range(25):
@@ -108,18 +110,18 @@ def torque_saturated(on: BreakableArm) -> Iterator[None]:
 
 
 def hit_hard(on: BreakableArm) -> Iterator[None]:
-    on.rig.arm.external_torque[ELBOW] = 9.0
+    on.rig.arm.external_torque[on.joint] = 9.0
     try:
         for _ in range(15):
             yield
     finally:
-        on.rig.arm.external_torque[ELBOW] = 0.0
+        on.rig.arm.external_torque[on.joint] = 0.0
 
 
 def pushed_beyond_a_limit(on: BreakableArm) -> Iterator[None]:
-    on.rig.arm.external_torque[YAW] = 1.4
+    on.rig.arm.external_torque[on.make.pushed] = on.make.push_Nm
     try:
         for _ in range(100):
             yield
     finally:
-        on.rig.arm.external_torque[YAW] = 0.0
+        on.rig.arm.external_torque[on.make.pushed] = 0.0

@@ -15,15 +15,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from random import Random
-from typing import Any
 
-import can
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.rigs.breakable_arm import BreakableArm
+from bench.rigs.breakable_arm import ROMEO_ARM, BreakableArm
 from bench.rigs.faults import CASES, Case
-from bench.rigs.faulty_bus import FaultyBus
+from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import Rig, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.people import LAPSES_TICKS, Leases, Person, View, hear, operator, program
@@ -40,6 +38,7 @@ from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
 from drivers.boot.boot_up import DriveBoot
+from drivers.can.wire import Wire
 from errors import ContactdError
 
 # Not at random: what leaves the arm somewhere it cannot be enabled from, what ends the program,
@@ -149,18 +148,18 @@ def run_lockstep(seed: int, hours: float, report: Report = lambda share: None) -
     with _silent_log(), tempfile.TemporaryDirectory(prefix="contactd-soak-") as folder:
         robot = write_robot(Path(folder) / "arm")
         hand = hand_script(Random(seed), load_robot(robot).configuration, seconds)
-        buses: list[FaultyBus] = []
+        wires: list[FaultyWire] = []
 
-        def between(near: can.BusABC) -> Any:
-            buses.append(FaultyBus(near))
-            return buses[0]
+        def between(wire: Wire) -> FaultyWire:
+            wires.append(FaultyWire(wire))
+            return wires[0]
 
         with (
-            lockstep_rig(robot, hand=hand, bus=between) as rig,
+            lockstep_rig(robot, hand=hand, between=between) as rig,
             ControlSocket(Path(folder) / "control") as control,
             contextlib.closing(Notifier()) as notifier,
         ):
-            stage = BreakableArm(rig, buses[0], rig.arm.plant.q.copy())
+            stage = BreakableArm(ROMEO_ARM, rig, wires[0], rig.arm.plant.q.copy())
             read = rig.arm.sensors.read
             rig.arm.sensors.read = lambda *state: stage.sense(read(*state))  # type: ignore[method-assign]
             _soak(part, rng, stage, _service(rig, control, notifier), seconds, report)
@@ -184,7 +183,7 @@ def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
     c = rig.robot.configuration
     loop = Loop(rig.tick, rig.clock(), c.period_s)
     # The clock of the rig starts at zero, as the loop's does.
-    boot = _LockstepBoot(rig.bus, rig.boot.setups, c.period_ms, c.bus.master_node)
+    boot = _LockstepBoot(rig.boot.bus, rig.boot.setups, c.period_ms, c.bus.master_node)
     boot.identities = rig.boot.identities
     boot.rig = rig
     return Service(Process(rig.robot, os.getpid(), []), loop, control, notifier, boot)

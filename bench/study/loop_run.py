@@ -17,6 +17,7 @@ from typing import Any, Final
 import can
 import msgspec
 import numpy as np
+from can.interfaces.virtual import VirtualBus
 from numpy.typing import NDArray
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, TRUSTED, lockstep_rig
@@ -31,6 +32,7 @@ from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Clock, Loop
+from drivers.can.virtual import QueueWire
 from drivers.ids import HEARTBEAT, NEXT_PDO, NODE, SYNC, TPDO
 
 TPDOS: Final = set(range(TPDO, TPDO + 4 * NEXT_PDO, NEXT_PDO))
@@ -112,13 +114,13 @@ class RecordedDrives:
 
     def __init__(
         self,
-        near: can.BusABC,
+        near: VirtualBus,
         answers: Answers,
         steady_from: int,
         period_s: float,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._inbox = near.queue  # type: ignore[attr-defined]  # python-can's VirtualBus
+        self._inbox = near.queue
         self._answers, self._steady_from = answers, steady_from
         self._period_s, self._clock = period_s, clock
         self._tick = -1
@@ -160,11 +162,11 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="contactd-bench-")))
         logging.getLogger("contactd").setLevel(logging.ERROR)  # no group `contact` is no news here
         control = stack.enter_context(ControlSocket(folder / "control"))
-        near = stack.enter_context(can.Bus(interface="virtual", channel="bench.loop"))
+        near = stack.enter_context(VirtualBus("bench.loop"))
         clock = Clock(time.monotonic, sleep_until, time.time) if waits else in_a_row()
         drives = RecordedDrives(near, answers, round(STEADY_S * hz), 1.0 / hz, clock.now)
-        near.channel.append(drives)  # type: ignore[attr-defined]
-        tick = build_tick(robot, near, clock.now, TRUSTED)
+        near.channel.append(drives)  # type: ignore[arg-type]  # a queue, as far as it is used
+        tick = build_tick(robot, QueueWire(near), clock.now, TRUSTED)
         if load:
             stack.enter_context(hogs(2 * (os.cpu_count() or 1)))
         cyclictest = Cyclictest(hz, seconds, folder / "cyclictest.json")
@@ -229,7 +231,7 @@ def record(hz: int) -> tuple[Robot, Answers]:
     with lockstep_rig(folder, configure=configure) as rig:
         nodes = {joint.wiring.node for joint in rig.robot.configuration.joints}
         answers: Answers = []
-        with can.Bus(interface="virtual", channel=rig.channel) as ear:
+        with can.Bus(interface="virtual", channel=rig.line.channel) as ear:
             while rig.time_s < END_S:
                 if rig.ticks == round(ENABLE_S * hz) + 1:
                     rig.request(Event.ENABLE)

@@ -20,6 +20,7 @@ from drivers.boot.sdo import ObjectAccess, sdo_network
 from drivers.boot.steps import SET_UP, TOGETHER, WAKE, BootingDrive, Step
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.frame_ring import FrameRing
+from drivers.can.wire import OpenBus
 from drivers.ids import HEARTBEAT, OPERATIONAL, SYNC
 from errors import BusError, DriveError, SilentDriveError
 
@@ -42,7 +43,7 @@ class DriveBoot:
     """All drives of one arm, in the order of its joints: set up at the start, again after a fault,
     let go at the end."""
 
-    bus: can.BusABC
+    bus: OpenBus
     setups: Sequence[DriveSetup]
     period_ms: int
     master_node: int = 127
@@ -63,8 +64,8 @@ class DriveBoot:
         """
         for setup in self.setups:
             check_drive(setup, self.period_ms, self.master_node)
-        refuse_other_master(self.bus, self.master_node, self.listen_s)
-        with sdo_network(self.bus, self.ring) as network:
+        refuse_other_master(self.bus.python_can, self.master_node, self.listen_s)
+        with sdo_network(self.bus.python_can, self.ring) as network:
             self.identities = self._bring_up(network, self.setups, progress)
 
     def renew(
@@ -84,7 +85,7 @@ class DriveBoot:
         begun = time.monotonic()
         patience_s = min(setup.drive.profile.master_timeout_ms for setup in self.setups) / 1000.0
         chosen = [self.setups[i] for i in joints]
-        with sdo_network(self.bus, self.ring) as network:
+        with sdo_network(self.bus.python_can, self.ring) as network:
             beat = _Beat(network, self.master_node, patience_s / BEATS, meanwhile)
             found = self._bring_up(network, chosen, progress, AGAIN_SHARE, beat)
         for i, identity in zip(joints, found, strict=True):
@@ -105,15 +106,25 @@ class DriveBoot:
         Every drive is told; then the first DriveError is raised, if there was one.
         """
         errors = []
-        with sdo_network(self.bus, self.ring) as network:
+        with sdo_network(self.bus.python_can, self.ring) as network:
             for setup in self.setups:
-                access = ObjectAccess(network, setup, setup.drive.profile.sdo_timeout_ms / 1000.0)
+                timeout_s = setup.drive.profile.sdo_timeout_ms / 1000.0
+                access = self._access(network, setup, timeout_s)
                 try:
                     access.write(0x1016, 1, 0)
                 except DriveError as error:
                     errors.append(error)
         if errors:
             raise errors[0]
+
+    def _access(
+        self,
+        network: canopen.Network,
+        setup: DriveSetup,
+        timeout_s: float,
+        meanwhile: Meanwhile = lambda: None,
+    ) -> ObjectAccess:
+        return ObjectAccess(network, setup, timeout_s, meanwhile, self.bus.connection_lost)
 
     def _bring_up(
         self,
@@ -127,7 +138,7 @@ class DriveBoot:
         drives = []
         for setup in setups:
             timeout_s = setup.drive.profile.sdo_timeout_ms / 1000.0
-            access = ObjectAccess(network, setup, share * timeout_s, meanwhile)
+            access = self._access(network, setup, share * timeout_s, meanwhile)
             rows = wanted(setup, self.period_ms, self.master_node)
             booted = _listen_for_boot_up(network, setup.drive.node)
             drives.append(

@@ -16,7 +16,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from drivers.boot.data_sheet import find_object
 from drivers.boot.required_objects import DriveSetup
-from drivers.can.bus import BUS_FAILURES, connection_lost
+from drivers.can.bus import BUS_FAILURES
 from drivers.can.frame_ring import FrameRing, RingListener
 from drivers.ids import NMT, SDO_ANSWER, SDO_REQUEST
 from errors import BusError, DriveError, SilentDriveError
@@ -92,7 +92,8 @@ class ObjectAccess:
     """Reads and writes objects of one drive, expedited or in segments.
 
     No transfer is repeated here, and none begins after `deadline` (monotonic) has passed: what has
-    to be done again is for the caller to say. `meanwhile` is called while an answer is awaited.
+    to be done again is for the caller to say. `meanwhile` is called while an answer is awaited,
+    `connection_lost` when none came.
     """
 
     def __init__(
@@ -101,10 +102,12 @@ class ObjectAccess:
         setup: DriveSetup,
         timeout_s: float,
         meanwhile: Callable[[], None] = lambda: None,
+        connection_lost: Callable[[], bool] = lambda: False,
     ) -> None:
         self.deadline = float("inf")
         self._setup, self._timeout_s = setup, timeout_s
         self._network, self._meanwhile = network, meanwhile
+        self._connection_lost = connection_lost
         self._client = _Client(network, setup, meanwhile)
         self._client.RESPONSE_TIMEOUT = timeout_s
 
@@ -201,7 +204,7 @@ class ObjectAccess:
                 f"{self._setup}: {doing} was refused: {words} (0x{error.code:08X})"
             ) from error
         except SdoCommunicationError as error:
-            if connection_lost(self._network.bus):
+            if self._connection_lost():
                 raise BusError("the connection to the bus is gone") from error
             timeout_ms = round(1000 * self._timeout_s)
             raise SilentDriveError(

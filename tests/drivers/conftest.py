@@ -12,12 +12,14 @@ import msgspec
 import pytest
 import yaml
 
-from bench.rigs.scripted_bus import ScriptedBus
+from bench.rigs.scripted_wire import ScriptedWire
 from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.identity import DriveIdentity
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.frame_ring import FrameRing
+from drivers.can.virtual import open_end
+from drivers.can.wire import Wire
 from drivers.drive import Drive
 from drivers.drives import Drives
 from drivers.settings import DriveProfile, JointWiring
@@ -70,7 +72,7 @@ class Bench:
 
     def boot(self, setups: Sequence[DriveSetup], ring: FrameRing | None = None) -> DriveBoot:
         """From this end of the bus."""
-        return DriveBoot(self.bus, setups, period_ms=10, ring=ring, listen_s=0.005)
+        return DriveBoot(open_end(self.bus), setups, period_ms=10, ring=ring, listen_s=0.005)
 
     def boot_up(
         self,
@@ -160,18 +162,18 @@ def make_bench() -> Iterator[Callable[[], Bench]]:
 
 
 @pytest.fixture
-def make_drives(joint_drives: list[Drive]) -> Callable[[can.BusABC], Drives]:
+def make_drives(joint_drives: list[Drive]) -> Callable[[Wire], Drives]:
     """An arm whose clock stands still: `collect` reads what is queued."""
-    return lambda bus: Drives(bus, joint_drives, PERIOD_S, lambda: 0.0)
+    return lambda wire: Drives(wire, joint_drives, PERIOD_S, lambda: 0.0)
 
 
 @pytest.fixture
-def scripted() -> ScriptedBus:
-    return ScriptedBus()
+def scripted() -> ScriptedWire:
+    return ScriptedWire()
 
 
 @pytest.fixture
-def drives(scripted: ScriptedBus, make_drives: Callable[[Any], Drives]) -> Drives:
+def drives(scripted: ScriptedWire, make_drives: Callable[[Any], Drives]) -> Drives:
     """On the scripted bus; started, at time 0."""
     drives = make_drives(scripted)
     drives.start(0.0)

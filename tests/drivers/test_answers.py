@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.rigs.scripted_bus import PERIOD_S, N, everything, frame, tick, tpdos
+from bench.rigs.scripted_wire import PERIOD_S, N, everything, frame, tick, tpdos
 from drivers.cia402 import DriveState
 from drivers.drives import Drives
 from drivers.events import LateAnswer

@@ -11,14 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.rigs.scripted_bus import (
+from bench.rigs.scripted_wire import (
     PERIOD_S,
     N,
-    ScriptedBus,
+    ScriptedWire,
     everything,
     frame,
     tick,
 )
+from drivers.can.virtual import QueueWire
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.drives import EVENTS_PER_TICK, FRAMES_PER_PASS, Drives
 from drivers.events import (
@@ -43,7 +44,7 @@ STILL = np.zeros(N)
 def test_enable_move_stop_disable(bench, setups, make_drives):
     with bench.lockstep.serving():
         bench.boot(setups).boot_up()
-    drives = make_drives(bench.bus)
+    drives = make_drives(QueueWire(bench.bus))
     drives.start(0.0)
     assert np.isnan(drives.samples.current).all()
 
@@ -112,7 +113,7 @@ def test_samples_stay_as_they_were_taken(bench, setups, make_drives):
 def test_drives_stop_by_themselves_when_the_loop_hangs(bench, setups, make_drives):
     with bench.lockstep.serving():
         bench.boot(setups).boot_up()
-    drives = make_drives(bench.bus)
+    drives = make_drives(QueueWire(bench.bus))
     drives.start(0.0)
     for _ in range(50):
         bench.tick(drives)
@@ -128,7 +129,7 @@ def test_drives_stop_by_themselves_when_the_loop_hangs(bench, setups, make_drive
 def test_an_orderly_end_is_no_fault_to_the_drives(bench, setups, make_drives):
     with bench.lockstep.serving():
         bench.boot(setups).boot_up()
-    drives = make_drives(bench.bus)
+    drives = make_drives(QueueWire(bench.bus))
     drives.start(0.0)
     for power in (PowerTarget.ON, PowerTarget.QUICK_STOP):
         for _ in range(20):
@@ -274,7 +275,7 @@ def test_a_bus_that_fails_is_an_event(scripted, drives, failure, event):
 
 
 def test_a_closed_bus_is_an_event(wire, make_drives):
-    drives = make_drives(wire[0])
+    drives = make_drives(QueueWire(wire[0]))
     drives.start(0.0)
     wire[0].shutdown()
     drives.sync(PERIOD_S)
@@ -310,7 +311,7 @@ ANY_FRAME = st.builds(
 @settings(max_examples=scaled(150))
 @given(ticks=st.lists(st.lists(ANY_FRAME, max_size=40), max_size=5))
 def test_no_frame_makes_an_exception(joint_drives, ticks):
-    bus = ScriptedBus()
+    bus = ScriptedWire()
     drives = Drives(bus, joint_drives, PERIOD_S, lambda: 0.0)
     drives.start(0.0)
     for k, frames in enumerate(ticks, start=1):

@@ -6,30 +6,23 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import can
-import msgspec
-import numpy as np
 import pytest
+from can.interfaces.virtual import VirtualBus
 
+from bench.rigs.durand_arm import load_of, stiff_robot
 from bench.rigs.durand_drive import SERIAL, DurandDrive
-from bench.rigs.lockstep import SINGLE_JOINT, TRUSTED
-from daemon.assembly import build_estimator, build_setups, build_tick
-from daemon.config.load import load_robot
-from daemon.config.schema import Configuration
+from bench.rigs.lockstep import TRUSTED
+from daemon.assembly import build_setups, build_tick
 from daemon.modes.table import Event, Mode
 from daemon.tick.tick import Tick
 from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import problems
+from drivers.can.virtual import open_end
 from errors import DriveError
 
 T = 0.01
 _channels = itertools.count()
-
-
-def stiff(c: Configuration) -> Configuration:
-    """Without a gap, as the drive's motor has none."""
-    joint = msgspec.structs.replace(c.joints[0], half_gap=0.0)
-    return msgspec.structs.replace(c, joints=[joint])
 
 
 @dataclass
@@ -74,28 +67,20 @@ class Rig:
 
 @pytest.fixture
 def rig(tmp_path) -> Iterator[Rig]:
-    robot = load_robot(SINGLE_JOINT)
-    robot = dataclasses.replace(robot, configuration=stiff(robot.configuration))
+    robot = stiff_robot()
     c = robot.configuration
-    friction, gravity = c.joints[0].friction, build_estimator(c, robot.urdf).model.gravity
-
-    def torque(q: float, velocity: float) -> float:
-        coulomb = friction.motor_coulomb + friction.link_coulomb
-        viscous = friction.motor_viscous + friction.link_viscous
-        rub = coulomb * np.tanh(velocity / 0.02) + viscous * velocity
-        return float(gravity(np.array([q]))[0] + rub)
-
     channel = f"durand-{next(_channels)}"
     with (
-        can.Bus(interface="virtual", channel=channel) as near,
+        VirtualBus(channel) as near,
         can.Bus(interface="virtual", channel=channel) as far,
     ):
-        drive = DurandDrive(far, 1, torque)
+        drive = DurandDrive(far, 1, load_of(robot))
         (tmp_path / "drive.eds").write_text(drive.eds)
         sheet = load_data_sheet(tmp_path / "drive.eds")
         setups = [dataclasses.replace(each, data_sheet=sheet) for each in build_setups(robot)]
-        boot = DriveBoot(near, setups, c.period_ms, c.bus.master_node)
-        tick = build_tick(robot, near, lambda: 0.0, TRUSTED)
+        bus = open_end(near)
+        boot = DriveBoot(bus, setups, c.period_ms, c.bus.master_node)
+        tick = build_tick(robot, bus.wire, lambda: 0.0, TRUSTED)
         yield Rig(tick, boot, drive, [])
 
 

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from bench.rigs.scripted_bus import OPERATION_ENABLED, PERIOD_S, N, everything, frame, tick, tpdos
+from bench.rigs.scripted_wire import OPERATION_ENABLED, PERIOD_S, N, everything, frame, tick, tpdos
 from drivers.cia402 import PowerTarget
 from drivers.events import BadSetpoint, Disobedient
 

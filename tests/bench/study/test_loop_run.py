@@ -7,7 +7,7 @@ import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
 from bench.study.loop_run import Distribution, RecordedDrives
-from drivers.can.wire import open_wire
+from drivers.can.virtual import QueueWire
 
 SYNC, SETPOINT = (0x080, b""), (0x201, bytes(6))
 
@@ -20,7 +20,7 @@ def test_recorded_drives_answer_each_sync_and_play_the_steady_part_over_and_over
         times = iter([0.0, 0.0, 0.01, 0.021, 0.029, 0.04, 0.06, 0.07, 0.12])
         drives = RecordedDrives(near, answers, 2, 0.01, lambda: next(times))
         near.channel.append(drives)
-        wire = open_wire(near)
+        wire = QueueWire(near)
         heard = []
         for _ in range(8):
             wire.send([SETPOINT, SYNC])

@@ -1,9 +1,8 @@
 """Whatever comes from the bus: nothing is raised in a tick, and no setpoint leaves its limits."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
-import can
 import msgspec
 import pytest
 from hypothesis import given, settings
@@ -15,6 +14,7 @@ from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, JointLimits, Levels
 from daemon.modes.table import Event, Mode
 from daemon.tick.telemetry import state_of
+from drivers.can.wire import Frame
 from drivers.cia402 import ENABLE_OPERATION
 from drivers.codec import link_side, receive_pdos, transmit_pdos
 from drivers.drive import Drive
@@ -55,10 +55,8 @@ class FarDrive:
             yield pdo.cob_id, pdo.layout.pack(*counts)
 
 
-class FuzzedBus:
+class FuzzedWire:
     """Answers each SYNC as the drives of an arm would, but for what is done to the frames."""
-
-    channel_info = "fuzzed"
 
     def __init__(self, c: Configuration, harm) -> None:
         self.drives = {
@@ -66,19 +64,20 @@ class FuzzedBus:
             for joint, drive in zip(c.joints, c.joint_drives, strict=True)
         }
         self.period_s, self.harm = c.period_s, harm
-        self.queue: deque[can.Message] = deque()
+        self.queue: deque[Frame] = deque()
         self.syncs = 0
         self.fastest = 0.0
 
-    def recv(self, timeout: float) -> can.Message | None:
+    def receive(self, timeout: float) -> Frame | None:
         return self.queue.popleft() if self.queue else None
 
-    def send(self, message: can.Message) -> None:
-        node, data = message.arbitration_id & 0x7F, bytes(message.data)
-        if message.arbitration_id == SYNC:
-            self._sync()
-        elif node in self.drives and message.arbitration_id & ~0x7F in (0x200, 0x300):
-            self._setpoint(self.drives[node], message.arbitration_id, data)
+    def send(self, frames: Sequence[Frame]) -> None:
+        for cob_id, data in frames:
+            node = cob_id & 0x7F
+            if cob_id == SYNC:
+                self._sync()
+            elif node in self.drives and cob_id & ~0x7F in (0x200, 0x300):
+                self._setpoint(self.drives[node], cob_id, bytes(data))
 
     def _setpoint(self, drive: FarDrive, cob_id: int, data: bytes) -> None:
         for pdo in receive_pdos(drive.drive):
@@ -112,9 +111,7 @@ class FuzzedBus:
             elif frames:
                 at = place % len(frames)
                 frames[at : at + 1] = [] if kind == "drop" else [(frames[at][0], data)]
-        for cob_id, data in frames:
-            message = can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
-            self.queue.append(message)
+        self.queue += frames
 
 
 @pytest.fixture(scope="module")
@@ -129,9 +126,9 @@ def robot() -> Robot:
     return Robot(robot.path, msgspec.structs.replace(c, joints=joints), robot.text, robot.urdf)
 
 
-def run(robot: Robot, harm, commands) -> tuple[FuzzedBus, list[Mode]]:
+def run(robot: Robot, harm, commands) -> tuple[FuzzedWire, list[Mode]]:
     """All ticks; the modes that there were."""
-    bus = FuzzedBus(robot.configuration, harm)
+    bus = FuzzedWire(robot.configuration, harm)
     tick = build_tick(robot, bus, lambda: 0.0, TRUSTED)
     tick.drives.start(0.0)
     modes = []

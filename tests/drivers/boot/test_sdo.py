@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.boot.sdo import LONGEST_ANSWER, ObjectAccess
-from errors import DriveError, SilentDriveError
+from errors import BusError, DriveError, SilentDriveError
 from tests.examples import scaled
 
 NODE = 3
@@ -19,8 +19,6 @@ NODE = 3
 
 class Network:
     """What an SDO client needs of canopen's network; `answer` takes a request's data."""
-
-    bus = None
 
     def __init__(self, answer: Callable[[bytes], list[bytes]]) -> None:
         self.answer, self.hear = answer, None
@@ -62,6 +60,14 @@ def test_expedited(access):
     assert access(lambda _: [upload(0x6041, 0, b"\x37\x02")]).read(0x6041) == 0x0237
     filled = access(lambda _: [upload(0x6041, 0, b"\x37\x02\xff\xff")])
     assert filled.read(0x6041) == 0x0237, "some drives fill an answer up"
+
+
+def test_no_answer_on_a_connection_that_is_gone_is_not_the_drives_fault(setups):
+    for gone, error in ((True, BusError), (False, SilentDriveError)):
+        silence = Network(lambda _: [])
+        access = ObjectAccess(silence, setups[2], 0.001, connection_lost=lambda gone=gone: gone)
+        with pytest.raises(error):
+            access.read(0x6041)
 
 
 @pytest.mark.parametrize("text", ["a", "exactly", "a longer name than one segment holds\0"])

@@ -5,10 +5,10 @@ import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 
-import can
 import pytest
 
-from drivers.can.bus import connection_lost, open_bus
+from drivers.can.bus import open_bus
+from drivers.can.wire import OpenBus
 from drivers.settings import BusSettings
 from errors import BusError
 
@@ -92,36 +92,44 @@ def test_a_serial_adapter_that_is_not_there():
 
 
 def test_the_end_of_the_connection_is_noticed_and_nothing_is_taken():
-    with peer(SOCKETCAND) as (port, connections), closing_bus(open_bus(socketcand(port))) as bus:
-        assert not connection_lost(bus)
+    with peer(SOCKETCAND) as (port, connections), closing_bus(open_bus(socketcand(port))) as opened:
+        bus, connection_lost = opened.python_can, opened.connection_lost
+        assert not connection_lost()
         connections[-1].sendall(b"< frame 181 1.0 2700 >")
         while bus.recv(1.0) is None:
             pass
         connections[-1].sendall(b"< frame 182 1.0 2700 >")
-        assert not connection_lost(bus)
+        assert not connection_lost()
         frame = bus.recv(1.0)
         assert frame is not None
         assert frame.arbitration_id == 0x182
         connections[-1].close()
         for _ in range(1000):
-            if connection_lost(bus):
+            if connection_lost():
                 return
             assert bus.recv(0.01) is None
         pytest.fail("end-of-file was not noticed")
 
 
+def test_a_python_can_that_hides_its_connection_elsewhere_is_said_so(monkeypatch):
+    class Elsewhere:
+        def shutdown(self) -> None:
+            pass
+
+    monkeypatch.setattr("can.Bus", lambda **_: Elsewhere())
+    with peer(SOCKETCAND) as (port, _), pytest.raises(BusError, match="hides its connection"):
+        open_bus(socketcand(port))
+
+
 @contextmanager
-def closing_bus(bus: can.BusABC) -> Iterator[can.BusABC]:
+def closing_bus(opened: OpenBus) -> Iterator[OpenBus]:
     try:
-        yield bus
+        yield opened
     finally:
-        bus.shutdown()
-
-
-def test_other_buses_have_no_connection_to_lose(wire):
-    assert not connection_lost(wire[0])
+        opened.python_can.shutdown()
 
 
 def test_virtual():
-    with closing_bus(open_bus(BusSettings(interface="virtual", channel="drivers-open"))) as bus:
-        assert bus.recv(0) is None
+    with closing_bus(open_bus(BusSettings(interface="virtual", channel="drivers-open"))) as opened:
+        assert opened.wire.receive(0.0) is None
+        assert not opened.connection_lost(), "it has no connection to lose"

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.can.frame_ring import FrameRing, RecordedWire, read_frames
-from drivers.can.wire import ERROR, EXTENDED, QueueWire, open_wire
+from drivers.can.virtual import QueueWire
+from drivers.can.wire import ERROR, EXTENDED
 from errors import LogError
 from tests.examples import scaled
 
@@ -88,7 +89,7 @@ def test_what_was_written_survives_kill_9(path):
 
 def test_both_directions_of_a_wire(wire, path):
     ring = FrameRing(path, 10, lambda: 0.0)
-    here, there = RecordedWire(open_wire(wire[0]), ring), QueueWire(wire[1])
+    here, there = RecordedWire(QueueWire(wire[0]), ring), QueueWire(wire[1])
     here.send([(0x080, b""), (0x201, bytearray(b"\x0f\x00"))])
     there.send([(0x181, b"\x27")])
     assert here.receive(0.1) == (0x181, b"\x27")
@@ -103,7 +104,7 @@ def test_both_directions_of_a_wire(wire, path):
 
 def test_what_the_bus_refuses_was_not_sent(wire, path):
     ring = FrameRing(path, 10, lambda: 0.0)
-    here = RecordedWire(open_wire(wire[0]), ring)
+    here = RecordedWire(QueueWire(wire[0]), ring)
     wire[0].shutdown()
     with pytest.raises(Exception, match="closed bus"):
         here.send([(0x080, b"")])

@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.can.bus import BUS_FAILURES, open_bus
-from drivers.can.wire import EXTENDED, REMOTE, SlcanWire, open_wire
+from drivers.can.slcan import SlcanWire
+from drivers.can.wire import EXTENDED, REMOTE
 from drivers.settings import BusSettings
 from errors import BusError
 from tests.examples import scaled
@@ -45,12 +46,12 @@ def test_opened_by_configuration_alone(line, monkeypatch):
     monkeypatch.setattr("can.interfaces.slcan.time.sleep", lambda _: None)
     adapter, ours = line
     settings = BusSettings(interface="slcan", channel=os.ttyname(ours), bitrate=500_000)
-    bus = open_bus(settings)
+    opened = open_bus(settings)
     try:
         said = read_until(adapter, b"O\r")
         assert b"S6\r" in said
         assert said.endswith(b"O\r")
-        wire = open_wire(bus)
+        wire = opened.wire
         assert isinstance(wire, SlcanWire)
         wire.send([(0x080, b""), (0x201, bytearray(b"\x0f\x00\xff"))])
         assert read_until(adapter, b"ff\r") == b"t0800\rt20130f00ff\r"
@@ -58,7 +59,7 @@ def test_opened_by_configuration_alone(line, monkeypatch):
         assert wire.receive(0.5) == (0x181, b"\x27\x02")
         assert wire.receive(0.0) is None
     finally:
-        bus.shutdown()
+        opened.python_can.shutdown()
 
 
 @pytest.mark.parametrize("word", [b"\r", b"z\r", b"\a", b"t181", b"t1819\r"])

@@ -1,11 +1,13 @@
-"""Scripted bus without drives, and the frames that seven would send: for tests of a tick."""
+"""Scripted wire without drives, and the frames that seven would send: for tests of a tick."""
 
 import struct
+from collections.abc import Sequence
 from typing import Final
 
 import can
 
 from drivers.answers import Samples
+from drivers.can.wire import Frame, frame_of
 from drivers.drives import Drives
 
 N: Final = 7
@@ -31,10 +33,8 @@ def everything(statusword: int = OPERATION_ENABLED) -> list[can.Message]:
     return [message for node in range(1, N + 1) for message in tpdos(node, statusword)]
 
 
-class ScriptedBus:
-    """Bus that delivers the frames it is given, and keeps those that are sent."""
-
-    channel_info = "scripted"
+class ScriptedWire:
+    """Wire that delivers the frames it is given, and keeps those that are sent."""
 
     def __init__(self) -> None:
         self.incoming: list[can.Message] = []
@@ -42,24 +42,24 @@ class ScriptedBus:
         self.waits: list[float] = []
         self.failure: Exception | None = None
 
-    def recv(self, timeout: float) -> can.Message | None:
-        """The next frame, as `can.BusABC.recv`."""
+    def receive(self, timeout: float) -> Frame | None:
+        """The next frame, as `Wire.receive`."""
         if self.failure:
             raise self.failure
         self.waits.append(timeout)
-        return self.incoming.pop(0) if self.incoming else None
+        return frame_of(self.incoming.pop(0)) if self.incoming else None
 
-    def send(self, message: can.Message) -> None:
-        """Keep a frame, as `can.BusABC.send`."""
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Keep the frames, as `Wire.send`."""
         if self.failure:
             raise self.failure
-        self.sent.append((message.arbitration_id, bytes(message.data)))
+        self.sent += [(can_id, bytes(data)) for can_id, data in frames]
 
 
 def tick(
-    drives: Drives, bus: ScriptedBus, frames: list[can.Message], now: float = PERIOD_S
+    drives: Drives, wire: ScriptedWire, frames: list[can.Message], now: float = PERIOD_S
 ) -> Samples:
     """SYNC, and these frames as the answer; the command is the caller's."""
     drives.sync(now)
-    bus.incoming += frames
+    wire.incoming += frames
     return drives.collect(now)

@@ -1,0 +1,143 @@
+"""Arm of one durand drive, as a rig like that of the simulated arms: faults on another stack.
+
+It has what its one joint can show, under the names that the simulated arms have.
+"""
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import msgspec
+import numpy as np
+
+from arrays import Vector
+from bench.rigs.durand_drive import DurandDrive
+from bench.rigs.lines import OpenLine, virtual_line
+from bench.rigs.lockstep import SINGLE_JOINT, TRUSTED, Rig
+from daemon.assembly import build_boot, build_estimator, build_tick
+from daemon.config.load import Robot, load_robot
+from daemon.config.schema import Configuration
+from drivers.boot.data_sheet import load_data_sheet
+from drivers.can.wire import Wire
+from simulator.arm import SimulatedArm
+from simulator.lockstep import Lockstep
+from simulator.state_machine import State, Trigger
+
+
+def stiff_robot() -> Robot:
+    """A single joint without a gap, as the drive's motor has none."""
+    robot = load_robot(SINGLE_JOINT)
+    c = robot.configuration
+    joint = msgspec.structs.replace(c.joints[0], half_gap=0.0)
+    return replace(robot, configuration=msgspec.structs.replace(c, joints=[joint]))
+
+
+def load_of(robot: Robot) -> Callable[[float, float], float]:
+    """What gravity and friction ask of the motor at position [rad] and velocity [rad/s]: Nm."""
+    c = robot.configuration
+    friction, gravity = c.joints[0].friction, build_estimator(c, robot.urdf).model.gravity
+    coulomb = friction.motor_coulomb + friction.link_coulomb
+    viscous = friction.motor_viscous + friction.link_viscous
+
+    def torque(q: float, velocity: float) -> float:
+        rub = coulomb * np.tanh(velocity / 0.02) + viscous * velocity
+        return float(gravity(np.array([q]))[0] + rub)
+
+    return torque
+
+
+class _Drive:
+    """As a simulated drive, and the axis of one."""
+
+    def __init__(self, drive: DurandDrive) -> None:
+        self._drive, self.axis = drive, self
+
+    @property
+    def state(self) -> State:
+        return State[self._drive.state.replace(" ", "_")]
+
+    def fault(self, code: int, _: str) -> None:
+        self._drive.fail(code)
+
+    def boot(self) -> None:
+        self._drive.power_on()
+
+    def on_nmt(self, command: int) -> None:
+        self._drive.hear(0, bytes([command, 0]))
+
+    def happen(self, trigger: Trigger) -> None:
+        assert trigger is Trigger.DISABLE_VOLTAGE
+        self._drive.switch_off()
+
+
+class _Plant:
+    """As the plant of a simulated arm: motor and link are one."""
+
+    def __init__(self, drive: DurandDrive) -> None:
+        self._drive = drive
+
+    @property
+    def q(self) -> Vector:
+        return np.array([self._drive.q])
+
+    @property
+    def theta(self) -> Vector:
+        return self.q
+
+    @property
+    def theta_dot(self) -> Vector:
+        return np.array([self._drive.velocity])
+
+    def place(self, q: Vector) -> None:
+        self._drive.q = float(q[0])
+
+
+class DurandArm:
+    """As a simulated arm."""
+
+    def __init__(self, drive: DurandDrive, period_s: float) -> None:
+        self._drive, self._period_s = drive, period_s
+        self.sensors, self.plant, self.drives = drive, _Plant(drive), [_Drive(drive)]
+        self.now = 0.0
+        drive.network.on_sync = lambda: self.advance(self.now + period_s)
+
+    def advance(self, t: float) -> None:
+        """Let time pass until t [s], a tick at a time."""
+        while self.now < t - 1e-9:
+            self._drive.advance(self._period_s)
+            self.now += self._period_s
+
+    def pump(self) -> None:
+        """As Lockstep.pump: every SYNC moves the arm on by one period."""
+        self._drive.pump()
+
+
+@contextmanager
+def durand_rig(
+    *,
+    configure: Callable[[Configuration], Configuration] = lambda c: c,
+    between: Callable[[Wire], Wire] = lambda wire: wire,
+    line: OpenLine = virtual_line,
+) -> Iterator[Rig]:
+    """As `lockstep_rig`."""
+    robot = stiff_robot()
+    robot = replace(robot, configuration=configure(robot.configuration))
+    c = robot.configuration
+    with line() as bus, tempfile.TemporaryDirectory(prefix="durand-") as folder:
+        drive = DurandDrive(bus.far, c.joint_drives[0].node, load_of(robot))
+        eds = Path(folder) / "drive.eds"
+        eds.write_text(drive.eds)
+        boot = replace(build_boot(robot, bus.near), listen_s=0.0)
+        sheet = load_data_sheet(eds)
+        boot.setups = [replace(setup, data_sheet=sheet) for setup in boot.setups]
+        with drive.serving():
+            boot.boot_up()
+        bus.hand_over()
+        tick = build_tick(robot, between(bus.near.wire), lambda: 0.0, TRUSTED)
+        tick.drives.start(0.0)
+        arm = DurandArm(drive, c.period_s)
+        arm.pump()
+        yield Rig(robot, tick, cast(SimulatedArm, arm), cast(Lockstep, arm), bus, boot)

@@ -1,0 +1,246 @@
+"""Lines in lockstep: a bus of each interface, with both of its ends in this process.
+
+How many frames are on their way is known, and they are waited for: what one end has sent, the other
+has before it goes on. So a busy machine takes longer and sees the same.
+"""
+
+import errno
+import itertools
+import os
+import re
+import select
+import socket
+import tty
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
+from queue import Empty
+from typing import Protocol
+from unittest.mock import patch
+
+import can
+from can.interfaces.virtual import VirtualBus
+
+from drivers.can.bus import open_bus
+from drivers.can.virtual import open_end
+from drivers.can.wire import Frame, OpenBus, Wire
+from drivers.settings import BusSettings
+from simulator.socketcand import HELLO, Conversation, frame_line
+
+PATIENCE_S = 20.0  # with this machine: whatever is waited for so long is lost
+_SLCAN = re.compile(rb"t([0-9A-Fa-f]{3})[0-8]((?:[0-9A-Fa-f]{2})*)\r")
+_READ_SIZE = 65_536
+
+_channels = itertools.count()
+
+
+class FarEnd(Protocol):
+    """The drives' end."""
+
+    def send(self, msg: can.Message) -> None:
+        """Put a frame on the line."""
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame, waiting at most `timeout` s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A bus in lockstep. `full` is what the daemon's wire raises that takes no more frames."""
+
+    near: OpenBus
+    far: FarEnd
+    full: Exception
+    unplug: Callable[[], None] | None = None
+    """Takes the adapter away; None where there is none."""
+    hand_over: Callable[[], None] = lambda: None
+    """To be called when the wire takes over from python-can, with nothing on the line."""
+    channel: str = ""
+    """Of a virtual bus, for whoever wants to listen."""
+
+
+OpenLine = Callable[[], AbstractContextManager[Line]]
+
+
+class LockstepBus(VirtualBus):
+    """python-can's virtual bus without its deep copy of every frame, which costs as much as the
+    rest of a tick's exchange: both ends here only read what they receive."""
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Put the frame itself into every other end's queue."""
+        for queue in self.channel:
+            if queue is not self.queue:
+                queue.put(msg, timeout=timeout)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame, unfiltered."""
+        self._check_if_open()
+        try:
+            return self.queue.get(timeout != 0.0, timeout)
+        except Empty:
+            return None
+
+
+@contextmanager
+def virtual_line() -> Iterator[Line]:
+    """Queues, which are there at once; full is what a network interface would say."""
+    full = can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
+    channel = f"lockstep-{next(_channels)}"
+    with LockstepBus(channel) as far, LockstepBus(channel) as near:
+        yield Line(open_end(near), far, full, channel=channel)
+
+
+@contextmanager
+def socketcand_line() -> Iterator[Line]:
+    """TCP on the loopback interface."""
+    with socket.create_server(("127.0.0.1", 0)) as listener, ThreadPoolExecutor(1) as pool:
+        greeted = pool.submit(_greet, listener)
+        port = listener.getsockname()[1]
+        near = open_bus(BusSettings(interface="socketcand", channel="can0", port=port))
+        connection, conversation = greeted.result()
+
+    def decode(data: bytes) -> list[can.Message]:
+        return [frame for frame in conversation.feed(data) if isinstance(frame, can.Message)]
+
+    def encode(message: can.Message) -> bytes:
+        if message.is_error_frame:
+            return b"< error %03X 0.0 >" % message.arbitration_id
+        return frame_line(message, 0.0)
+
+    full = BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+    far = _TextEnd(connection.detach(), encode, decode)
+    yield from _text_line(near, far, full)
+
+
+@contextmanager
+def slcan_line() -> Iterator[Line]:
+    """A pseudo-terminal in place of an adapter."""
+    adapter, ours = os.openpty()
+    tty.setraw(adapter)
+    tty.setraw(ours)
+    # python-can waits two seconds for the adapter to wake up.
+    with patch("can.interfaces.slcan.time.sleep"):
+        near = open_bus(BusSettings(interface="slcan", channel=os.ttyname(ours)))
+    os.close(ours)
+    rest = b""
+
+    def decode(data: bytes) -> list[can.Message]:
+        nonlocal rest
+        *lines, rest = (rest + data).split(b"\r")
+        found = (_SLCAN.fullmatch(line + b"\r") for line in lines)
+        return [
+            can.Message(arbitration_id=int(line[1], 16), data=bytes.fromhex(line[2].decode()),
+                        is_extended_id=False)
+            for line in found if line
+        ]  # fmt: skip
+
+    def encode(message: can.Message) -> bytes:
+        assert not message.is_error_frame, "slcan has no error frames"
+        data = message.data.hex().encode()
+        return b"t%03X%d%s\r" % (message.arbitration_id, len(message.data), data)
+
+    full = can.CanOperationError("the adapter does not keep up")
+    yield from _text_line(near, _TextEnd(adapter, encode, decode), full)
+
+
+LINES: dict[str, OpenLine] = {
+    "virtual": virtual_line,
+    "socketcand": socketcand_line,
+    "slcan": slcan_line,
+}
+
+
+# --- lines of text, whose bytes take their time ---------------------------------------------------
+
+
+class _TextEnd:
+    """The drives' end of a line of text."""
+
+    def __init__(
+        self,
+        port: int,
+        encode: Callable[[can.Message], bytes],
+        decode: Callable[[bytes], list[can.Message]],
+    ) -> None:
+        self._port: int | None = port
+        self._encode, self._decode = encode, decode
+        self._heard: deque[can.Message] = deque()
+        self.to_daemon = self.to_drives = 0
+        """Frames on their way."""
+
+    def send(self, msg: can.Message) -> None:
+        if self._port is None:
+            return
+        text = self._encode(msg)
+        while text:
+            text = text[os.write(self._port, text) :]
+        self.to_daemon += 1
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        while not self._heard:
+            if self._port is None:
+                return None
+            wait = PATIENCE_S if self.to_drives else timeout
+            if not select.select([self._port], [], [], wait)[0]:
+                assert not self.to_drives, "the daemon's frames are lost on the line"
+                return None
+            self._heard += self._decode(os.read(self._port, _READ_SIZE))
+        self.to_drives = max(self.to_drives - 1, 0)
+        return self._heard.popleft()
+
+    def hand_over(self) -> None:
+        self.to_daemon = self.to_drives = 0
+
+    def unplug(self) -> None:
+        if self._port is not None:
+            os.close(self._port)
+            self._port = None
+            self.hand_over()
+
+
+class _AwaitedWire:
+    """The daemon's wire of such a line."""
+
+    def __init__(self, wire: Wire, far: _TextEnd) -> None:
+        self._wire, self._far = wire, far
+
+    def receive(self, timeout: float) -> Frame | None:
+        frame = self._wire.receive(timeout)
+        if frame is None and self._far.to_daemon:
+            frame = self._wire.receive(PATIENCE_S)
+            assert frame is not None, "the drives' frames are lost on the line"
+        if frame is not None:
+            self._far.to_daemon = max(self._far.to_daemon - 1, 0)
+        return frame
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        self._wire.send(frames)
+        self._far.to_drives += len(frames)
+
+
+def _text_line(near: OpenBus, far: _TextEnd, full: Exception) -> Iterator[Line]:
+    awaited = OpenBus(near.python_can, _AwaitedWire(near.wire, far), near.connection_lost)
+    try:
+        yield Line(awaited, far, full, far.unplug, far.hand_over)
+    finally:
+        with suppress(OSError, can.CanError):
+            near.python_can.shutdown()
+        far.unplug()
+
+
+def _greet(listener: socket.socket) -> tuple[socket.socket, Conversation]:
+    """The server's part until the daemon takes frames; it tries with a connection of its own."""
+    while True:
+        connection, _ = listener.accept()
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.sendall(HELLO)
+        conversation = Conversation()
+        while data := connection.recv(_READ_SIZE):
+            for answer in conversation.feed(data):
+                assert not isinstance(answer, can.Message)
+                connection.sendall(answer.data)
+            if conversation.raw_mode:
+                return connection, conversation
+        connection.close()

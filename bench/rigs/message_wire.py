@@ -1,0 +1,24 @@
+"""Wire over any bus of python-can, by its own calls: what the wires of `drivers.can` spare."""
+
+from collections.abc import Sequence
+
+import can
+
+from drivers.can.wire import Frame, frame_of
+
+
+class MessageWire:
+    """A bus of which nothing is known but `recv` and `send`."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+
+    def receive(self, timeout: float) -> Frame | None:
+        """As Wire.receive."""
+        message = self._bus.recv(timeout)
+        return None if message is None else frame_of(message)
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """As Wire.send."""
+        for can_id, data in frames:
+            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))

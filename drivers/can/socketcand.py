@@ -1,0 +1,119 @@
+"""socketcand: a CAN bus over TCP, each frame a piece of text."""
+
+import logging
+import re
+import socket
+from collections import deque
+from collections.abc import Sequence
+from typing import Final
+
+import can
+
+from drivers.can.wire import ERROR, EXTENDED, Frame, OpenBus, first_of
+from drivers.settings import BusSettings
+from errors import BusError
+
+_CONNECT_TIMEOUT_S: Final = 2.0
+
+
+def open_socketcand(settings: BusSettings) -> OpenBus:
+    """Open a bus that a server has; raises BusError if there is none, or not this bus."""
+    _refuse_missing_server(settings)
+    # A frame cut in two by TCP is no news, but python-can warns of each.
+    logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)
+    bus = can.Bus(
+        interface="socketcand",
+        host=settings.host,
+        port=settings.port,
+        channel=settings.channel,
+        tcp_tune=True,
+    )
+    # python-can keeps its connection to itself.
+    stream = getattr(bus, "_SocketCanDaemonBus__socket", None)
+    if not isinstance(stream, socket.socket):
+        bus.shutdown()
+        raise BusError(f"bus socketcand: python-can {can.__version__} hides its connection")
+    return OpenBus(bus, StreamWire(stream), lambda: connection_lost(stream))
+
+
+def connection_lost(stream: socket.socket) -> bool:
+    """Whether the peer is gone.
+
+    python-can answers end-of-file with "no frame" for ever, so its socket is asked itself, without
+    waiting and without taking anything from it.
+    """
+    try:
+        return stream.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
+def _refuse_missing_server(settings: BusSettings) -> None:
+    where = f"{settings.host}:{settings.port}"
+    # python-can would retry a refused connection for ten seconds, wait for a greeting for ever, and
+    # leave its socket open after a refusal; so a connection of our own tries first.
+    try:
+        with socket.create_connection((settings.host, settings.port), _CONNECT_TIMEOUT_S) as probe:
+            greeting = probe.recv(64)
+            if greeting != b"< hi >":
+                raise BusError(f"bus socketcand: {where} answers, but not as socketcand does")
+            probe.sendall(f"< open {settings.channel} >".encode())
+            answer = probe.recv(256)
+            if answer != b"< ok >":
+                words = answer.decode(errors="replace")
+                raise BusError(f"bus socketcand: {where} opens no {settings.channel!r}: {words!r}")
+    except ConnectionRefusedError as error:
+        raise BusError(
+            f"bus socketcand: nothing listens on {where}; is `contactd simulate` running?"
+        ) from error
+    except OSError as error:
+        raise BusError(f"bus socketcand: {where}: {error}") from error
+
+
+class StreamWire:
+    """socketcand's raw mode over TCP: text, any number of frames in a read."""
+
+    _FRAME: Final = re.compile(
+        rb"< (frame|error) ([0-9A-Fa-f]+) [0-9.]+ ?((?:[0-9A-Fa-f]{2})*) ?[^<>]*>"
+    )
+    _READ_SIZE: Final = 16_384
+
+    def __init__(self, stream: socket.socket) -> None:
+        self._socket = stream
+        self._queue: deque[Frame] = deque()
+        self._rest = b""
+
+    def receive(self, timeout: float) -> Frame | None:
+        return first_of(self._queue, self._socket, self._read, timeout)
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        text = "".join(
+            f"< send {can_id:03X} {len(data):X} {data.hex(' ')} >" for can_id, data in frames
+        ).encode()
+        if self._socket.send(text, socket.MSG_DONTWAIT) != len(text):
+            # What follows would be read as the end of the frame that was cut.
+            self._socket.shutdown(socket.SHUT_RDWR)
+            raise ConnectionError("the peer does not keep up; connection closed")
+
+    def _read(self) -> None:
+        try:
+            text = self._socket.recv(self._READ_SIZE, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return
+        if not text:
+            raise ConnectionError("the peer has closed the connection")
+        text = self._rest + text
+        end = 0
+        for match in self._FRAME.finditer(text):
+            kind, identifier, data = match.groups()
+            can_id = int(identifier, 16)
+            if kind == b"error":
+                can_id = can_id & 0x1FFF_FFFF | ERROR
+            elif len(identifier) != 3:
+                can_id |= EXTENDED
+            self._queue.append((can_id, bytes.fromhex(data.decode())))
+            end = match.end()
+        # A frame may be cut in two; what is no frame at all must not pile up.
+        self._rest = text[end:][-64:]

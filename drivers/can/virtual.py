@@ -1,0 +1,74 @@
+"""virtual: python-can's bus inside one process, for benches, tests and in-process simulation.
+
+No robot has one.
+"""
+
+import queue
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import cast
+
+import can
+from can.interfaces.virtual import VirtualBus
+
+from drivers.can.wire import Frame, OpenBus, frame_of
+from drivers.settings import BusSettings
+
+
+def open_virtual(settings: BusSettings) -> OpenBus:
+    """One more end of the bus that has this name in this process."""
+    return open_end(cast(VirtualBus, can.Bus(interface="virtual", channel=settings.channel)))
+
+
+def open_end(bus: VirtualBus) -> OpenBus:
+    """An end that is there, as an open bus."""
+    return OpenBus(bus, QueueWire(bus))
+
+
+class QueueWire:
+    """python-can's virtual bus: a queue per end. Reading takes all that is queued under one lock;
+    writing gives each other end messages of its own."""
+
+    def __init__(self, bus: VirtualBus) -> None:
+        self._own, self._ends = bus.queue, bus.channel
+        self._name = bus.channel_id
+        self._taken: deque[can.Message] = deque()
+
+    def receive(self, timeout: float) -> Frame | None:
+        if not self._taken and not self._take(timeout):
+            return None
+        return frame_of(self._taken.popleft())
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        self._refuse_closed()
+        now, name = time.time(), self._name
+        for end in self._ends:
+            if end is self._own:
+                continue
+            try:
+                for i, data in frames:
+                    # A copy: the data of a setpoint is written anew by the next command.
+                    end.put_nowait(
+                        can.Message(
+                            now, i, is_extended_id=False, channel=name, data=bytearray(data)
+                        )
+                    )
+            except queue.Full:
+                raise can.CanOperationError("the other end does not keep up") from None
+
+    def _take(self, timeout: float) -> bool:
+        own = self._own
+        with own.mutex:
+            if not own.queue:
+                self._refuse_closed()
+                if timeout <= 0.0 or not own.not_empty.wait_for(lambda: own.queue, timeout):
+                    return False
+            self._taken.extend(own.queue)
+            own.queue.clear()
+            own.not_full.notify_all()
+        return True
+
+    def _refuse_closed(self) -> None:
+        if self._own not in self._ends:
+            raise can.CanOperationError("cannot operate on a closed bus")
