@@ -150,18 +150,15 @@ _NO_PLANT = "its motor follows its setpoints at once: there is nothing that coul
 
 # (case, make or wire): why it cannot be shown there.
 EXCLUDED: dict[tuple[str, str], str] = {
-    ("current at its limit", "desk arm"): "its motors reach the collision level at half their "
-    "current: that stops the arm before",
+    ("current at its limit", "desk arm"): "with less than its current a motor reaches the "
+    "collision level, which stops the arm before",
     ("PDOs missing in turn", "durand"): "one drive has none to take turns with",
     ("drive deaf to setpoints", "durand"): _NO_6007,
     ("... and to quick stops", "durand"): _NO_6007,
     ("... and to NMT", "durand"): _NO_6007,
     ("drive stone-deaf", "durand"): _NO_6007,
     ("drive leaves operational", "durand"): _NO_6007,
-    (
-        "current at its limit",
-        "durand",
-    ): "what nothing bears is a residual beyond its limit",
+    ("current at its limit", "durand"): "what nothing bears is a residual beyond its limit",
     ("hit of 9 Nm", "durand"): _NO_PLANT,
     ("drive runs away", "durand"): _NO_PLANT,
     ("pushed beyond a limit", "durand"): _NO_PLANT,
@@ -191,7 +188,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class Trial:
     """A case at one place."""
 
     place: Place
@@ -215,5 +212,5 @@ class Shown:
 
 
 PLACES = tuple(Place(make, wire) for make in MAKES for wire in LINES)
-ALL = tuple(Shown(place, case) for place in PLACES for case in CASES)
-SHOWN = tuple(shown for shown in ALL if not shown.excluded)
+TRIALS = tuple(Trial(place, case) for place in PLACES for case in CASES)
+SHOWN = tuple(shown for shown in TRIALS if not shown.excluded)

@@ -8,7 +8,7 @@ from functools import cache
 import pytest
 
 from bench.rigs.breakable_arm import MAKES, BreakableArm, restore, start
-from bench.rigs.faults import ALL, CASES, EXCLUDED, LOCKS, PLACES, SHOWN, Case, Place, Shown
+from bench.rigs.faults import CASES, EXCLUDED, LOCKS, PLACES, SHOWN, TRIALS, Case, Place, Trial
 from bench.rigs.lines import LINES
 from daemon.ending import REPEATS, stop_on_error
 from daemon.faults.table import TABLE, Condition, Response
@@ -32,7 +32,7 @@ def creeps(on: BreakableArm) -> float:
     return float(abs(on.rig.arm.plant.theta - before).max())
 
 
-def of(reaction: Response, *, recovers: bool | None = None) -> list[Shown]:
+def of(reaction: Response, *, recovers: bool | None = None) -> list[Trial]:
     return [
         shown
         for shown in SHOWN
@@ -40,7 +40,7 @@ def of(reaction: Response, *, recovers: bool | None = None) -> list[Shown]:
     ]
 
 
-def at(rows: list[Shown]) -> pytest.MarkDecorator:
+def at(rows: list[Trial]) -> pytest.MarkDecorator:
     """Each row at its place."""
     return pytest.mark.parametrize(
         ("place", "case"), [pytest.param(row.place, row.case, id=str(row)) for row in rows]
@@ -64,7 +64,7 @@ def test_what_is_not_shown_has_its_reason_and_exists() -> None:
     assert {case for case, _ in EXCLUDED} | {case for case, _ in LOCKS} <= names
     places = {make.name for make in MAKES} | set(LINES)
     assert {where for _, where in EXCLUDED} | {where for _, where in LOCKS} <= places
-    assert len(SHOWN) + sum(bool(row.excluded) for row in ALL) == len(ALL)
+    assert len(SHOWN) + sum(bool(row.excluded) for row in TRIALS) == len(TRIALS)
     framed = {row.case.name for row in SHOWN if row.place.wire != "virtual"}
     assert framed == {case.name for case in CASES if case.frames} - {"network down"}
 
