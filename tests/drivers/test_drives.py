@@ -86,7 +86,7 @@ def test_enable_move_stop_disable(bench, setups, make_drives):
 def test_samples_stay_as_they_were_taken(bench, setups, make_drives):
     with bench.lockstep.serving():
         bench.boot(setups).boot_up()
-    drives = make_drives(open_end(bench.bus).wire)
+    drives = make_drives(QueueWire(bench.bus))
     first = drives.samples
     drives.start(0.0)
     for _ in range(3):
