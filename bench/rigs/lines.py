@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from queue import Empty
 from typing import Protocol
 from unittest.mock import patch
@@ -111,7 +112,7 @@ def socketcand_line() -> Iterator[Line]:
 
     full = BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
     far = _TextEnd(connection.detach(), encode, decode)
-    yield from _text_line(near, far, full)
+    yield from _awaited_line(near, far, full)
 
 
 @contextmanager
@@ -142,7 +143,16 @@ def slcan_line() -> Iterator[Line]:
         return b"t%03X%d%s\r" % (message.arbitration_id, len(message.data), data)
 
     full = can.CanOperationError("the adapter does not keep up")
-    yield from _text_line(near, _TextEnd(adapter, encode, decode), full)
+    yield from _awaited_line(near, _TextEnd(adapter, encode, decode), full)
+
+
+@contextmanager
+def socketcan_line(channel: str) -> Iterator[Line]:
+    """A CAN interface of this machine that is up and that nobody else uses, such as a vcan."""
+    full = OSError(errno.ENOBUFS, os.strerror(errno.ENOBUFS))
+    with can.Bus(interface="socketcan", channel=channel) as bus:
+        near = open_bus(BusSettings(interface="socketcan", channel=channel))
+        yield from _awaited_line(near, _InterfaceEnd(bus), full)
 
 
 LINES: dict[str, OpenLine] = {
@@ -150,9 +160,34 @@ LINES: dict[str, OpenLine] = {
     "socketcand": socketcand_line,
     "slcan": slcan_line,
 }
+if VCAN := os.environ.get("CONTACTD_VCAN"):
+    # `make system` makes the interface: most machines have none.
+    LINES["socketcan"] = partial(socketcan_line, VCAN)
 
 
-# --- lines of text, whose bytes take their time ---------------------------------------------------
+# --- lines whose frames take their time -----------------------------------------------------------
+
+
+class _InterfaceEnd:
+    """The drives' end of a CAN interface."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+        self.to_daemon = self.to_drives = 0
+        """Frames on their way."""
+
+    def send(self, msg: can.Message) -> None:
+        self._bus.send(msg)
+        self.to_daemon += 1
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        message = self._bus.recv(PATIENCE_S if self.to_drives else timeout)
+        assert message or not self.to_drives, "the daemon's frames are lost on the line"
+        self.to_drives = max(self.to_drives - 1, 0)
+        return message
+
+    def hand_over(self) -> None:
+        self.to_daemon = self.to_drives = 0
 
 
 class _TextEnd:
@@ -203,7 +238,7 @@ class _TextEnd:
 class _AwaitedWire:
     """The daemon's wire of such a line."""
 
-    def __init__(self, wire: Wire, far: _TextEnd) -> None:
+    def __init__(self, wire: Wire, far: _TextEnd | _InterfaceEnd) -> None:
         self._wire, self._far = wire, far
 
     def receive(self, timeout: float) -> Frame | None:
@@ -220,14 +255,16 @@ class _AwaitedWire:
         self._far.to_drives += len(frames)
 
 
-def _text_line(near: OpenBus, far: _TextEnd, full: Exception) -> Iterator[Line]:
+def _awaited_line(near: OpenBus, far: _TextEnd | _InterfaceEnd, full: Exception) -> Iterator[Line]:
     awaited = OpenBus(near.python_can, _AwaitedWire(near.wire, far), near.connection_lost)
+    unplug = far.unplug if isinstance(far, _TextEnd) else None
     try:
-        yield Line(awaited, far, full, far.unplug, far.hand_over)
+        yield Line(awaited, far, full, unplug, far.hand_over)
     finally:
         with suppress(OSError, can.CanError):
             near.python_can.shutdown()
-        far.unplug()
+        if unplug:
+            unplug()
 
 
 def _greet(listener: socket.socket) -> tuple[socket.socket, Conversation]:
