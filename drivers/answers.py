@@ -40,7 +40,7 @@ class Samples:
 
 @dataclass(slots=True)
 class Counters:
-    """How often what ought not to happen did."""
+    """Counters of what ought not to happen on the bus."""
 
     unknown_frames: int = 0
     short_frames: int = 0
@@ -80,7 +80,7 @@ class Answers:
         self._fresh = np.zeros(n, dtype=np.bool_)
         self.age_ticks = np.zeros(n, dtype=np.int64)
         self.samples = self._samples(())
-        """Of the last tick; before the first, NaN and unknown states."""
+        """Samples of the last tick; before the first, NaN and unknown states."""
 
     def expect_none(self) -> None:
         """Until the next SYNC, whatever comes is late."""

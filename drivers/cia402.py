@@ -22,7 +22,7 @@ class DriveState(IntEnum):
 
 
 class PowerTarget(IntEnum):
-    """Where a drive is wanted: without power, following its setpoint, or stopped and holding."""
+    """Target state of a drive: without power, following its setpoint, or stopped and holding."""
 
     OFF = 0
     ON = 1
@@ -117,5 +117,5 @@ def controlword(
 
 
 def reached(state: DriveState, target: PowerTarget) -> bool:
-    """Whether a drive in `state` needs no further step towards `target`."""
+    """True if a drive in `state` needs no further step towards `target`."""
     return state in REACHED[target]

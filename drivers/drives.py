@@ -98,7 +98,7 @@ class Drives:
 
     @property
     def samples(self) -> Samples:
-        """Of the last tick."""
+        """Samples of the last tick."""
         return self._answers.samples
 
     def start(self, now: float) -> None:

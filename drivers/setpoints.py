@@ -21,7 +21,7 @@ class _Rpdo:
 
 
 class Setpoints:
-    """What the drives are told in each tick; `frames` always holds the last `write`."""
+    """Setpoints of all drives as RPDOs; `frames` always holds the last `write`."""
 
     def __init__(self, drives: Sequence[Drive]) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""

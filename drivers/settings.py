@@ -1,4 +1,4 @@
-"""What the configuration may say about the bus and the drives; bounds where it is read."""
+"""Settings of the bus and the drives, with bounds where they are read."""
 
 from typing import Annotated, Literal
 
@@ -21,7 +21,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 class BusSettings(Settings, frozen=True):
-    """Where the CAN bus is: a python-can interface with its channel."""
+    """Place of the CAN bus: a python-can interface with its channel."""
 
     interface: Literal["socketcan", "socketcand", "slcan", "virtual"]
     channel: Name
@@ -98,12 +98,12 @@ class DriveProfile(Settings, frozen=True):
 
     @property
     def effort(self) -> Literal["current", "torque"]:
-        """Which of the two the drive reports."""
+        """The one of the two that the drive reports."""
         return "torque" if self.current is None else "current"
 
 
 class JointWiring(Settings, frozen=True):
-    """How one joint hangs on the bus."""
+    """Wiring of one joint: its drive on the bus, gear, currents and signs."""
 
     node: NodeId
     profile: Name

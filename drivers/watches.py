@@ -59,7 +59,7 @@ class HeartbeatWatch:
         return NotOperational(self.node, state)
 
     def check(self, now: float) -> HeartbeatLost | None:
-        """Whether the heartbeat has just become overdue."""
+        """Report a heartbeat that has just become overdue, once."""
         if self.lost or now - self.heard_at <= self.timeout_s:
             return None
         self.lost = True
@@ -78,7 +78,7 @@ class ObedienceWatch:
     def check(
         self, state: DriveState, target: PowerTarget, now: float
     ) -> Disobedient | Unstoppable | None:
-        """To be called with every sample of the drive, before it is told `target` (again)."""
+        """Judge a sample of the drive, before it is sent `target` (again)."""
         if target is PowerTarget.ON or state is not DriveState.OPERATION_ENABLED:
             self.ticks, self.told = 0, False
             return None

@@ -11,10 +11,10 @@ from simulator.arm import SYNC, SimulatedArm
 
 
 class Receiver(Protocol):
-    """What is needed of the arm's end of a bus."""
+    """The arm's end of a bus, as far as it is needed."""
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """As BusABC.recv."""
+        """The next frame, like `BusABC.recv`."""
 
 
 class Lockstep:

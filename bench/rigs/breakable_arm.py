@@ -50,7 +50,7 @@ Fault = Callable[["BreakableArm"], Iterator[None]]
 
 
 def for_ever() -> Iterator[None]:
-    """As long as anybody asks."""
+    """Endless yields: the fault lasts until it is closed."""
     while True:
         yield
 
@@ -82,7 +82,7 @@ class BreakableArm:
 
     @property
     def drives(self) -> tuple[Drive, ...]:
-        """As the daemon knows them."""
+        """Drives of the arm, as the daemon knows them."""
         return self.rig.robot.configuration.joint_drives
 
     @property
@@ -141,7 +141,7 @@ class BreakableArm:
         raise AssertionError(f"{self.rig.mode}: {self.rig.tick.controller.machine.cause}")
 
     def setpoints(self) -> dict[int, tuple[int, int]]:
-        """By node: the controlword and the target velocity [counts] that the last tick sent."""
+        """Controlword and target velocity [counts] that the last tick sent, by node."""
         sent, found = dict(self.wire.sent), {}
         for drive in self.drives:
             told: dict[str, int] = {}
@@ -155,7 +155,7 @@ class BreakableArm:
 
     @property
     def stops(self) -> bool:
-        """Whether the last tick told every drive to quick-stop that can."""
+        """True if the last tick sent a quick stop to every drive that takes one."""
         words = [word for word, _ in self.setpoints().values()]
         return len(words) == len(self.drives) and all(
             word & 0x0F in (0, QUICK_STOP) for word in words
@@ -163,7 +163,7 @@ class BreakableArm:
 
     @property
     def speed(self) -> float:
-        """Of the plant's fastest motor, at the link [rad/s]; links may swing on in their gaps."""
+        """Speed of the fastest motor, at the link [rad/s]; links may swing on in their gaps."""
         return float(np.abs(self.rig.arm.plant.theta_dot).max())
 
     @contextmanager

@@ -36,7 +36,7 @@ def stiff_robot() -> Robot:
 
 
 def load_of(robot: Robot) -> Callable[[float, float], float]:
-    """What gravity and friction ask of the motor at position [rad] and velocity [rad/s]: Nm."""
+    """Torque [Nm] of gravity and friction on the motor at position [rad] and velocity [rad/s]."""
     c = robot.configuration
     friction, gravity = c.joints[0].friction, build_estimator(c, robot.urdf).model.gravity
     coulomb = friction.motor_coulomb + friction.link_coulomb
@@ -50,7 +50,7 @@ def load_of(robot: Robot) -> Callable[[float, float], float]:
 
 
 class _Drive:
-    """As a simulated drive, and the axis of one."""
+    """Durand drive with the parts of a simulated drive, and of its axis."""
 
     def __init__(self, drive: DurandDrive) -> None:
         self._drive, self.axis = drive, self
@@ -74,7 +74,7 @@ class _Drive:
 
 
 class _Plant:
-    """As the plant of a simulated arm: motor and link are one."""
+    """Plant of one joint whose motor and link are one."""
 
     def __init__(self, drive: DurandDrive) -> None:
         self._drive = drive
@@ -96,7 +96,7 @@ class _Plant:
 
 
 class DurandArm:
-    """As a simulated arm."""
+    """Arm of one durand drive, with the parts of a `SimulatedArm` that its joint can show."""
 
     def __init__(self, drive: DurandDrive, period_s: float) -> None:
         self._drive, self._period_s = drive, period_s
@@ -111,7 +111,7 @@ class DurandArm:
             self.now += self._period_s
 
     def pump(self) -> None:
-        """As Lockstep.pump: every SYNC moves the arm on by one period."""
+        """Handle queued frames, like `Lockstep.pump`: every SYNC moves the arm on by a period."""
         self._drive.pump()
 
 
@@ -122,7 +122,7 @@ def durand_rig(
     between: Callable[[Wire], Wire] = lambda wire: wire,
     line: OpenLine = virtual_line,
 ) -> Iterator[Rig]:
-    """As `lockstep_rig`."""
+    """Rig like `lockstep_rig`, around one durand drive."""
     robot = stiff_robot()
     robot = replace(robot, configuration=configure(robot.configuration))
     c = robot.configuration

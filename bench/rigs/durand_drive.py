@@ -80,7 +80,7 @@ class PolledBus:
         self._callbacks: dict[int, Callable[[int, bytes], None]] = {}
 
     def forget(self) -> None:
-        """As after power was off."""
+        """Forget the set-up, like a drive whose power was off."""
         self._callbacks.clear()
 
     def add_subscription(self, cob_id: int, callback: Callable[[int, bytes], None]) -> None:
@@ -143,7 +143,7 @@ class DurandDrive:
         return self.states[-1]
 
     def hear(self, cob_id: int, data: bytes) -> None:
-        """As if the frame had come over the bus."""
+        """Take a frame as if it had come over the bus."""
         set_scheduler(self._clock)
         self.network.hear(cob_id, data)
 
@@ -171,7 +171,7 @@ class DurandDrive:
         self._show(0x60E4, readings.link_position[0])
 
     def read(self) -> Readings:
-        """What its sensors say."""
+        """Read its sensors."""
         current = self._torque(self.q, self.velocity) / TORQUE_CONSTANT
         powered = self.state in ("OPERATION ENABLED", "QUICK STOP ACTIVE")
         return Readings(

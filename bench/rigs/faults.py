@@ -199,7 +199,7 @@ class Trial:
 
     @property
     def excluded(self) -> str:
-        """Why it cannot be shown; empty if it can."""
+        """Reason why it cannot be shown; empty if it can."""
         name, place = self.case.name, self.place
         alike = NO_FRAMES if place.wire != "virtual" and not self.case.frames else ""
         where = (place.make.name, place.wire)
@@ -207,7 +207,7 @@ class Trial:
 
     @property
     def recovers(self) -> bool:
-        """Whether `reset` and `enable` are enough once its cause is gone."""
+        """True if `reset` and `enable` are enough once its cause is gone."""
         return self.case.recovers and (self.case.name, self.place.make.name) not in LOCKS
 
 

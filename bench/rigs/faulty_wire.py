@@ -17,7 +17,7 @@ class FaultyWire:
         """Since the last tick began."""
 
     def receive(self, timeout: float) -> Frame | None:
-        """As Wire.receive."""
+        """The next frame that is not lost, like `Wire.receive`."""
         if self.receiving:
             raise self.receiving
         while (frame := self._wire.receive(timeout)) is not None:
@@ -26,7 +26,7 @@ class FaultyWire:
         return None
 
     def send(self, frames: Sequence[Frame]) -> None:
-        """As Wire.send."""
+        """Send, or raise what was put in the way, like `Wire.send`."""
         if self.sending:
             raise self.sending
         self.sent += [(can_id, bytes(data)) for can_id, data in frames]

@@ -104,7 +104,7 @@ class Rig:
 
     @property
     def samples(self) -> Samples:
-        """Of the last tick."""
+        """Samples of the last tick."""
         return self.last.samples
 
     @property
@@ -115,12 +115,12 @@ class Rig:
 
     @property
     def decision(self) -> Decision:
-        """Of the last tick; AssertionError before the first complete samples."""
+        """Decision of the last tick; AssertionError before the first complete samples."""
         assert self.last.decision is not None
         return self.last.decision
 
     def state(self) -> State:
-        """As it is published of the last tick."""
+        """State of the last tick, as it is published."""
         return state_of(self.last)
 
     def permit(self, who: str = "the bench") -> list[str]:

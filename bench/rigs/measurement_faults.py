@@ -26,7 +26,7 @@ class _Infinite:
         return getattr(self._follower, name)
 
     def step(self, dt: float) -> Reference:
-        """As Follower.step."""
+        """A step that is not finite, in place of `Follower.step`."""
         reference = self._follower.step(dt)
         return replace(reference, q=np.full_like(reference.q, np.inf))
 

@@ -14,11 +14,11 @@ class MessageWire:
         self._bus = bus
 
     def receive(self, timeout: float) -> Frame | None:
-        """As Wire.receive."""
+        """The next frame, like `Wire.receive`."""
         message = self._bus.recv(timeout)
         return None if message is None else frame_of(message)
 
     def send(self, frames: Sequence[Frame]) -> None:
-        """As Wire.send."""
+        """Send frames one by one, like `Wire.send`."""
         for can_id, data in frames:
             self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))

@@ -26,7 +26,7 @@ STARVED_FACTOR = 3
 
 @dataclass(frozen=True, slots=True)
 class DetectorSettings:
-    """How long a nuisance may last before it becomes a fault."""
+    """Patience with a nuisance before it becomes a fault."""
 
     stale_ticks: int
     overrun_ticks: int

@@ -30,7 +30,7 @@ class Finding:
 
 
 def advice_on(cause: str) -> str:
-    """What a person does about the cause of a mode; empty where that is no finding in words."""
+    """Advice on the cause of a mode; empty where that is no finding in words."""
     rows = (row for condition, row in TABLE.items() if cause.startswith(condition))
     return next((row.advice for row in rows), "")
 

@@ -52,7 +52,7 @@ _Q, _CURRENT = 0, 1
 
 @dataclass(frozen=True, slots=True)
 class PlausibilitySettings:
-    """What each joint may show, arrays of shape (n,)."""
+    """Bounds on what each joint may show, arrays of shape (n,)."""
 
     lower: Vector  # joint limits [rad]
     upper: Vector

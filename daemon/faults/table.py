@@ -18,7 +18,7 @@ from drivers import events
 
 
 class Response(IntEnum):
-    """What the arm does about a condition, in rising order of strength."""
+    """Response of the arm to a condition, in rising order of strength."""
 
     CONTINUE = 0  # noted; arming waits until it is over
     HOLD = 1  # decelerate and hold, disarmed
@@ -34,7 +34,7 @@ class Response(IntEnum):
 
 
 class Condition(StrEnum):
-    """What may be wrong, in the words that an operator reads."""
+    """Condition that is wrong, in the words that an operator reads."""
 
     SAMPLE_MISSING = "sample missing"
     STALE = "samples stale"

@@ -186,7 +186,7 @@ with a default needs no new version. Recordings of every version from 1 on stay 
 
 
 def format_refusal(version: int) -> str:
-    """Why States of this version are not read; empty where they are."""
+    """Reason why States of this version are not read; empty where they are."""
     if version < 1:
         return "of a contactd before format 1, whose States have other fields: record anew"
     if version > STATE_FORMAT:

@@ -50,12 +50,12 @@ def find_object(
 
 
 def type_name(variable: ODVariable) -> str:
-    """As the configuration spells it; other types by their number."""
+    """Name of a type as the configuration spells it; other types by their number."""
     return _TYPES.get(variable.data_type, f"type {variable.data_type}")
 
 
 def value_range(variable: ODVariable) -> tuple[int, int]:
-    """What may be written to an integer object: its limits in the EDS, else those of its type."""
+    """Range of an integer object: its limits in the EDS, else those of its type."""
     kind = type_name(variable)
     lowest, highest = type_limits(kind) if kind in STRUCT_CODES else (0, -1)
     return (

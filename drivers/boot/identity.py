@@ -1,4 +1,4 @@
-"""Who a drive is, and whether it is one that this program can use and that was configured."""
+"""Identity of a drive, and checks that it is one that was configured and can be used."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -14,7 +14,7 @@ _RATED_TOLERANCE: Final = 0.005
 
 @dataclass(frozen=True, slots=True)
 class DriveIdentity:
-    """Who one drive is: objects 0x1018 and 0x1008; None where the drive keeps it to itself."""
+    """Identity of one drive: objects 0x1018 and 0x1008; None where the drive does not say."""
 
     name: str
     node: int

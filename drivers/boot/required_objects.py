@@ -1,4 +1,4 @@
-"""What a drive shall hold before it may be operational, as data; checked against its EDS."""
+"""Objects that a drive must hold before it may be operational, as data, checked against its EDS."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -110,7 +110,7 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
 
 
 def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
-    """What the drive does without, as its EDS says, and what follows; for people."""
+    """Objects that the drive lacks, as its EDS says, and what follows; in words."""
     sheet = setup.data_sheet
     rows = {row.without: row for row in reversed(wanted(setup, period_ms, master_node))}
     found = [
@@ -129,7 +129,7 @@ def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
 
 
 def rated_object(profile: DriveProfile) -> int:
-    """What the reported current or torque is a fraction of: 0x6075 [mA] or 0x6076 [mNm]."""
+    """Object that the reported current or torque is a fraction of: 0x6075 [mA] or 0x6076 [mNm]."""
     return 0x6075 if profile.effort == "current" else 0x6076
 
 

@@ -56,7 +56,7 @@ class _KeptNetwork(canopen.Network):  # type: ignore[misc]
         self._keep = keep
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """As canopen's; what the bus refuses is not kept."""
+        """Send like canopen's; what the bus refuses is not kept."""
         super().send_message(can_id, data, remote)
         self._keep.put(can_id, bytes(data), sent=True)
 
@@ -112,11 +112,11 @@ class ObjectAccess:
         self._client.RESPONSE_TIMEOUT = timeout_s
 
     def has(self, index: int, subindex: int = 0) -> bool:
-        """Whether the EDS has the object."""
+        """True if the EDS has the object."""
         return find_object(self._setup.data_sheet, index, subindex) is not None
 
     def writable(self, index: int, subindex: int = 0) -> bool:
-        """Whether the EDS lets the object be written."""
+        """True if the EDS lets the object be written."""
         return bool(self._variable(index, subindex).writable)
 
     def read(self, index: int, subindex: int = 0) -> int:

@@ -1,4 +1,4 @@
-"""How much of the bus an arm needs, at worst: computed before the first frame is sent."""
+"""Load of the bus by an arm, at worst: computed before the first frame is sent."""
 
 import math
 from collections.abc import Sequence

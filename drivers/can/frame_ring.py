@@ -83,14 +83,14 @@ class RecordedWire:
         self._put, self._clock = ring.put, ring.clock
 
     def receive(self, timeout: float) -> Frame | None:
-        """As the wire's."""
+        """The next frame of the wire, kept."""
         frame = self._receive(timeout)
         if frame is not None:
             self._put(self._clock(), frame[0], frame[1], False)
         return frame
 
     def send(self, frames: Sequence[Frame]) -> None:
-        """As the wire's; what it refuses is not kept."""
+        """Send by the wire, and keep what it does not refuse."""
         self._send(frames)
         now = self._clock()
         for can_id, data in frames:

@@ -37,7 +37,7 @@ def open_socketcand(settings: BusSettings) -> OpenBus:
 
 
 def connection_lost(stream: socket.socket) -> bool:
-    """Whether the peer is gone.
+    """True once the peer is gone.
 
     python-can answers end-of-file with "no frame" for ever, so its socket is asked itself, without
     waiting and without taking anything from it.

@@ -24,7 +24,7 @@ Frame = tuple[int, bytes | bytearray]
 
 
 class Wire(Protocol):
-    """What a tick needs of a bus."""
+    """Wire to a bus, with what a tick needs of it."""
 
     def receive(self, timeout: float) -> Frame | None:
         """The next frame, waiting at most `timeout` s (0: not at all); None if none came."""
