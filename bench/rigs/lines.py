@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
-from functools import partial
 from queue import Empty
 from typing import Protocol
 from unittest.mock import patch
@@ -33,6 +32,9 @@ from simulator.socketcand import HELLO, Conversation, frame_line
 PATIENCE_S = 20.0  # with this machine: whatever is waited for so long is lost
 _SLCAN = re.compile(rb"t([0-9A-Fa-f]{3})[0-8]((?:[0-9A-Fa-f]{2})*)\r")
 _READ_SIZE = 65_536
+
+INTERFACES = deque(os.environ.get("CONTACTD_VCAN", "").split())
+"""CAN interfaces that are up and serve nothing else; `make system` makes some."""
 
 _channels = itertools.count()
 
@@ -147,12 +149,16 @@ def slcan_line() -> Iterator[Line]:
 
 
 @contextmanager
-def socketcan_line(channel: str) -> Iterator[Line]:
-    """A CAN interface of this machine that is up and that nobody else uses, such as a vcan."""
+def socketcan_line() -> Iterator[Line]:
+    """One of `INTERFACES`, which nobody else uses meanwhile."""
+    channel = INTERFACES.popleft()
     full = OSError(errno.ENOBUFS, os.strerror(errno.ENOBUFS))
-    with can.Bus(interface="socketcan", channel=channel) as bus:
-        near = open_bus(BusSettings(interface="socketcan", channel=channel))
-        yield from _awaited_line(near, _InterfaceEnd(bus), full)
+    try:
+        with can.Bus(interface="socketcan", channel=channel) as bus:
+            near = open_bus(BusSettings(interface="socketcan", channel=channel))
+            yield from _awaited_line(near, _InterfaceEnd(bus), full)
+    finally:
+        INTERFACES.append(channel)
 
 
 LINES: dict[str, OpenLine] = {
@@ -160,9 +166,8 @@ LINES: dict[str, OpenLine] = {
     "socketcand": socketcand_line,
     "slcan": slcan_line,
 }
-if VCAN := os.environ.get("CONTACTD_VCAN"):
-    # `make system` makes the interface: most machines have none.
-    LINES["socketcan"] = partial(socketcan_line, VCAN)
+if INTERFACES:
+    LINES["socketcan"] = socketcan_line
 
 
 # --- lines whose frames take their time -----------------------------------------------------------
