@@ -32,6 +32,7 @@ from simulator.socketcand import HELLO, Conversation, frame_line
 PATIENCE_S = 20.0  # with this machine: whatever is waited for so long is lost
 _SLCAN = re.compile(rb"t([0-9A-Fa-f]{3})[0-8]((?:[0-9A-Fa-f]{2})*)\r")
 _READ_SIZE = 65_536
+_SO_RCVBUFFORCE = 33  # asm-generic/socket.h; not in Python's socket module
 
 INTERFACES = deque(os.environ.get("CONTACTD_VCAN", "").split())
 """CAN interfaces that are up and serve nothing else; `make system` makes some."""
@@ -156,6 +157,9 @@ def socketcan_line() -> Iterator[Line]:
     try:
         with can.Bus(interface="socketcan", channel=channel) as bus:
             near = open_bus(BusSettings(interface="socketcan", channel=channel))
+            for end in (bus, near.python_can):
+                # The usual buffer holds fewer frames than a pass reads, and drops what is more.
+                end.socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, 4 << 20)  # type: ignore[attr-defined]
             yield from _awaited_line(near, _InterfaceEnd(bus), full)
     finally:
         INTERFACES.append(channel)
