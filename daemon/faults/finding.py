@@ -24,15 +24,14 @@ class Finding:
         """Name of the arming check that fails with it."""
         return TABLE[self.condition].check
 
+    @property
+    def advice(self) -> str:
+        """What a person at the arm does about it."""
+        return TABLE[self.condition].advice
+
     def __str__(self) -> str:
         words = f"{self.condition.value}: {self.text}" if self.text else self.condition.value
         return f"{words} ({self.figures})" if self.figures else words
-
-
-def advice_on(cause: str) -> str:
-    """Advice on the cause of a mode; empty where that is no finding in words."""
-    rows = (row for condition, row in TABLE.items() if cause.startswith(condition))
-    return next((row.advice for row in rows), "")
 
 
 def strongest(findings: tuple[Finding, ...]) -> Finding | None:

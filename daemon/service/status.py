@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 
 from daemon.config.load import Robot
-from daemon.faults.finding import advice_on
 from daemon.protocol.messages import STATE_FORMAT, Grant, Permit, Snapshot, Status, Trajectory
 from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
@@ -41,7 +40,7 @@ def status_of(
     c, tick, last = process.robot.configuration, loop.tick, loop.tick.last
     samples, estimate = (last.samples, last.estimate) if last else (None, None)
     zeros = [0.0] * len(c.joints)
-    machine = tick.controller.machine
+    machine, finding = tick.controller.machine, tick.controller.finding
     return Status(
         name=c.name,
         configuration=process.place,
@@ -51,7 +50,7 @@ def status_of(
         armed=machine.armed,
         permit=permit,
         cause=machine.cause,
-        advice="" if machine.armed else advice_on(machine.cause),
+        advice=finding.advice if finding and not machine.armed else "",
         trajectory=_trajectory(tick.controller),
         checks=list(tick.check_arming(loop.time_s).checks),
         ticks=tick.number + 1,

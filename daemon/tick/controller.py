@@ -77,6 +77,13 @@ class Controller:
         self._touched_s = 0.0  # last tick with a non-zero thresholded residual
         self._reset_until_s = -1.0
         self._observed: ControlInput | None = None
+        self._finding: Finding | None = None  # the last one that changed the mode
+
+    @property
+    def finding(self) -> Finding | None:
+        """Finding that led to the present mode; None where something else did."""
+        found = self._finding
+        return found if found and self.machine.cause == str(found) else None
 
     @property
     def faulted(self) -> bool:
@@ -181,6 +188,8 @@ class Controller:
         finding = strongest(findings)
         if finding and (event := finding.response.event):
             self._apply(event, str(finding), time_s)
+            if self.machine.cause == str(finding):
+                self._finding = finding
 
     def _resetting(self, time_s: float) -> bool:
         """True while drives are asked for a fault reset: only while nothing may move yet."""

@@ -4,7 +4,7 @@ from itertools import permutations
 
 import pytest
 
-from daemon.faults.finding import Finding, advice_on, strongest
+from daemon.faults.finding import Finding, strongest
 from daemon.faults.table import TABLE, Condition
 
 
@@ -44,16 +44,3 @@ def test_figures_that_change_make_no_new_finding() -> None:
     assert before == after
     assert len({before, after}) == 1
     assert before != Finding(Condition.JUMP, "wrist", "1")
-
-
-@pytest.mark.parametrize("condition", Condition)
-@pytest.mark.parametrize(("text", "figures"), [("", ""), ("elbow", ""), ("elbow", "1"), ("", "1")])
-def test_the_words_of_a_finding_lead_to_its_advice(
-    condition: Condition, text: str, figures: str
-) -> None:
-    assert advice_on(str(Finding(condition, text, figures))) == TABLE[condition].advice
-
-
-@pytest.mark.parametrize("cause", ["", "started", "the arm did not stop within 3 s"])
-def test_what_is_no_finding_has_no_advice(cause: str) -> None:
-    assert advice_on(cause) == ""

@@ -282,3 +282,17 @@ def test_guided_a_recorded_trajectory_goes_on_as_displacements(holding: IdealArm
     assert holding.mode is Mode.HOLDING
     way = MOVE.offset(2.0)[0] - MOVE.offset(s)[0]
     assert holding.q[0] == pytest.approx(left + way, abs=1e-2)
+
+
+def test_the_finding_behind_a_mode_is_known_as_long_as_it_lasts(unarmed: IdealArm) -> None:
+    hold, stop = Finding(Condition.OVERRUN, figures="30 ms"), Finding(Condition.DRIVE_FAULT, "b")
+    assert unarmed.controller.finding is None
+    unarmed.step(findings=(hold,))
+    unarmed.run(1.0)
+    assert unarmed.mode is Mode.HOLDING
+    assert unarmed.controller.finding is hold, "it holds for what it stopped for"
+    unarmed.step(findings=(stop,))
+    unarmed.step(findings=(Finding(Condition.EMERGENCY, "a"),))
+    assert unarmed.controller.finding is stop, "what came later did not stop it"
+    assert unarmed.request(Event.RESET) == []
+    assert unarmed.controller.finding is None
