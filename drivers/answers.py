@@ -75,12 +75,15 @@ class Answers:
         # What had come when the tick before this one ended: another before the next SYNC says that
         # the first was old.
         self._answered = 0
-        self._all_fresh = False
         n = len(drives)
-        self._fresh = np.zeros(n, dtype=np.bool_)
-        self.age_ticks = np.zeros(n, dtype=np.int64)
-        self.samples = self._samples(())
+        self._every_fresh = _frozen(np.ones(n, dtype=np.bool_))
+        self._no_age = self._age_ticks = _frozen(np.zeros(n, dtype=np.int64))
+        self.samples = self._samples(_frozen(np.zeros(n, dtype=np.bool_)), ())
         """Samples of the last tick; before the first, NaN and unknown states."""
+
+    def forget_ages(self) -> None:
+        """Count the age of samples from the next tick on."""
+        self._age_ticks = self._no_age
 
     def expect_none(self) -> None:
         """Until the next SYNC, whatever comes is late."""
@@ -111,40 +114,33 @@ class Answers:
 
     def finish(self, events: tuple[BusEvent, ...]) -> Samples:
         """Make the samples of this tick of what has come until now, with `events` beside them."""
-        missing, fresh, age_ticks = self.missing, self._fresh, self.age_ticks
+        missing, fresh = self.missing, self._every_fresh
         self._answered = self._all & ~missing
         self._decoder.decode()
         if missing:
             self._counters.missing_frames += missing.bit_count()
-            for i, bits in enumerate(self._joint_bits):
-                fresh[i] = not missing & bits
-            np.add(age_ticks, 1, out=age_ticks)
-            age_ticks[fresh] = 0
-        elif not self._all_fresh:
-            fresh.fill(True)
-            age_ticks.fill(0)
-        self._all_fresh = not missing
-        self.samples = self._samples(events)
+            fresh = _frozen(np.array([not missing & bits for bits in self._joint_bits]))
+            self._age_ticks = _frozen(np.where(fresh, 0, self._age_ticks + 1))
+        else:
+            self._age_ticks = self._no_age
+        self.samples = self._samples(fresh, events)
         return self.samples
 
-    def _samples(self, events: tuple[BusEvent, ...]) -> Samples:
-        """Copies of the buffers, which the next tick overwrites."""
+    def _samples(self, fresh: NDArray[np.bool_], events: tuple[BusEvent, ...]) -> Samples:
         decoder = self._decoder
-        motor_position = decoder.motor_position
         return Samples(
-            current=_frozen(decoder.current),
-            link_position=_frozen(decoder.link_position),
-            motor_velocity=_frozen(decoder.motor_velocity),
-            motor_position=None if motor_position is None else _frozen(motor_position),
-            fresh=_frozen(self._fresh),
-            age_ticks=_frozen(self.age_ticks),
+            current=decoder.current,
+            link_position=decoder.link_position,
+            motor_velocity=decoder.motor_velocity,
+            motor_position=decoder.motor_position,
+            fresh=fresh,
+            age_ticks=self._age_ticks,
             states=tuple(map(drive_state, decoder.statuswords)),
-            statuswords=tuple(decoder.statuswords),
+            statuswords=decoder.statuswords,
             events=events,
         )
 
 
-def _frozen(buffer: NDArray[T]) -> NDArray[T]:
-    copy = buffer.copy()
-    copy.setflags(write=False)
-    return copy
+def _frozen(array: NDArray[T]) -> NDArray[T]:
+    array.setflags(write=False)
+    return array

@@ -149,7 +149,7 @@ def link_side(drive: Drive, entry: PdoEntry) -> tuple[float, float]:
 
 
 class SampleDecoder:
-    """TPDOs of the whole arm -> arrays of shape (n,), which every `decode` overwrites.
+    """TPDOs of the whole arm -> arrays of shape (n,), new and read-only with every `decode`.
 
     Values are NaN, and statuswords -1, until a frame has brought them. `motor_position` is None
     unless every drive sends one.
@@ -157,7 +157,7 @@ class SampleDecoder:
 
     def __init__(self, drives: Sequence[Drive]) -> None:
         n = len(drives)
-        self.statuswords = [-1] * n
+        self.statuswords = (-1,) * n
         # Raw counts of every frame, one after the other, as `struct` leaves them.
         self.raw: list[float] = []
         #: COB-ID -> (joint, first slot, last slot + 1, layout)
@@ -182,21 +182,27 @@ class SampleDecoder:
             ]
         )
         self._gain, self._bias = affine[..., 0].copy(), affine[..., 1].copy()
-        self._values = np.full((len(entries), n), np.nan)
-        rows = dict(zip(entries, self._values, strict=True))
-        self.current: Vector = rows["current"]
-        self.link_position: Vector = rows["link_position"]
-        self.motor_velocity: Vector = rows["motor_velocity"]
-        self.motor_position: Vector | None = rows.get("motor_position")
+        row_of = {entry: number for number, entry in enumerate(entries)}
+        self._rows = row_of["current"], row_of["link_position"], row_of["motor_velocity"]
+        self._motor_row = row_of.get("motor_position")
+        self.motor_position: Vector | None = None
+        self.decode()
 
     def decode(self) -> None:
         """Bring the arrays and the statuswords up to the counts in `raw`."""
         self._counts[:] = self.raw
-        np.take(self._counts, self._order, out=self._values, mode="clip")
-        np.multiply(self._values, self._gain, out=self._values)
-        np.add(self._values, self._bias, out=self._values)
+        values = np.take(self._counts, self._order, mode="clip")
+        np.multiply(values, self._gain, out=values)
+        np.add(values, self._bias, out=values)
+        values.setflags(write=False)  # and so is every row of it
+        current, link_position, motor_velocity = self._rows
+        self.current: Vector = values[current]
+        self.link_position: Vector = values[link_position]
+        self.motor_velocity: Vector = values[motor_velocity]
+        if self._motor_row is not None:
+            self.motor_position = values[self._motor_row]
         raw = self.raw
-        self.statuswords[:] = [int(raw[slot]) for slot in self._status_slots]
+        self.statuswords = tuple([int(raw[slot]) for slot in self._status_slots])
 
 
 class SetpointEncoder:

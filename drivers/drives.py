@@ -110,7 +110,7 @@ class Drives:
         self._receive_queued()
         self._events.clear()
         self._heartbeat_at = now
-        self._answers.age_ticks.fill(0)
+        self._answers.forget_ages()
         self._watch_from(now)
         self._send([self._heartbeat, *self._nmt(START_NODE)])
 

@@ -20,10 +20,13 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     """Base of everything that is read from a configuration file: immutable, no unknown keys."""
 
 
+Interface = Literal["socketcan", "socketcand", "slcan", "virtual"]
+
+
 class BusSettings(Settings, frozen=True):
     """Place of the CAN bus: a python-can interface with its channel."""
 
-    interface: Literal["socketcan", "socketcand", "slcan", "virtual"]
+    interface: Interface
     channel: Name
     bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000)] = 1_000_000
     host: Name = "127.0.0.1"  # of socketcand

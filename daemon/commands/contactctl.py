@@ -143,7 +143,7 @@ def stop(options: Options, no_wait: bool) -> None:
 @_no_wait
 @click.pass_obj
 def disable(options: Options, no_wait: bool) -> None:
-    """Take the power off the drives. What each joint does then is configured."""
+    """Let the joints end as configured: held by their drives, braked, or limp."""
     carry_out(options, "disable", wait=not no_wait)
 
 

@@ -10,13 +10,14 @@ from drivers.can.socketcan import open_socketcan
 from drivers.can.socketcand import open_socketcand
 from drivers.can.virtual import open_virtual
 from drivers.can.wire import OpenBus
-from drivers.settings import BusSettings
+from drivers.settings import BusSettings, Interface
 from errors import BusError
 
 #: What python-can's interfaces raise when a bus is closed, down or full: not only its own errors.
 BUS_FAILURES: Final = (can.CanError, OSError, ValueError)
 
-INTERFACES: Final[Mapping[str, Callable[[BusSettings], OpenBus]]] = {
+# Keyed so that mypy names an interface of the settings that is forgotten here.
+INTERFACES: Final[Mapping[Interface, Callable[[BusSettings], OpenBus]]] = {
     "socketcan": open_socketcan,
     "socketcand": open_socketcand,
     "slcan": open_slcan,

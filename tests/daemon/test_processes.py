@@ -94,7 +94,9 @@ def contactd(*arguments: object, **options: object) -> subprocess.Popen[str]:
 
 def run(simulator: Simulator, door: Path) -> subprocess.Popen[str]:
     arguments = (simulator.robot, "--port", simulator.port, "--socket", door)
-    return contactd("run", *arguments, stderr=subprocess.PIPE)
+    # A black box of its own: the owner's are kept by number.
+    environment = os.environ | {"XDG_STATE_HOME": str(door.parent)}
+    return contactd("run", *arguments, stderr=subprocess.PIPE, env=environment)
 
 
 @contextmanager

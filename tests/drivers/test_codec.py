@@ -83,7 +83,7 @@ def test_counts_arrive_as_si_values_at_the_link(
         _, start, stop, compiled = decoder.slots[cob_id]
         decoder.raw[start:stop] = compiled.unpack(struct.pack(layout, *values))
     decoder.decode()
-    assert decoder.statuswords == [0x27]
+    assert decoder.statuswords == (0x27,)
     close = {"rtol": 1e-12, "atol": 1e-12}
     np.testing.assert_allclose(decoder.current, motor_sign * 2.0 * 0.001 * current, **close)
     np.testing.assert_allclose(
@@ -101,7 +101,7 @@ def test_nothing_is_known_before_the_first_frame(joint_drives):
     decoder = SampleDecoder(joint_drives)
     decoder.decode()
     assert np.isnan([decoder.current, decoder.link_position, decoder.motor_velocity]).all()
-    assert decoder.statuswords == [-1] * 7
+    assert decoder.statuswords == (-1,) * 7
 
 
 def test_drives_of_two_kinds_share_an_arm():
@@ -125,7 +125,7 @@ def test_drives_of_two_kinds_share_an_arm():
         _, start, stop, layout = decoder.slots[cob_id]
         decoder.raw[start:stop] = layout.unpack(data)
     decoder.decode()
-    assert decoder.statuswords == [0x40, 0x27]
+    assert decoder.statuswords == (0x40, 0x27)
     np.testing.assert_allclose(decoder.current, [1.0, -2.0])
     np.testing.assert_allclose(decoder.link_position, [0.02, 0.04])
     np.testing.assert_allclose(decoder.motor_velocity, [0.01, 0.03])

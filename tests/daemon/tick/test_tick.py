@@ -9,6 +9,8 @@ import pytest
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
+from daemon.protocol.messages import State
+from daemon.tick import telemetry
 from daemon.tick.telemetry import state_of
 from daemon.tick.tick import LONGEST_STEP
 from drivers.cia402 import DriveState
@@ -227,3 +229,13 @@ def test_a_contact_is_told_where_the_arm_feels() -> None:
             assert any(state.thresholded[0] for state in states)
             told[mode] = sum(event.kind == "contact" for s in states for event in s.notices)
     assert told[Mode.OFF] == 0 < told[Mode.HOLDING]
+
+
+def test_telemetry_fills_every_field_of_a_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A default is for recordings that lack a field, not for telemetry that forgets it."""
+    filled: set[str] = set()
+    monkeypatch.setattr(telemetry, "State", lambda **fields: filled.update(fields))
+    with lockstep_rig(SINGLE_JOINT) as rig:
+        rig.run(0.1)
+        telemetry.state_of(rig.last)
+    assert filled == set(State.__struct_fields__)

@@ -4,12 +4,14 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from typing import get_args
 
 import pytest
 
-from drivers.can.bus import open_bus
+from bench.rigs.lines import LINES
+from drivers.can.bus import INTERFACES, open_bus
 from drivers.can.wire import OpenBus
-from drivers.settings import BusSettings
+from drivers.settings import BusSettings, Interface
 from errors import BusError
 
 
@@ -133,3 +135,9 @@ def test_virtual():
     with closing_bus(open_bus(BusSettings(interface="virtual", channel="drivers-open"))) as opened:
         assert opened.wire.receive(0.0) is None
         assert not opened.connection_lost(), "it has no connection to lose"
+
+
+def test_every_interface_is_opened_and_tried():
+    names = set(get_args(Interface))
+    assert INTERFACES.keys() == names
+    assert names - {"socketcan"} == LINES.keys() - {"socketcan"}, "faults are tried on each"
