@@ -14,6 +14,7 @@ from daemon.faults.finding import Finding, strongest
 from daemon.faults.plausibility import STANDSTILL_SPEED
 from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import ATTENTIVE, AfterQuiet, Reactions
+from daemon.modes.quiet_timer import QuietTimer
 from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, ModeMachine, refusal
 from daemon.motion.admittance import MAX_GAIN, Allowance, AllowanceSettings
 from daemon.motion.motion import Motion
@@ -70,11 +71,10 @@ class Controller:
     def __init__(self, tuning: ControllerSettings, motion: Motion) -> None:
         self.machine = ModeMachine()
         self.motion = motion
-        self.quiet_s = 0.0
+        self.quiet = QuietTimer(tuning.quiet_s)
         self._tuning = tuning
         self._configured = motion.follower.place
         self._allowance = Allowance(tuning.bounds, len(tuning.joints))
-        self._touched_s = 0.0  # last tick with a non-zero thresholded residual
         self._reset_until_s = -1.0
         self._observed: ControlInput | None = None
         self._finding: Finding | None = None  # the last one that changed the mode
@@ -196,9 +196,7 @@ class Controller:
         return self.machine.mode is Mode.OFF and time_s < self._reset_until_s
 
     def _feel(self, time_s: float, observed: ControlInput) -> None:
-        if np.count_nonzero(observed.thresholded):
-            self._touched_s = time_s
-        self.quiet_s = time_s - self._touched_s
+        self.quiet.sense(bool(np.count_nonzero(observed.thresholded)), time_s)
         mode, armed, reactions = self.machine.mode, self.machine.armed, self._tuning.reactions
         retracting = mode is Mode.RETRACTING and self.motion.under_way
         backed_away = mode is Mode.RETRACTING and not retracting
@@ -250,10 +248,11 @@ class Controller:
         elif self.machine.mode is Mode.RETRACTING and self.motion.under_way:
             if self.motion.opposed(observed.thresholded):
                 self._apply(Event.HALT, "pushed against while retracting", time_s)
-        # Ticks are whole periods; half a millisecond keeps their sum's rounding out of it.
-        elif self.quiet_s >= self._tuning.quiet_s - 5e-4:
+        elif self.quiet.expired:
             event, reasons = self._after_quiet(observed.q)
-            self._apply(event, "; ".join([f"quiet for {self.quiet_s:.2f} s", *reasons]), time_s)
+            self._apply(
+                event, "; ".join([f"quiet for {self.quiet.quiet_s:.2f} s", *reasons]), time_s
+            )
 
     def _after_quiet(self, q: Vector) -> tuple[Event, list[str]]:
         if not self.machine.moving:
@@ -283,7 +282,7 @@ class Controller:
             allowance.take(motion.reference)
             if self._tuning.after_quiet is AfterQuiet.HOLD and self.machine.moving:
                 self.machine.moving, self.machine.paused = False, True
-            self._touched_s, self.quiet_s = time_s, 0.0
+            self.quiet.restart(time_s)
         home = motion.reference if allowance.home is None else allowance.home
         if mode is Mode.RETRACTING:
             motion.retract(observed.q, observed.thresholded)

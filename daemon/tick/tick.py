@@ -102,7 +102,7 @@ class Tick:
             armed=machine.armed,
             cause=machine.cause,
             moving=machine.moving,
-            quiet_s=self.controller.quiet_s,
+            quiet_s=self.controller.quiet.quiet_s,
             notices=self._notices(findings, news),
         )
 

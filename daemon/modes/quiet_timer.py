@@ -1,0 +1,35 @@
+"""Quiet timer: how long the thresholded residual has been zero on all joints. Pure; time is an
+argument.
+
+When it has run out, an arm that yielded to a contact goes on with what the contact interrupted.
+"""
+
+from dataclasses import dataclass
+
+# Ticks are whole periods; half a millisecond keeps the rounding of their sum out of it.
+ROUNDING_S = 5e-4
+
+
+@dataclass(slots=True)
+class QuietTimer:
+    """Runs from the last tick with a touch, or from `restart`."""
+
+    limit_s: float
+    quiet_s: float = 0.0
+    """since then, as of the last `sense`"""
+    _touched_s: float = 0.0
+
+    def sense(self, touched: bool, time_s: float) -> None:
+        """Take the sensing of one tick: `touched` while any thresholded residual is not zero."""
+        if touched:
+            self._touched_s = time_s
+        self.quiet_s = time_s - self._touched_s
+
+    def restart(self, time_s: float) -> None:
+        """Run anew from `time_s`."""
+        self._touched_s, self.quiet_s = time_s, 0.0
+
+    @property
+    def expired(self) -> bool:
+        """True once it has been quiet for the limit."""
+        return self.quiet_s >= self.limit_s - ROUNDING_S
