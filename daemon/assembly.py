@@ -114,11 +114,7 @@ def build_transmission(c: Configuration) -> Transmission:
 def build_fault_detector(c: Configuration) -> FaultDetector:
     """Detector of faults, with the bounds and the patience that the configuration gives it."""
     s = c.supervisor
-    patience = DetectorSettings(
-        s.stale_ticks,
-        s.overrun_ticks,
-        min(drive.profile.master_timeout_ms for drive in c.joint_drives) / 1000.0,
-    )
+    patience = DetectorSettings(s.stale_ticks, s.overrun_ticks)
     bounds = PlausibilitySettings(
         lower=row(c, lambda j: j.limits.lower),
         upper=row(c, lambda j: j.limits.upper),

@@ -55,12 +55,13 @@ def bring_to_rest(
 
 
 def _stragglers(tick: Tick) -> list[str]:
-    """Names of drives that have not reached the state that was last asked of them."""
+    """Names of drives that do not say, in this tick, that they have reached the state that was last
+    asked of them."""
     last = tick.last
     if last is None or last.decision is None:
         return []
-    pairs = zip(last.samples.states, last.decision.power, strict=True)
-    wrong = np.flatnonzero([not reached(state, target) for state, target in pairs])
+    told = zip(last.samples.states, last.decision.power, last.samples.fresh, strict=True)
+    wrong = np.flatnonzero([not (fresh and reached(state, on)) for state, on, fresh in told])
     return [tick.drives.names[i] for i in wrong]
 
 

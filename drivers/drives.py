@@ -7,6 +7,7 @@ arrives, and no failure of the bus, is an exception.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -18,15 +19,17 @@ from drivers.can.wire import ERROR, Frame, Wire
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.drive import Drive
 from drivers.events import (
+    Absent,
     BadSetpoint,
     BusEvent,
-    Disobedient,
+    BusOff,
     Emergency,
     ForeignMaster,
-    NotOperational,
     bus_failure,
     error_frame,
 )
+from drivers.expedited_stop import expedited_quick_stops
+from drivers.heartbeat_watch import HEARTBEATS_MISSED, HeartbeatWatch
 from drivers.ids import (
     EMERGENCY,
     ENTER_PRE_OPERATIONAL,
@@ -34,12 +37,13 @@ from drivers.ids import (
     NMT,
     NODE,
     OPERATIONAL,
+    SDO_ANSWER,
     START_NODE,
-    STOP_NODE,
     SYNC,
 )
 from drivers.setpoints import Setpoints
-from drivers.watches import HEARTBEATS_MISSED, HeartbeatWatch, ObedienceWatch
+from drivers.stop_stages import least_patience_s
+from drivers.stops import Stops
 
 #: Kind of emergency codes after which some drives take a reset only when set up again.
 COMMUNICATION_ERROR: Final = 0x8100
@@ -54,7 +58,6 @@ EVENTS_PER_TICK: Final = 32
 @dataclass(slots=True)
 class _WatchedDrive:
     watch: HeartbeatWatch
-    obedience: ObedienceWatch
     emergency: int = 0  # code of the last one, 0 when it is over
 
 
@@ -80,7 +83,10 @@ class Drives:
         self._wire, self._clock = wire, clock
         self._answers = Answers(drives, self.counters, self._tell)
         self._setpoints = Setpoints(drives)
-        self._quick_stops = [*self._setpoints.quick_stops, SYNC_FRAME]
+        self._stop_all = [*self._setpoints.quick_stops, *expedited_quick_stops(drives), SYNC_FRAME]
+        self._new_stops = partial(Stops, drives, period_s)
+        self._stops = self._new_stops()
+        self._all_on = [PowerTarget.ON] * len(drives)
         self._heartbeat_timeouts_s = [
             HEARTBEATS_MISSED * (drive.profile.heartbeat_ms / 1e3) for drive in drives
         ]
@@ -89,10 +95,13 @@ class Drives:
         self._heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
         setpoint_ids = {cob_id for cob_id, _ in self._setpoints.frames}
         self._masters_own = {NMT, SYNC, HEARTBEAT + master_node} | setpoint_ids
-        timeout_ms = min(drive.profile.master_timeout_ms for drive in drives)
+        patience_s = least_patience_s(drives)
         # Sent when the tick after this one would be too late for a third of the drives' patience.
-        self._heartbeat_every_s = max(timeout_ms / 3000.0 - period_s, 0.0)
+        self._heartbeat_every_s = max(patience_s / 3.0 - period_s, 0.0)
         self._heartbeat_at = -np.inf
+        # After as long a drive may have stopped by itself, and would run on at the next SYNC.
+        self._absence_s = patience_s - 0.5 * period_s
+        self._absent = self._to_be_stopped = False
         self._now = 0.0
         self._events: list[BusEvent] = []
 
@@ -112,17 +121,20 @@ class Drives:
         self._heartbeat_at = now
         self._answers.forget_ages()
         self._watch_from(now)
+        self._stops, self._absent = self._new_stops(), False
         self._send([self._heartbeat, *self._nmt(START_NODE)])
 
     def _watch_from(self, now: float) -> None:
         self._drives = [
-            _WatchedDrive(HeartbeatWatch(node, timeout_s, now), ObedienceWatch(node))
+            _WatchedDrive(HeartbeatWatch(node, timeout_s, now))
             for node, timeout_s in zip(self.nodes, self._heartbeat_timeouts_s, strict=True)
         ]
         self._by_node = dict(zip(self.nodes, self._drives, strict=True))
 
     def listen_again(self, now: float) -> None:
-        """After a pause in which nobody heard the drives: their silence in it is no news."""
+        """After a pause in which nobody heard the drives, but they heard our heartbeat: their
+        silence in it is no news."""
+        self._heartbeat_at = now
         for drive in self._drives:
             drive.watch.excuse(now)
 
@@ -134,29 +146,57 @@ class Drives:
             for i, (drive, state) in enumerate(zip(self._drives, self.samples.states, strict=True))
             if drive.watch.forgot
             or drive.watch.lost
+            or self._stops.silent
             or (state is DriveState.FAULT and drive.emergency & 0xFF00 == COMMUNICATION_ERROR)
         ]
 
     def sync(self, now: float) -> None:
-        """Begin a tick: read what came since the last, beat if it is time, then send SYNC."""
+        """Begin a tick: read what came since the last, beat if it is time, then send SYNC.
+
+        After a gap in our own presence every drive is told to stop, and no SYNC goes out before all
+        have taken that: they may have stopped by themselves meanwhile, and a SYNC would have them
+        execute a setpoint of before. In the last stage of a stop nothing goes out.
+        """
         self._now = now
+        unheard_s = now - self._heartbeat_at
+        if unheard_s >= self._absence_s and not (self._absent or self._stops.silent):
+            # Before what the drives have to say of it: it is the cause.
+            self._tell(Absent(unheard_s))
+            self._absent = self._to_be_stopped = True
         # A TPDO that is here before its SYNC is a late answer to the one before.
         self._answers.expect_none()
         self._backlog = not self._receive_queued()
         for drive in self._drives:
             self._tell(drive.watch.check(now))
-        self._answers.expect_all()
-        if now - self._heartbeat_at >= self._heartbeat_every_s:
-            self._heartbeat_at = now
-            self._send([self._heartbeat, SYNC_FRAME])
+        if self._stops.silent:
+            self._backlog = True  # what comes is no answer
+            return
+        frames = self._frames_after_absence() if self._absent else []
+        beats = unheard_s >= self._heartbeat_every_s
+        if beats:
+            frames.append(self._heartbeat)
+        if self._absent:
+            self._backlog = True
         else:
-            self._send([SYNC_FRAME])
+            self._answers.expect_all()
+            frames.append(SYNC_FRAME)
+        if self._send(frames) and beats:
+            self._heartbeat_at = now
+
+    def _frames_after_absence(self) -> list[Frame]:
+        """Stop commands until they are confirmed: over what the drives have pending, and by SDO."""
+        if self._to_be_stopped:
+            self._to_be_stopped = False
+            return [*self._setpoints.quick_stops, *self._stops.begin_all(self._now, self.samples)]
+        self._absent = not self._stops.confirmed
+        return []
 
     def collect(self, deadline: float) -> Samples:
         """Read until every TPDO of this SYNC is in, or `deadline` on the caller's clock has passed.
 
-        Frames that are queued already are read even when it has. After a SYNC before which not
-        all could be read (the bus has come back, somebody floods it), nothing counts as its answer.
+        Frames that are queued already are read even when it has. Without a SYNC, or after one
+        before which not all could be read (the bus has come back, somebody floods it), nothing
+        counts as its answer.
         """
         answers, frames_left = self._answers, FRAMES_PER_PASS
         if self._backlog:
@@ -189,30 +229,43 @@ class Drives:
         velocity: (n,) rad/s at the link. A drive that is not in operation, or not wanted there,
         gets zero. A velocity that is not finite stops all drives and is an event.
         """
-        targets = [power] * len(self._drives) if isinstance(power, PowerTarget) else power
-        states = self.samples.states
-        for i, drive in enumerate(self._drives):
-            if targets[i] is not PowerTarget.ON or drive.obedience.ticks:
-                self._enforce(i, targets[i])
+        targets = [power] * len(self._drives) if isinstance(power, PowerTarget) else list(power)
+        if self._absent:
+            on, stop = PowerTarget.ON, PowerTarget.QUICK_STOP
+            targets = [stop if target is on else target for target in targets]
+        if self._stops.busy or targets != self._all_on:
+            self._stop(targets)
+        if self._stops.silent:
+            return
         try:
-            self._setpoints.write(states, targets, velocity, reset)
+            self._setpoints.write(self.samples.states, targets, velocity, reset)
         except ValueError as error:
             self._tell(BadSetpoint(str(error)))
         self._send(self._setpoints.frames)
 
-    def _enforce(self, joint: int, target: PowerTarget) -> None:
-        """See that a drive leaves operation when it is told to."""
-        samples = self.samples
-        if not samples.fresh[joint]:
-            return
-        event = self._drives[joint].obedience.check(samples.states[joint], target, self._now)
-        if isinstance(event, Disobedient):
-            self._send([(NMT, bytes([STOP_NODE, event.node]))])
-        self._tell(event)
+    def _stop(self, targets: Sequence[PowerTarget]) -> None:
+        """See that every drive that is told to stop does."""
+        reached = [not drive.watch.forgot for drive in self._drives]
+        frames, events = self._stops.step(self._now, targets, self.samples, reached)
+        if frames:
+            self._send(frames)
+        for event in events:
+            self._tell(event)
+
+    def unproved(self) -> tuple[str, ...]:
+        """Joints whose drives were told to stop and have not been seen to stand since."""
+        return tuple(self.names[i] for i in self._stops.unproved)
+
+    @property
+    def silenced(self) -> bool:
+        """True in the last stage of a stop: the drives hear nothing of us until `start`."""
+        return self._stops.silent
 
     def quick_stop(self) -> None:
-        """Tell all drives to quick-stop and hold, now, whatever else is broken or unknown."""
-        self._send(self._quick_stops)
+        """Tell all drives to quick-stop and hold, now, with a SYNC and without, whatever else is
+        broken or unknown."""
+        if not self._stops.silent:
+            self._send(self._stop_all)
 
     def end(self) -> None:
         """Take leave: drives pre-operational, so that no late setpoint acts; heartbeat last.
@@ -239,12 +292,15 @@ class Drives:
     def _nmt(self, command: int) -> list[Frame]:
         return [(NMT, bytes([command, node])) for node in self.nodes]
 
-    def _send(self, frames: Sequence[Frame]) -> None:
+    def _send(self, frames: Sequence[Frame]) -> bool:
+        """Send; False, and an event, if the bus does not take them all."""
         try:
             self._wire.send(frames)
         except BUS_FAILURES as error:
             self.counters.send_errors += 1
             self._tell(bus_failure("sending", error))
+            return False
+        return True
 
     def _receive_queued(self) -> bool:
         """Read what is there; False if there was more than a pass reads."""
@@ -265,7 +321,13 @@ class Drives:
         service = can_id & ~NODE  # 11-bit identifiers only: a flag makes it another number
         if can_id & ERROR:
             self.counters.error_frames += 1
-            self._tell(error_frame(can_id & ~ERROR, data))
+            event = error_frame(can_id & ~ERROR, data)
+            if isinstance(event, BusOff) and not self._absent:
+                # What was sent last may have got stuck, and goes out when the bus is back.
+                self._absent = self._to_be_stopped = True
+            self._tell(event)
+        elif service == SDO_ANSWER:
+            self._stops.hear(can_id & NODE, data)
         elif can_id in self._masters_own:
             self._tell(ForeignMaster(can_id))
         elif drive is None or service not in (HEARTBEAT, EMERGENCY):
@@ -273,13 +335,7 @@ class Drives:
         elif len(data) < (1 if service == HEARTBEAT else 3):
             self.counters.short_frames += 1
         elif service == HEARTBEAT:
-            event = drive.watch.hear(data[0], self._now)
-            if isinstance(event, NotOperational):
-                # It hears no setpoint any more, not even that of a quick stop, and may go on for
-                # ever at its last velocity, as our heartbeat tells it that all is well. NMT stop
-                # counts as a loss of the connection, at which it stops by itself (0x6007).
-                self._send([(NMT, bytes([STOP_NODE, event.node]))])
-            self._tell(event)
+            self._tell(drive.watch.hear(data[0], self._now))
         else:
             code = data[0] | data[1] << 8
             drive.emergency = code

@@ -47,23 +47,34 @@ class NotOperational:
 
 
 @dataclass(frozen=True, slots=True)
-class Disobedient:
-    """A drive stays in operation although it is told to stop; it gets an NMT stop."""
+class NotSeenToStop:
+    """Drives are told to stop, by setpoint and by SDO, and nothing says that they do; they get an
+    NMT stop."""
 
-    node: int
+    nodes: tuple[int, ...]
 
     def __str__(self) -> str:
         return "NMT stop sent"
 
 
 @dataclass(frozen=True, slots=True)
-class Unstoppable:
-    """A drive stays in operation after the NMT stop, too."""
+class Unproved:
+    """Nothing says that these drives stop after the NMT stop, too; they hear nothing more of us."""
 
-    node: int
+    nodes: tuple[int, ...]
 
     def __str__(self) -> str:
-        return "goes on after an NMT stop, too"
+        return "no heartbeat of ours any more"
+
+
+@dataclass(frozen=True, slots=True)
+class Absent:
+    """The drives heard nothing of us for so long that they may have stopped by themselves."""
+
+    seconds: float
+
+    def __str__(self) -> str:
+        return f"the drives heard nothing of it for {1000 * self.seconds:.0f} ms"
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,8 +158,9 @@ BusEvent = (
     Emergency
     | HeartbeatLost
     | NotOperational
-    | Disobedient
-    | Unstoppable
+    | NotSeenToStop
+    | Unproved
+    | Absent
     | Rebooted
     | ForeignMaster
     | BadSetpoint
@@ -162,11 +174,13 @@ BusEvent = (
 
 def described(event: BusEvent, joints: Mapping[int, str]) -> str:
     """An event in words, for people who know their drives by joint; `joints`: of each node."""
-    node = getattr(event, "node", None)
-    if node is None:
-        return str(event)
-    drive = f"node {node} ({joints[node]})" if node in joints else f"node {node}"
-    return ": ".join(filter(None, (drive, str(event))))
+    nodes = getattr(event, "nodes", None) or (getattr(event, "node", None),)
+    drives = ", ".join(
+        f"node {node} ({joints[node]})" if node in joints else f"node {node}"
+        for node in nodes
+        if node is not None
+    )
+    return ": ".join(filter(None, (drives, str(event))))
 
 
 # A socket that said one of these does not come back, whatever becomes of the adapter. ENETDOWN is

@@ -20,6 +20,7 @@ from drivers.can.wire import Wire
 from drivers.cia402 import FAULT_STATES, QUICK_STOP
 from drivers.codec import receive_pdos
 from drivers.drive import Drive
+from drivers.ids import SYNC
 from simulator.drive import Drive as SimulatedDrive
 from simulator.sensors import Readings
 from simulator.state_machine import State
@@ -111,7 +112,7 @@ class BreakableArm:
             rig.ticks += self.left_out
         wakeup = Wakeup(lateness_s=self.late_s, left_out=self.left_out) if self.late_s else ON_TIME
         rig.tick.begin(rig.time_s)
-        if not self.wire.sent:
+        if all(cob_id != SYNC for cob_id, _ in self.wire.sent):
             rig.arm.advance(rig.arm.now + self.period_s)  # without a SYNC nobody else moves it
         rig.lockstep.pump()
         rig.tick.finish(0.0, wakeup)

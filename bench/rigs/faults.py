@@ -100,7 +100,7 @@ CASES = (
     Case("drive deaf to setpoints", _C.NOT_FOLLOWING, deaf_to_setpoints, 45, recovers=False),
     Case(
         "... and to quick stops",
-        _C.DISOBEDIENT,
+        _C.NOT_SEEN_TO_STOP,
         deaf_to_setpoints,
         52,
         recovers=False,
@@ -108,11 +108,11 @@ CASES = (
     ),
     Case(
         "... and to NMT",
-        _C.UNSTOPPABLE,
+        _C.UNPROVED,
         deaf_to_nmt_too,
         58,
         recovers=False,
-        before=(_C.NOT_FOLLOWING, _C.DISOBEDIENT),
+        before=(_C.NOT_FOLLOWING, _C.NOT_SEEN_TO_STOP),
     ),
     Case("drive stone-deaf", _C.STALE, stone_deaf, 3, recovers=False),
     Case("drive leaves operational", _C.STALE, left_operational, 3, recovers=False, frames=True),
@@ -139,7 +139,7 @@ CASES = (
     Case("one late tick", _C.LATE, late(0.012), 1),
     Case("8 late ticks", _C.OVERRUN, late_ticks, 5),
     Case("60 ms late", _C.OVERRUN, late(0.060), 1),
-    Case("stood still for 150 ms", _C.SUSPENDED, late(0.150), 1),
+    Case("stood still for 150 ms", _C.ABSENT, late(0.150), 1),
     Case("adapter gone", _C.ADAPTER_GONE, adapter_gone, 1, recovers=False, frames=True),
 )
 

@@ -9,7 +9,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from daemon.assembly import build_setups
-from daemon.commands.worst_case import Load, worst_loads, worst_travel
+from daemon.commands.worst_loads import Load, worst_loads
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from drivers.boot.required_objects import lacks
@@ -17,6 +17,7 @@ from drivers.can.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
 from drivers.codec import receive_pdos, transmit_pdos
 from drivers.drive import Drive
 from drivers.settings import DriveProfile, Quantity
+from drivers.stop_stages import worst_travel
 
 QUANTITY_UNITS = {
     "current": "of rated",
@@ -171,19 +172,21 @@ def _joints(c: Configuration, loads: list[Load]) -> Table:
 
 
 def _travels(c: Configuration) -> Table:
+    """Table of how far joints go: when the daemon dies, and when their drives obey nothing else."""
     table = _table(
-        "\ntravel at worst, if the daemon dies at full speed",
-        *("joint", "rad/s", "patience ms", "rad/s2", "unaware rad", "braking rad", "in all rad"),
+        "\ntravel at worst, from a fault at full speed until the joint stands",
+        *("joint", "rad/s", "rad/s2", "found", "stages", "patience", "braking"),
+        *("if it dies", "in all rad"),
     )
-    for joint, drive in zip(c.joints, c.joint_drives, strict=True):
-        travel = worst_travel(joint, drive.profile)
+    travels = worst_travel(c.joint_drives, c.period_s, c.supervisor.stale_ticks)
+    for drive, travel in zip(c.joint_drives, travels, strict=True):
+        parts = (travel.noticing, travel.stages, travel.patience, travel.braking)
         table.add_row(
-            joint.name,
-            f"{joint.limits.velocity:g}",
-            str(drive.profile.master_timeout_ms),
-            f"{joint.limits.quick_stop:g}",
-            f"{travel.unaware:.3f}",
-            f"{travel.braking:.3f}",
+            drive.name,
+            f"{drive.velocity:g}",
+            f"{drive.quick_stop:g}",
+            *(f"{part:.3f}" for part in parts),
+            f"{travel.patience + travel.braking:.3f}",
             f"{travel.total:.3f}",
         )
     return table

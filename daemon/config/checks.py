@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from daemon.config.counts import unrepresentable
-from daemon.config.schema import Configuration, Joint
+from daemon.config.schema import Configuration, Joint, drive_of
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup, problems
 from drivers.can.bus_load import refuse_overload
-from drivers.drive import Drive
 from errors import ConfigurationError, ModelError
 from estimator.model import Model
 
@@ -141,7 +140,7 @@ def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
         sheet = load_data_sheet(folder / profile.eds)
         setups = [
             DriveSetup(
-                Drive(joint.name, joint.wiring, profile),
+                drive_of(joint, profile),
                 sheet,
                 joint.limits.velocity,
                 joint.limits.quick_stop,

@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator
 
-from daemon.config.schema import Joint
+from daemon.config.schema import Joint, drive_of
 from drivers.codec import link_side, quantity, type_limits
-from drivers.drive import Drive
 from drivers.settings import DriveProfile, PdoEntry
 
 #: Largest step of a setpoint, as a share of the velocity limit; a coarser one is a wrong scale.
@@ -13,7 +12,7 @@ COARSEST = 0.25
 
 def unrepresentable(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, str]]:
     """(quantity, reason) for each quantity of a joint that the counts of its drive cannot hold."""
-    drive, limits = Drive(joint.name, joint.wiring, profile), joint.limits
+    drive, limits = drive_of(joint, profile), joint.limits
     spans: tuple[tuple[PdoEntry, float, float, str], ...] = (
         ("target_velocity", -limits.velocity, limits.velocity, "rad/s"),
         ("motor_velocity", -limits.velocity, limits.velocity, "rad/s"),

@@ -177,7 +177,10 @@ class Configuration(Settings, frozen=True):
     @property
     def joint_drives(self) -> tuple[Drive, ...]:
         """The drive of each joint, in the same order."""
-        return tuple(
-            Drive(joint.name, joint.wiring, self.drives[joint.wiring.profile])
-            for joint in self.joints
-        )
+        return tuple(drive_of(joint, self.drives[joint.wiring.profile]) for joint in self.joints)
+
+
+def drive_of(joint: Joint, profile: DriveProfile) -> Drive:
+    """Drive of a joint, of this kind."""
+    limits = joint.limits
+    return Drive(joint.name, joint.wiring, profile, limits.velocity, limits.quick_stop)

@@ -22,6 +22,8 @@ DISTURBANCES = (BusTrouble, LateAnswer)
 # A late machine excuses stale samples for so many times `stale_ticks`; drives that fail in turn
 # count as stale after as many.
 STARVED_FACTOR = 3
+# What a tick without a disturbance takes from the count of those with one: half are too many.
+LEAK = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,6 @@ class DetectorSettings:
 
     stale_ticks: int
     overrun_ticks: int
-    master_timeout_s: float  # how long the drives wait for our heartbeat
 
 
 class FaultDetector:
@@ -48,7 +49,7 @@ class FaultDetector:
         self._settings = settings
         self._plausibility, self._following = plausibility, following
         self._missed_in_row = 0  # deadlines
-        self._disturbed_in_row = 0
+        self._disturbed = 0.0  # ticks with a disturbance, less a share of those without
         self._since_late = settings.stale_ticks  # ticks
         # Ticks in which a sample was missing, less those since in which none was.
         self._incomplete = 0
@@ -104,14 +105,18 @@ class FaultDetector:
 
     def _of_events(self, events: Sequence[BusEvent]) -> Iterator[Finding]:
         disturbances = [event for event in events if isinstance(event, DISTURBANCES)]
-        self._disturbed_in_row = self._disturbed_in_row + 1 if disturbances else 0
+        patience = self._settings.stale_ticks
+        if disturbances:
+            self._disturbed = min(self._disturbed + 1.0, patience)
+        else:
+            self._disturbed = max(self._disturbed - LEAK, 0.0)
         for event in events:
             # Code 0 says that an earlier emergency is over.
             over = isinstance(event, Emergency) and event.code == 0
             if not over and (condition := CONDITION_OF.get(type(event))):
                 yield Finding(condition, described(event, self._joints))
         if disturbances:
-            lasts = self._disturbed_in_row >= self._settings.stale_ticks
+            lasts = self._disturbed >= patience
             condition = Condition.BUS_TROUBLE if lasts else Condition.BUS_DISTURBED
             yield Finding(condition, described(disturbances[0], self._joints))
 
@@ -147,9 +152,7 @@ class FaultDetector:
 
     def _of_time(self, lateness_s: float) -> Iterator[Finding]:
         figures = f"{1000 * lateness_s:.0f} ms late, {self._missed_in_row} deadlines missed"
-        if lateness_s >= self._settings.master_timeout_s:
-            yield Finding(Condition.SUSPENDED, figures=figures)
-        elif self._missed_in_row >= self._settings.overrun_ticks:
+        if self._missed_in_row >= self._settings.overrun_ticks:
             yield Finding(Condition.OVERRUN, figures=figures)
         else:
             yield Finding(Condition.LATE, figures=figures)

@@ -44,8 +44,8 @@ class Condition(StrEnum):
     DRIVE_FAULT = "drive fault"
     DRIVE_DROPPED = "drive left operation"
     NOT_FOLLOWING = "drive does not follow"
-    DISOBEDIENT = "drive does not stop"
-    UNSTOPPABLE = "drive cannot be stopped"
+    NOT_SEEN_TO_STOP = "drive not seen to stop"
+    UNPROVED = "drive not proved to stand"
     REBOOTED = "drive restarted"
     FOREIGN_MASTER = "another master on the bus"
     BUS_DISTURBED = "bus disturbed"
@@ -64,7 +64,7 @@ class Condition(StrEnum):
     JOINT_LIMIT = "beyond a joint limit"
     LATE = "late tick"
     OVERRUN = "too many late ticks"
-    SUSPENDED = "the daemon stood still"
+    ABSENT = "the daemon was absent"
     PROGRAM_ERROR = "error in the program"
 
 
@@ -147,23 +147,29 @@ TABLE: Final[dict[Condition, Row]] = {
         "close other tools on the bus, then `contactctl reset`; a drive with a soft velocity loop "
         "needs a larger margin: docs/porting.md, step 8",
     ),
-    _C.DISOBEDIENT: Row(
+    _C.NOT_SEEN_TO_STOP: Row(
         _R.QUICK_STOP,
         "drives",
-        "a drive is still in operation 5 ticks and 50 ms after a quick stop, 1 s after it was "
-        "switched off",
-        "it hears no setpoints: it gets an NMT stop, at which it stops by itself (0x6007)",
-        "close other tools on the bus, switch the drive off and on, then `contactctl reset`",
-        source=events.Disobedient,
+        "a drive was told to stop, by its setpoint and by SDO, and for some ticks no fresh "
+        "statusword says that it has left operation, or its velocity does not fall along the quick "
+        "stop's ramp; to be without power it may take 1 s, for its brake",
+        "it gets an NMT stop, at which a drive stops by itself (0x6007), and is then asked by SDO",
+        "keep away from the arm; check supply and CAN cable of the drive, close other tools on the "
+        "bus, then `contactctl reset`",
+        source=events.NotSeenToStop,
     ),
-    _C.UNSTOPPABLE: Row(
-        _R.FAULT_EXIT,
+    _C.UNPROVED: Row(
+        _R.QUICK_STOP,
         "drives",
-        "a drive is still in operation as long again after the NMT stop",
-        "only silence is left: missing our heartbeat, it stops by itself",
-        "press the emergency stop; before the drive moves anything again, try on the bench that it "
-        "stops without its master: docs/porting.md, step 9",
-        source=events.Unstoppable,
+        "no proof after the NMT stop either; or a joint that was told to stop is about to go "
+        "further than `contactd check` prints",
+        "only silence is left: no heartbeat, no SYNC, no setpoint to any drive until `reset`, so "
+        "that each stops by itself (0x1016, 0x6007)",
+        "press the emergency stop if anything moves; find out why the drive cannot be heard; then "
+        "`contactctl reset`, which sets all drives up again. A drive that went on moving must not "
+        "move again before it was tried on the bench that it stops without its master: "
+        "docs/porting.md, step 9",
+        source=events.Unproved,
     ),
     _C.REBOOTED: Row(
         _R.QUICK_STOP,
@@ -313,12 +319,16 @@ TABLE: Final[dict[Condition, Row]] = {
         "setpoints grow old on a machine that is too busy, but they still come",
         "take load off the computer, see `real time` in `contactctl status`; then `contactctl arm`",
     ),
-    _C.SUSPENDED: Row(
+    _C.ABSENT: Row(
         _R.QUICK_STOP,
         "loop",
-        "a tick begins later than the drives wait for a heartbeat (`master_timeout_ms`)",
-        "they have stopped by themselves, and the world has changed meanwhile",
-        "find what held the daemon up (a debugger, a suspended computer), then `contactctl reset`",
+        "for nearly as long as the drives wait for it (`master_timeout_ms`), no heartbeat of ours "
+        "went out: the loop was held up, or the bus took no frame",
+        "they may have stopped by themselves, and would run on at the next SYNC: each is told to "
+        "stop first, by SDO, and has to confirm it",
+        "find what held the daemon up (a debugger, a suspended computer) or took its bus away, "
+        "then `contactctl reset`",
+        source=events.Absent,
     ),
     _C.PROGRAM_ERROR: Row(
         _R.FAULT_EXIT,

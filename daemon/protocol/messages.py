@@ -178,6 +178,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     quiet_s: float  # since the last tick with a non-zero thresholded residual
     notices: list[Notice]
     timing: Timing
+    unproved: list[str] = []  # joints that were told to stop and not seen to stand
 
 
 STATE_FORMAT = 1
@@ -258,3 +259,5 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     gain: PerJoint  # K_a, as it is or is about to be [rad/s per Nm]
     age_ticks: list[int]
     serials: list[int | None] = []  # 0x1018:4 of the drives
+    unproved: list[str] = []  # joints that were told to stop and not seen to stand
+    silenced: bool = False  # the drives hear nothing of the daemon until `reset`

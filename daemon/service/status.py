@@ -69,6 +69,8 @@ def status_of(
         gain=tick.controller.motion.gains.goal.tolist(),
         age_ticks=samples.age_ticks.tolist() if samples else [],
         serials=process.serials,
+        unproved=list(tick.drives.unproved()),
+        silenced=tick.drives.silenced,
     )
 
 

@@ -225,8 +225,9 @@ class Controller:
                 text = f"the drives were not enabled within {self._tuning.enable_timeout_s:g} s"
                 self._apply(Event.TIMEOUT, text, time_s)
         elif mode is Mode.STOPPING:
+            fresh = observed.age_s is None
             still = np.abs(observed.motor_velocity) < STANDSTILL_SPEED
-            if still.all() and not self.motion.velocity.any():
+            if fresh and still.all() and not self.motion.velocity.any():
                 self._apply(Event.STANDSTILL, self.machine.cause, time_s)
             elif elapsed > self._tuning.stop_timeout_s:
                 text = f"the arm did not stop within {self._tuning.stop_timeout_s:g} s"

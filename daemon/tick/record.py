@@ -48,4 +48,5 @@ class TickRecord:
     cause: str  # of the mode
     moving: bool  # a trajectory runs, or goes on after this contact
     quiet_s: float  # since the last tick with a non-zero thresholded residual
+    unproved: tuple[str, ...]  # joints that were told to stop and not seen to stand
     notices: tuple[Notice, ...]  # news of this tick, and of the requests before it

@@ -47,6 +47,7 @@ def state_of(record: TickRecord) -> State:
         reference=finite_list(decision.reference),
         setpoint=decision.velocity.tolist(),
         quiet_s=record.quiet_s,
+        unproved=list(record.unproved),
         notices=list(record.notices),
         timing=Timing(
             wall_s=wakeup.wall_s,

@@ -4,6 +4,8 @@
 SYNC in between. Times come from the caller.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from daemon.faults.detector import FaultDetector
@@ -22,6 +24,7 @@ from drivers.drives import Drives
 from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 
+STOP_PROVED = "stop proved: every drive was seen to stand"
 # Setpoints are never moved on by more than this at once, however late a tick comes [periods].
 LONGEST_STEP = 2.0
 
@@ -103,7 +106,8 @@ class Tick:
             cause=machine.cause,
             moving=machine.moving,
             quiet_s=self.controller.quiet.quiet_s,
-            notices=self._notices(findings, news),
+            unproved=(unproved := self.drives.unproved()),
+            notices=self._notices(findings, news, unproved),
         )
 
     def _estimated(self, samples: Samples, interval_s: float) -> Estimate:
@@ -173,7 +177,7 @@ class Tick:
         )
 
     def _notices(
-        self, findings: tuple[Finding, ...], sensed: Estimate | None
+        self, findings: tuple[Finding, ...], sensed: Estimate | None, unproved: Sequence[str]
     ) -> tuple[Notice, ...]:
         """News of this tick. A finding is reported once until the latch is reset; contacts are
         those of `sensed`, None where a brake may carry the arm and nothing is sensed."""
@@ -191,6 +195,8 @@ class Tick:
             Notice(kind="mode", text=f"{change.text}: {change.cause}") for change in changes
         ]
         changes.clear()
+        if self.controller.faulted and not unproved and (self.last is None or self.last.unproved):
+            notices.append(Notice(kind="mode", text=STOP_PROVED))
         if sensed is not None:
             notices += map(contact_notice, sensed.contacts)
         return tuple(notices)

@@ -1,9 +1,6 @@
 """Watches on one drive: heartbeat, and whether it stops when it is told to."""
 
 import pytest
-
-from drivers.cia402 import DriveState, PowerTarget
-from drivers.events import Disobedient, HeartbeatLost, NotOperational, Rebooted, Unstoppable
 from drivers.watches import (
     HEARTBEATS_MISSED,
     PATIENCE_S,
@@ -11,6 +8,9 @@ from drivers.watches import (
     HeartbeatWatch,
     ObedienceWatch,
 )
+
+from drivers.cia402 import DriveState, PowerTarget
+from drivers.events import Disobedient, HeartbeatLost, NotOperational, Rebooted, Unstoppable
 
 PRE_OPERATIONAL, OPERATIONAL, STOPPED, BOOT_UP = 127, 5, 4, 0
 

@@ -1,11 +1,10 @@
-"""Worst cases of a configuration: gravity at each joint, and travel after the daemon has died."""
+"""Worst case of a configuration: gravity at each joint."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.config.schema import Configuration, Joint
-from drivers.settings import DriveProfile
+from daemon.config.schema import Configuration
 from estimator.model import Model
 
 _POSES = 2000
@@ -44,26 +43,3 @@ def worst_loads(c: Configuration, urdf: str) -> list[Load]:
         Load(float(g), joint.torque_constant * joint.wiring.max_current_A)
         for g, joint in zip(worst, c.joints, strict=True)
     ]
-
-
-@dataclass(frozen=True, slots=True)
-class Travel:
-    """Travel after the last heartbeat, at the joint's velocity limit [rad at the link]."""
-
-    unaware: float  # until the drive misses the heartbeat
-    braking: float  # while it decelerates
-
-    @property
-    def total(self) -> float:
-        """Travel between the daemon's death and standstill, at worst [rad]."""
-        return self.unaware + self.braking
-
-
-def worst_travel(joint: Joint, profile: DriveProfile) -> Travel:
-    """Worst travel v t + v^2 / (2 a): full speed v for the drive's patience t (0x1016), then its
-    quick stop with deceleration a."""
-    v = joint.limits.velocity
-    return Travel(
-        unaware=v * profile.master_timeout_ms / 1000.0,
-        braking=v * v / (2.0 * joint.limits.quick_stop),
-    )

@@ -1,0 +1,213 @@
+"""Stop of one drive in stages: each has a deadline, and only what is seen ends it. Pure.
+
+A drive that was told to stop stands when a fresh reading says so: a statusword that has left
+operation, and a velocity that fell along the quick stop's ramp. Until then it counts as running.
+The stages get stronger, and none takes for granted what the one before needs:
+
+    SETPOINT  quick stop in its RPDO, which acts at a SYNC
+    SDO       quick stop written to 0x6040, which acts at once, also in pre-operational
+    NMT       NMT stop, a loss of the connection at which a drive stops by itself (0x6007)
+    SILENCE   nothing more from us at all, so that the drive's own watch acts (0x1016)
+
+Time is an argument.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+from drivers.cia402 import UNPOWERED, DriveState, PowerTarget
+from drivers.drive import Drive
+
+#: A drive needs two ticks to take a quick stop from its RPDO and to say so.
+FEWEST_TICKS: Final = 3
+#: Slower than this a motor stands [rad/s at the link]: a few counts of a coarse velocity.
+STANDS: Final = 0.02
+#: A quick stop may take so much longer than its ramp: the load pulls, the loop lags...
+RAMP_SHARE: Final = 0.5
+#: ...and so long until it begins [s].
+RAMP_LAG_S: Final = 0.02
+#: A motor that gives this share of its current limit against its motion does what it can.
+RESISTING_SHARE: Final = 0.5
+#: A drive that is to be without power may wait so long for its brake [s].
+BRAKE_S: Final = 1.0
+#: States of a drive that does what a stop asks: without power, or stopping and holding by itself.
+AT_REST: Final = UNPOWERED | {DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE}
+
+
+class Stage(IntEnum):
+    """Stages of a stop, in rising order of strength."""
+
+    NONE = 0  # the drive may run
+    SETPOINT = 1
+    SDO = 2
+    NMT = 3
+    SILENCE = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Fresh reading of a drive that is to stop. SI at the link; NaN where it was not read."""
+
+    state: DriveState
+    velocity: float  # of the motor
+    current: float = math.nan
+    position: float = math.nan  # of the link
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """Travel of a joint from a fault on, at its velocity limit [rad at the link]."""
+
+    noticing: float  # until the fault is found
+    stages: float  # until the last stage begins
+    patience: float  # until the drive misses us
+    braking: float  # while it decelerates
+
+    @property
+    def total(self) -> float:
+        """Travel between the fault and standstill, at worst [rad]."""
+        return self.noticing + self.stages + self.patience + self.braking
+
+
+def least_patience_s(drives: Sequence[Drive]) -> float:
+    """How long the least patient drive waits for our heartbeat (0x1016) [s]."""
+    return min(drive.profile.master_timeout_ms for drive in drives) / 1000.0
+
+
+def stage_ticks(patience_s: float, period_s: float) -> int:
+    """Ticks of the first stage; at full speed three times as many are left before silence. They
+    take the drives' patience, if that leaves a drive the time to answer."""
+    return max(FEWEST_TICKS, int(patience_s / period_s / 3.0 + 1e-9))
+
+
+def worst_travel(drives: Sequence[Drive], period_s: float, noticing_ticks: int) -> list[Travel]:
+    """Worst travel of each joint: full speed v until the fault is found, for the stages before
+    silence, and for the drive's patience; then its quick stop, v^2 / (2 a)."""
+    stages_s = 3 * stage_ticks(least_patience_s(drives), period_s) * period_s
+    return [
+        Travel(
+            noticing=drive.velocity * noticing_ticks * period_s,
+            stages=drive.velocity * stages_s,
+            patience=drive.velocity * drive.profile.master_timeout_ms / 1000.0,
+            braking=drive.velocity**2 / (2.0 * drive.quick_stop),
+        )
+        for drive in drives
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class StopBounds:
+    """How one drive stops, at the link, and how long and far that may take."""
+
+    deceleration: float  # of its quick stop [rad/s2]
+    current: float  # its limit [A]
+    travel: float  # of its joint, from the first command on [rad]
+    patience_s: float  # until it stops by itself when it misses our heartbeat
+    ticks: int  # of each stage
+    period_s: float
+
+
+class StopWatch:
+    """Watch on one drive: does it do what it was told, where it was told to stop?"""
+
+    def __init__(self, bounds: StopBounds) -> None:
+        self._bounds = bounds
+        self.stage = Stage.NONE
+        self.proved = False
+        """It was seen to stand, and nothing against it since."""
+        self._wrong = 0.0  # ticks without what was asked, less those with
+        self._now_s = 0.0
+        self._from = math.nan  # position at which it was told [rad]
+        self._gone = 0.0  # travel since [rad]
+        self._speed = 0.0  # last known [rad/s]
+        self._left_s = math.nan  # when it was seen to have left operation, and its speed then
+        self._left_speed = 0.0
+
+    @property
+    def unproved(self) -> bool:
+        """True while it is to stand and was not seen to."""
+        return self.stage is not Stage.NONE and not self.proved
+
+    def begin(self, now: float, stage: Stage, speed: float, position: float) -> None:
+        """It is told to stop, in this stage, at `position` [rad] with `speed` [rad/s], the last
+        that are known. What was proved before is void."""
+        self.stage, self.proved = stage, False
+        self._wrong, self._now_s = 0.0, now
+        self._from, self._gone = position, 0.0
+        self._speed = 0.0 if math.isnan(speed) else abs(speed)
+        self._left_s = math.nan
+
+    def release(self) -> None:
+        """It may run."""
+        self.stage, self.proved = Stage.NONE, False
+
+    def step(self, now: float, target: PowerTarget, seen: Seen | None) -> Stage | None:
+        """Judge what was seen since the last tick (None: nothing fresh), after `begin`. Returns the
+        stage that begins, None while none does."""
+        dt, self._now_s = now - self._now_s, now
+        if seen is not None and self._stands(seen):
+            self.proved, self._wrong = True, 0.0
+        elif seen is not None and self.proved and seen.state not in AT_REST:
+            self.begin(now, Stage.SETPOINT, seen.velocity, seen.position)
+        if self.proved or self.stage is Stage.SILENCE:
+            return None
+        if seen is not None and self._obeys(now, seen):
+            self._wrong = max(self._wrong - 1.0, 0.0)
+            self._follow(seen, dt)
+            return None
+        # However late a tick is, it is one chance that the drive was not given.
+        self._wrong += min(dt / self._bounds.period_s, 2.0)
+        self._follow(seen, dt)
+        if self.stage is not Stage.SETPOINT and self._runs_out():
+            self.stage = Stage.SILENCE
+        elif self._wrong < self._patience_ticks(target):
+            return None
+        else:
+            self.stage, self._wrong = Stage(self.stage + 1), 0.0
+        return self.stage
+
+    def _patience_ticks(self, target: PowerTarget) -> float:
+        if target is PowerTarget.OFF and self.stage is Stage.SETPOINT:
+            return BRAKE_S / self._bounds.period_s
+        # To tell a drive by SDO and to read what it does takes an answer in each of three ticks.
+        return self._bounds.ticks * self.stage
+
+    def _stands(self, seen: Seen) -> bool:
+        """Without power the motor moves nothing; with it, only a velocity says that it stands."""
+        if seen.state in UNPOWERED:
+            return True
+        return seen.state is DriveState.QUICK_STOP_ACTIVE and abs(seen.velocity) < STANDS
+
+    def _obeys(self, now: float, seen: Seen) -> bool:
+        """True if it has left operation, and slows down along the ramp or tries to."""
+        if seen.state not in AT_REST:
+            self._left_s = math.nan
+            return False
+        if math.isnan(self._left_s):
+            self._left_s, self._left_speed = now, abs(seen.velocity)
+        ramp_s = max(now - self._left_s - RAMP_LAG_S, 0.0)
+        bound = self._left_speed - RAMP_SHARE * self._bounds.deceleration * ramp_s
+        resists = -math.copysign(1.0, seen.velocity) * seen.current
+        return (
+            abs(seen.velocity) <= max(bound, 0.0) + STANDS
+            or resists >= RESISTING_SHARE * self._bounds.current
+        )
+
+    def _follow(self, seen: Seen | None, dt: float) -> None:
+        """Keep how far it has gone: as measured, else at its last known speed."""
+        if seen is not None and not math.isnan(seen.velocity):
+            self._speed = abs(seen.velocity)
+        position = math.nan if seen is None else seen.position
+        if math.isnan(position) or math.isnan(self._from):
+            self._gone += self._speed * dt
+        else:
+            self._gone = abs(position - self._from)
+
+    def _runs_out(self) -> bool:
+        """True if silence, too, could only just stop it within its travel."""
+        bounds, v = self._bounds, self._speed
+        needed = v * bounds.patience_s + v * v / (2.0 * bounds.deceleration)
+        return self._gone + needed > bounds.travel

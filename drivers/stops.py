@@ -1,0 +1,147 @@
+"""Stops of all drives of an arm: told, seen, and told more strongly where they are not seen.
+
+One `StopWatch` and one `ExpeditedStop` for each drive. What a stage needs beside the setpoints
+comes back as frames, what happened as events. One drive in the last stage silences the whole arm:
+our heartbeat is for all of them.
+"""
+
+from collections.abc import Sequence
+
+from drivers.answers import Samples
+from drivers.can.wire import Frame
+from drivers.cia402 import PowerTarget
+from drivers.drive import Drive
+from drivers.events import BusEvent, NotSeenToStop, Unproved
+from drivers.expedited_stop import ExpeditedStop
+from drivers.ids import ENTER_PRE_OPERATIONAL, NMT, STOP_NODE
+from drivers.stop_stages import (
+    Seen,
+    Stage,
+    StopBounds,
+    StopWatch,
+    least_patience_s,
+    stage_ticks,
+    worst_travel,
+)
+
+
+class Stops:
+    """Stops of one arm; `step` once per tick, before the setpoints of the tick go out."""
+
+    def __init__(self, drives: Sequence[Drive], period_s: float) -> None:
+        patience_s = least_patience_s(drives)
+        ticks = stage_ticks(patience_s, period_s)
+        self.silent = False
+        """The last stage is reached: nothing but questions goes out any more."""
+        self._nodes = tuple(drive.node for drive in drives)
+        self._expedited = [ExpeditedStop(drive) for drive in drives]
+        self._by_node = dict(zip(self._nodes, self._expedited, strict=True))
+        # From the first command on: noticing is over by then.
+        travels = worst_travel(drives, period_s, noticing_ticks=0)
+        self._watches = [
+            StopWatch(
+                StopBounds(
+                    deceleration=drive.quick_stop,
+                    current=drive.wiring.max_current_A,
+                    travel=travel.total,
+                    patience_s=drive.profile.master_timeout_ms / 1000.0,
+                    ticks=ticks,
+                    period_s=period_s,
+                )
+            )
+            for drive, travel in zip(drives, travels, strict=True)
+        ]
+        self._asleep: set[int] = set()  # joints whose drives were NMT stopped in the last tick
+        self.busy = False
+        """Some drive is told to stop; while none is, `step` has nothing to do."""
+
+    @property
+    def unproved(self) -> list[int]:
+        """Joints that are to stand and were not seen to."""
+        return [i for i, watch in enumerate(self._watches) if watch.unproved]
+
+    @property
+    def confirmed(self) -> bool:
+        """True when every drive has taken the command of `begin_all`."""
+        return all(expedited.confirmed for expedited in self._expedited)
+
+    def hear(self, node: int, data: bytes | bytearray) -> None:
+        """Take a frame of a drive's SDO server."""
+        if expedited := self._by_node.get(node):
+            expedited.hear(data)
+
+    def begin_all(self, now: float, samples: Samples) -> list[Frame]:
+        """Tell every drive to stop, whatever it was told, and without a SYNC."""
+        self.busy = True
+        for i, watch in enumerate(self._watches):
+            velocity, position = samples.motor_velocity[i], samples.link_position[i]
+            watch.begin(now, Stage.SDO, float(velocity), float(position))
+            self._expedited[i].begin()
+        return self._requests([PowerTarget.QUICK_STOP] * len(self._watches))
+
+    def step(
+        self,
+        now: float,
+        targets: Sequence[PowerTarget],
+        samples: Samples,
+        reached: Sequence[bool],
+    ) -> tuple[list[Frame], list[BusEvent]]:
+        """Judge every drive that is told to stop; `reached`: whether setpoints are sent to it."""
+        frames = self._wake()
+        doubted, lost = [], []
+        for i, (watch, target) in enumerate(zip(self._watches, targets, strict=True)):
+            if target is PowerTarget.ON:
+                watch.release()
+                continue
+            seen = self._seen(i, samples)
+            if watch.stage is Stage.NONE:
+                told = Stage.SETPOINT if seen and reached[i] else Stage.SDO
+                velocity, position = samples.motor_velocity[i], samples.link_position[i]
+                watch.begin(now, told, float(velocity), float(position))
+                self._expedited[i].begin()
+            match watch.step(now, target, seen):
+                case Stage.SDO:
+                    self._expedited[i].begin()
+                case Stage.NMT:
+                    frames.append((NMT, bytes([STOP_NODE, self._nodes[i]])))
+                    doubted.append(self._nodes[i])
+                    self._asleep.add(i)
+                case Stage.SILENCE:
+                    lost.append(self._nodes[i])
+                    self._expedited[i].begin()
+        self.busy = any(watch.stage is not Stage.NONE for watch in self._watches)
+        self.silent = self.silent or bool(lost)
+        frames += self._requests(targets)
+        events: list[BusEvent] = [NotSeenToStop(tuple(doubted))] if doubted else []
+        return frames, [*events, Unproved(tuple(lost))] if lost else events
+
+    def _seen(self, joint: int, samples: Samples) -> Seen | None:
+        """Newest fresh reading of a drive; a sample tells more than what was asked for."""
+        asked = self._expedited[joint].take()
+        if not samples.fresh[joint]:
+            return asked
+        return Seen(
+            samples.states[joint],
+            float(samples.motor_velocity[joint]),
+            float(samples.current[joint]),
+            float(samples.link_position[joint]),
+        )
+
+    def _wake(self) -> list[Frame]:
+        """NMT pre-operational for drives that have had a tick to lose their connection: stopped,
+        they answer no SDO."""
+        frames: list[Frame] = []
+        for i in sorted(self._asleep):
+            frames.append((NMT, bytes([ENTER_PRE_OPERATIONAL, self._nodes[i]])))
+            self._expedited[i].begin()
+        self._asleep.clear()
+        return frames
+
+    def _requests(self, targets: Sequence[PowerTarget]) -> list[Frame]:
+        """Next SDO of every drive that is to be told, or seen, without a SYNC."""
+        requests = [
+            self._expedited[i].request(targets[i])
+            for i, watch in enumerate(self._watches)
+            if watch.unproved and watch.stage is not Stage.SETPOINT and i not in self._asleep
+        ]
+        return [request for request in requests if request]
