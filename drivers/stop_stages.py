@@ -29,6 +29,14 @@ STANDS: Final = 0.02
 RAMP_SHARE: Final = 0.5
 #: ...and so long until it begins [s].
 RAMP_LAG_S: Final = 0.02
+#: A motor may swing so fast [rad/s]...
+SWINGS: Final = 0.1
+#: ...for so long after its ramp [s]: its link falls to and fro in the gap.
+SWINGS_S: Final = 1.0
+#: A reading holds for so many ticks: one by SDO takes two, and a sample may be lost.
+READING_TICKS: Final = 2
+#: A motor that was knocked off its ramp slows down by this share from one reading to the next.
+FALLING_SHARE: Final = 0.03
 #: A motor that gives this share of its current limit against its motion does what it can.
 RESISTING_SHARE: Final = 0.5
 #: A drive that is to be without power may wait so long for its brake [s].
@@ -125,6 +133,7 @@ class StopWatch:
         self._speed = 0.0  # last known [rad/s]
         self._left_s = math.nan  # when it was seen to have left operation, and its speed then
         self._left_speed = 0.0
+        self._obeyed_s = -math.inf
 
     @property
     def unproved(self) -> bool:
@@ -138,7 +147,7 @@ class StopWatch:
         self._wrong, self._now_s = 0.0, now
         self._from, self._gone = position, 0.0
         self._speed = 0.0 if math.isnan(speed) else abs(speed)
-        self._left_s = math.nan
+        self._left_s, self._obeyed_s = math.nan, -math.inf
 
     def release(self) -> None:
         """It may run."""
@@ -155,13 +164,12 @@ class StopWatch:
         if self.proved or self.stage is Stage.SILENCE:
             return None
         if seen is not None and self._obeys(now, seen):
-            self._wrong = max(self._wrong - 1.0, 0.0)
-            self._follow(seen, dt)
-            return None
-        # However late a tick is, it is one chance that the drive was not given.
-        self._wrong += min(dt / self._bounds.period_s, 2.0)
+            self._wrong, self._obeyed_s = max(self._wrong - 1.0, 0.0), now
+        elif seen is not None or now - self._obeyed_s > READING_TICKS * self._bounds.period_s:
+            # However late a tick is, it is one chance that the drive was not given.
+            self._wrong += min(dt / self._bounds.period_s, 2.0)
         self._follow(seen, dt)
-        if self.stage is not Stage.SETPOINT and self._runs_out():
+        if self._wrong and self.stage is not Stage.SETPOINT and self._runs_out():
             self.stage = Stage.SILENCE
         elif self._wrong < self._patience_ticks(target):
             return None
@@ -182,17 +190,21 @@ class StopWatch:
         return seen.state is DriveState.QUICK_STOP_ACTIVE and abs(seen.velocity) < STANDS
 
     def _obeys(self, now: float, seen: Seen) -> bool:
-        """True if it has left operation, and slows down along the ramp or tries to."""
+        """True if it has left operation, and slows down along the ramp, or at least does what it
+        can: somebody may push harder than it brakes."""
         if seen.state not in AT_REST:
             self._left_s = math.nan
             return False
         if math.isnan(self._left_s):
             self._left_s, self._left_speed = now, abs(seen.velocity)
-        ramp_s = max(now - self._left_s - RAMP_LAG_S, 0.0)
-        bound = self._left_speed - RAMP_SHARE * self._bounds.deceleration * ramp_s
-        resists = -math.copysign(1.0, seen.velocity) * seen.current
+        deceleration = RAMP_SHARE * self._bounds.deceleration
+        ramp_s = now - self._left_s - RAMP_LAG_S
+        bound = self._left_speed - deceleration * max(ramp_s, 0.0)
+        swings = ramp_s < self._left_speed / deceleration + SWINGS_S
+        speed, resists = abs(seen.velocity), -math.copysign(1.0, seen.velocity) * seen.current
         return (
-            abs(seen.velocity) <= max(bound, 0.0) + STANDS
+            speed <= max(bound, SWINGS if swings else STANDS)
+            or speed <= (1.0 - FALLING_SHARE) * self._speed
             or resists >= RESISTING_SHARE * self._bounds.current
         )
 

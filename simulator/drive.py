@@ -23,6 +23,7 @@ from simulator.sdo import sdo_server
 from simulator.servo import Servo
 from simulator.state_machine import State, Trigger
 
+SYNC, SYNC_ID = 0x080, key(0x1005)
 CONNECTION_LOST: tuple[tuple[str, Trigger | None], ...] = (
     ("no action, going on", None),
     ("fault", Trigger.FAULT_DETECTED),
@@ -191,9 +192,14 @@ class Drive:
                 else:
                     pdo.receive(data, self._apply)
 
+    @property
+    def hears_sync(self) -> bool:
+        """True while it waits for the SYNC of this bus (1005), and PDOs are on."""
+        return self.nmt is Nmt.OPERATIONAL and self.objects.values[SYNC_ID] == SYNC
+
     def transmit(self) -> None:
         """First half of a SYNC: send what was sampled."""
-        if self.nmt is Nmt.OPERATIONAL:
+        if self.hears_sync:
             self._show_state()
             for pdo in self.transmit_pdos:
                 data = pdo.on_sync()
@@ -202,7 +208,7 @@ class Drive:
 
     def latch(self) -> None:
         """Second half of a SYNC: act on the RPDOs that came since the last one."""
-        if self.nmt is Nmt.OPERATIONAL:
+        if self.hears_sync:
             for pdo in self.receive_pdos:
                 pdo.latch(self._apply)
 

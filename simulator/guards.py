@@ -9,7 +9,7 @@ from simulator.axis import CSV
 from simulator.objects import Objects
 from simulator.pdo import INVALID, SYNCHRONOUS, pdo_numbers
 
-ALLOWED = {0x605A: {0, 2, 6}, 0x605E: {0, 2}, 0x6060: {0, CSV}, 0x1005: {0x80}}
+ALLOWED = {0x605A: {0, 2, 6}, 0x605E: {0, 2}, 0x6060: {0, CSV}, 0x1005: range(1, 0x800)}
 """Values that this drive supports where the EDS can only give a range."""
 CURRENT_LIMITS = (0x6072, 0x6073)
 

@@ -1,5 +1,6 @@
 """An arm in lockstep, and what can be broken about it: where faults are made to happen."""
 
+import struct
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
@@ -104,6 +105,12 @@ class BreakableArm:
             )
         )
 
+    def write_object(self, index: int, subindex: int, size: int, value: int) -> None:
+        """Write an object of the disturbed drive by SDO, as somebody else's tool does."""
+        command = 0x23 | (4 - size) << 2
+        data = struct.pack("<BHBI", command, index, subindex, value & 0xFFFF_FFFF)
+        self.simulated.on_sdo(data)
+
     def tick(self) -> None:
         """One tick of the daemon, on time or late."""
         rig, self.wire.sent[:] = self.rig, []
@@ -184,6 +191,25 @@ class BreakableArm:
             yield
         finally:
             self.wire.lost.difference_update(cob_ids)
+
+    @contextmanager
+    def not_sending(self, *cob_ids: int) -> Iterator[None]:
+        """These frames of ours reach nobody inside the block."""
+        self.wire.unsent.update(cob_ids)
+        try:
+            yield
+        finally:
+            self.wire.unsent.difference_update(cob_ids)
+
+    @contextmanager
+    def off_the_bus(self) -> Iterator[None]:
+        """Frames of ours wait inside the block, as many as an interface queues, and go out after
+        it."""
+        self.wire.queue = []
+        try:
+            yield
+        finally:
+            self.wire.flush()
 
     @contextmanager
     def raising(

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import can
 
-from bench.rigs.breakable_arm import BreakableArm, for_ever
+from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
 from drivers.codec import receive_pdos, transmit_pdos
 from drivers.drive import Drive
 from drivers.drives import FRAMES_PER_PASS
@@ -94,6 +94,34 @@ def bus_off(on: BreakableArm) -> Iterator[None]:
     on.say(0x040, bytes(8), error=True)
     with on.raising(on.rig.line.full):
         yield
+
+
+def sync_lost(on: BreakableArm) -> Iterator[None]:
+    """No drive hears our SYNC any more; everything else they hear."""
+    with on.not_sending(SYNC):
+        yield from for_ever()
+
+
+def bus_off_for(seconds: float) -> Fault:
+    """Our controller leaves the bus, and comes back after a while with what was queued."""
+
+    def fault(on: BreakableArm) -> Iterator[None]:
+        on.say(0x040, bytes(8), error=True)
+        yield from unheard_for(seconds)(on)
+
+    return fault
+
+
+def unheard_for(seconds: float) -> Fault:
+    """Nothing of ours gets onto the bus for a while, and nothing says so; then what was queued goes
+    out first."""
+
+    def fault(on: BreakableArm) -> Iterator[None]:
+        with on.off_the_bus():
+            for _ in range(round(seconds / on.period_s)):
+                yield
+
+    return fault
 
 
 def adapter_gone(on: BreakableArm) -> Iterator[None]:

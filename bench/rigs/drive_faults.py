@@ -74,13 +74,32 @@ def deaf_to_setpoints(on: BreakableArm) -> Iterator[None]:
         yield from for_ever()
 
 
+def deaf_to_sdo_too(on: BreakableArm) -> Iterator[None]:
+    """An NMT stop is all that it hears."""
+    with _deaf(on, "on_pdo", "on_sdo"):
+        yield from for_ever()
+
+
 def deaf_to_nmt_too(on: BreakableArm) -> Iterator[None]:
     """Nothing that we say stops it; our silence would."""
-    with _deaf(on, "on_pdo", "on_nmt"):
+    with _deaf(on, "on_pdo", "on_sdo", "on_nmt"):
         yield from for_ever()
+
+
+def deaf_to_sync(on: BreakableArm) -> Iterator[None]:
+    """It never takes a setpoint, nor answers: it goes on at its last velocity, and our heartbeat
+    tells it that all is well."""
+    with _deaf(on, "latch", "transmit"):
+        yield from for_ever()
+
+
+def sync_moved(on: BreakableArm) -> Iterator[None]:
+    """Somebody's tool gives SYNC another identifier in this drive (0x1005)."""
+    on.write_object(0x1005, 0, 4, 0x81)
+    yield from for_ever()
 
 
 def stone_deaf(on: BreakableArm) -> Iterator[None]:
     """It hears nothing at all, and sends its heartbeat."""
-    with _deaf(on, "on_pdo", "on_nmt", "on_heartbeat", "transmit", "latch"):
+    with _deaf(on, "on_pdo", "on_sdo", "on_nmt", "on_heartbeat", "transmit", "latch"):
         yield from for_ever()

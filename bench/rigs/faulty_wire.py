@@ -1,8 +1,13 @@
 """Wire that can be broken: it loses frames, and raises what the real one raises."""
 
+import errno
+import os
 from collections.abc import Sequence
 
 from drivers.can.wire import Frame, Wire
+
+#: What a network interface queues by default (txqueuelen).
+QUEUED = 10
 
 
 class FaultyWire:
@@ -11,6 +16,10 @@ class FaultyWire:
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
         self.lost: set[int] = set()
+        self.unsent: set[int] = set()
+        """Frames of ours that get lost."""
+        self.queue: list[Frame] | None = None
+        """Where frames of ours wait for a bus that is off; None while it is not."""
         self.sending: Exception | None = None
         self.receiving: Exception | None = None
         self.sent: list[tuple[int, bytes]] = []
@@ -29,5 +38,17 @@ class FaultyWire:
         """Send, or raise what was put in the way, like `Wire.send`."""
         if self.sending:
             raise self.sending
-        self.sent += [(can_id, bytes(data)) for can_id, data in frames]
-        self._wire.send(frames)
+        kept = [(can_id, bytes(data)) for can_id, data in frames if can_id not in self.unsent]
+        if self.queue is not None:
+            room = QUEUED - len(self.queue)
+            self.queue += kept[:room]
+            if len(kept) > room:
+                raise OSError(errno.ENOBUFS, os.strerror(errno.ENOBUFS))
+            return
+        self.sent += kept
+        self._wire.send(kept)
+
+    def flush(self) -> None:
+        """The bus is back, and takes what waited."""
+        waiting, self.queue = self.queue or [], None
+        self._wire.send(waiting)
