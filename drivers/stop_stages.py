@@ -33,6 +33,8 @@ RAMP_LAG_S: Final = 0.02
 SWINGS: Final = 0.1
 #: ...for so long after its ramp [s]: its link falls to and fro in the gap.
 SWINGS_S: Final = 1.0
+#: Ticks are quotients of times, travels products.
+ROUNDING: Final = 0.01
 #: A reading holds for so many ticks: one by SDO takes two, and a sample may be lost.
 READING_TICKS: Final = 2
 #: A motor that was knocked off its ramp slows down by this share from one reading to the next.
@@ -165,16 +167,16 @@ class StopWatch:
             return None
         if seen is not None and self._obeys(now, seen):
             self._wrong, self._obeyed_s = max(self._wrong - 1.0, 0.0), now
-        elif seen is not None or now - self._obeyed_s > READING_TICKS * self._bounds.period_s:
+        elif (
+            seen is not None
+            or now - self._obeyed_s > (READING_TICKS + ROUNDING) * self._bounds.period_s
+        ):
             # However late a tick is, it is one chance that the drive was not given.
             self._wrong += min(dt / self._bounds.period_s, 2.0)
         self._follow(seen, dt)
-        if self._wrong and self.stage is not Stage.SETPOINT and self._runs_out():
-            self.stage = Stage.SILENCE
-        elif self._wrong < self._patience_ticks(target):
+        if self._wrong < self._patience_ticks(target) - ROUNDING and not self._runs_out():
             return None
-        else:
-            self.stage, self._wrong = Stage(self.stage + 1), 0.0
+        self.stage, self._wrong = Stage(self.stage + 1), 0.0
         return self.stage
 
     def _patience_ticks(self, target: PowerTarget) -> float:
@@ -219,7 +221,12 @@ class StopWatch:
             self._gone = abs(position - self._from)
 
     def _runs_out(self) -> bool:
-        """True if silence, too, could only just stop it within its travel."""
+        """True if the stages after this one could only just stop it within its travel."""
+        if self.stage is Stage.SETPOINT or not self._wrong:
+            return False
         bounds, v = self._bounds, self._speed
-        needed = v * bounds.patience_s + v * v / (2.0 * bounds.deceleration)
-        return self._gone + needed > bounds.travel
+        left_s = bounds.patience_s
+        if self.stage is Stage.SDO:
+            left_s += bounds.ticks * bounds.period_s
+        gone = self._gone + v * left_s + v * v / (2.0 * bounds.deceleration)
+        return gone > bounds.travel * (1.0 - ROUNDING)

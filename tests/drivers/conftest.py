@@ -41,7 +41,13 @@ def profile() -> DriveProfile:
 @pytest.fixture(scope="session")
 def joint_drives(profile: DriveProfile) -> list[Drive]:
     return [
-        Drive(j["name"], msgspec.convert(j["wiring"], JointWiring), profile)
+        Drive(
+            j["name"],
+            msgspec.convert(j["wiring"], JointWiring),
+            profile,
+            velocity=j["limits"]["velocity"],
+            quick_stop=j["limits"]["quick_stop"],
+        )
         for j in CONFIG["joints"]
     ]
 

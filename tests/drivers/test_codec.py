@@ -35,7 +35,7 @@ def quantity(index, kind="INTEGER32", scale=0.01, **changes) -> Quantity:
 
 
 def drive(profile: DriveProfile, name="elbow", **changes) -> Drive:
-    return Drive(name, wiring(**changes), profile)
+    return Drive(name, wiring(**changes), profile, velocity=1.0, quick_stop=10.0)
 
 
 def plain_profile(**changes) -> DriveProfile:

@@ -240,8 +240,9 @@ def test_a_drive_that_leaves_operational(scripted, drives):
     tick(drives, scripted, [frame(0x702, b"\5")])
     scripted.sent.clear()
     assert tick(drives, scripted, [frame(0x702, b"\x7f")]).events == (NotOperational(2, 127),)
-    # It hears no setpoint any more; at an NMT stop it stops by itself.
-    assert [data for cob_id, data in scripted.sent if cob_id == 0x000] == [b"\x02\x02"]
+    drives.command(PowerTarget.QUICK_STOP, STILL)
+    told = [data for cob_id, data in scripted.sent if cob_id == 0x602]
+    assert told == [bytes.fromhex("2b40600002000000")], "it hears no setpoint, but SDO"
 
 
 # What python-can and the sockets below it raise.

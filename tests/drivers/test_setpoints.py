@@ -5,9 +5,9 @@ import struct
 import numpy as np
 import pytest
 
-from bench.rigs.scripted_wire import OPERATION_ENABLED, PERIOD_S, N, everything, frame, tick, tpdos
+from bench.rigs.scripted_wire import OPERATION_ENABLED, PERIOD_S, N, everything, tick
 from drivers.cia402 import PowerTarget
-from drivers.events import BadSetpoint, Disobedient
+from drivers.events import BadSetpoint
 
 STILL = np.zeros(N)
 
@@ -65,19 +65,5 @@ def test_a_reset_is_an_edge(scripted, drives):
 def test_the_quick_stop_needs_neither_samples_nor_state(scripted, drives):
     drives.quick_stop()
     stops = [(0x200 + node, bytes([0x02, 0, 0, 0, 0, 0])) for node in range(1, N + 1)]
-    assert scripted.sent == [*stops, (0x080, b"")]
-
-
-def test_a_drive_that_does_not_stop_gets_an_nmt_stop_and_the_others_do_not(scripted, drives):
-    beats = [frame(0x700 + node, b"\x05") for node in range(1, N + 1)]
-    stopped, told = everything(0x07), []
-    for k in range(30):
-        third = tpdos(3) if k % 2 == 0 else []  # what it did not say does not count
-        answers = [*stopped[:4], *third, *stopped[6:]] if k < 20 else everything()
-        samples = tick(drives, scripted, [*beats, *answers], k * PERIOD_S)
-        told += [(k, event) for event in samples.events]
-        scripted.sent.clear()
-        drives.command(PowerTarget.QUICK_STOP if k < 20 else PowerTarget.ON, STILL)
-        stops = [data for cob_id, data in scripted.sent if cob_id == 0x000]
-        assert stops == ([b"\x02\x03"] if k == 10 else []), k
-    assert told == [(11, Disobedient(3))], "later it is to run, and does"
+    by_sdo = [(0x600 + node, bytes.fromhex("2b40600002000000")) for node in range(1, N + 1)]
+    assert scripted.sent == [*stops, *by_sdo, (0x080, b"")]

@@ -1,31 +1,50 @@
-"""Travel after the daemon's death as `contactd check` prints it, against a simulated plant."""
+"""Travel after a fault as `contactd check` prints it, against a simulated plant."""
 
 import can
 import numpy as np
+import pytest
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.commands.check import print_check
-from daemon.commands.worst_case import worst_travel
 from daemon.config.load import load_robot
 from drivers.cia402 import PowerTarget
+from drivers.stop_stages import stage_ticks, worst_travel
 
 MASTERS_HEARTBEAT = 0x77F
 
 
 def test_the_travel_of_a_joint() -> None:
     c = load_robot(ROMEO).configuration
-    travel = worst_travel(c.joints[0], c.drives["two_encoder_drive"])
-    assert travel.unaware == 0.1  # 1 rad/s for 100 ms
+    travel = worst_travel(c.joint_drives, c.period_s, noticing_ticks=3)[0]
+    assert travel.noticing == pytest.approx(0.03)  # 1 rad/s for three ticks of 10 ms
+    assert travel.stages == pytest.approx(0.09)  # three ticks each
+    assert travel.patience == 0.1  # 100 ms
     assert travel.braking == 0.05  # 1 / (2 * 10)
-    assert travel.total == travel.unaware + travel.braking
+    assert travel.total == pytest.approx(0.27)
+
+
+@pytest.mark.parametrize(
+    ("patience_s", "period_s", "ticks"),
+    [(0.1, 0.01, 3), (0.12, 0.01, 4), (0.1, 0.001, 33), (0.03, 0.01, 3), (0.09, 0.01, 3)],
+)
+def test_the_stages_take_the_drives_patience_and_leave_them_time_to_answer(
+    patience_s: float, period_s: float, ticks: int
+) -> None:
+    assert stage_ticks(patience_s, period_s) == ticks
+
+
+@pytest.mark.parametrize("folder", [ROMEO, ROMEO.parent / "desk_arm", SINGLE_JOINT])
+def test_a_drive_that_obeys_nothing_goes_at_most_twice_as_far_as_without_a_daemon(folder) -> None:
+    c = load_robot(folder).configuration
+    for travel in worst_travel(c.joint_drives, c.period_s, c.supervisor.stale_ticks):
+        assert travel.total <= 2.0 * (travel.patience + travel.braking)
 
 
 def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
     with lockstep_rig(SINGLE_JOINT) as rig:
         rig.enable()
-        joint = rig.robot.configuration.joints[0]
-        profile = rig.robot.configuration.drives[joint.wiring.profile]
-        arm, plant = rig.tick.drives, rig.arm.plant
+        c = rig.robot.configuration
+        joint, arm, plant = c.joints[0], rig.tick.drives, rig.arm.plant
         heard = 0.0
 
         def note(message: can.Message, receive=rig.arm.receive) -> None:
@@ -45,12 +64,14 @@ def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
         rig.arm.advance(rig.arm.now + 1.0)  # nobody sends anything any more
         assert abs(plant.q_dot[0]) < 1e-3
         travelled = float(plant.q[0]) - heard
-        worst = worst_travel(joint, profile).total
+        (travel,) = worst_travel(c.joint_drives, c.period_s, 0)
+        worst = travel.patience + travel.braking
         assert 0.8 * worst < travelled <= worst
 
 
 def test_check_prints_it(capsys) -> None:
     print_check(ROMEO)
     printed = capsys.readouterr().out
-    assert "travel at worst, if the daemon dies at full speed" in printed
-    assert "LElbowRoll      1.2    100          12      0.120        0.060        0.180" in printed
+    assert "travel at worst, from a fault at full speed until the joint stands" in printed
+    row = next(line for line in printed.splitlines() if line.startswith("LElbowRoll      1.2"))
+    assert row.split()[1:] == ["1.2", "12", "0.036", "0.108", "0.120", "0.060", "0.180", "0.324"]

@@ -20,7 +20,6 @@ EXPECTED = {
         Condition.OVERRUN,
     },
     Response.FAULT_EXIT: {
-        Condition.UNSTOPPABLE,
         Condition.ADAPTER_GONE,
         Condition.PROGRAM_ERROR,
     },
@@ -43,8 +42,8 @@ CHECKS = {
         Condition.DRIVE_FAULT,
         Condition.DRIVE_DROPPED,
         Condition.NOT_FOLLOWING,
-        Condition.DISOBEDIENT,
-        Condition.UNSTOPPABLE,
+        Condition.NOT_SEEN_TO_STOP,
+        Condition.UNPROVED,
     },
     "samples": {Condition.SAMPLE_MISSING, Condition.STALE, Condition.STARVED},
     "heartbeats": {Condition.HEARTBEAT_LOST},
@@ -52,7 +51,7 @@ CHECKS = {
     "set-up": {Condition.REBOOTED},
     "residual": {Condition.RESIDUAL_LIMIT},
     "limits": {Condition.JOINT_LIMIT},
-    "loop": {Condition.LATE, Condition.OVERRUN, Condition.SUSPENDED},
+    "loop": {Condition.LATE, Condition.OVERRUN, Condition.ABSENT},
 }
 
 

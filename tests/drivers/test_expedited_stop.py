@@ -1,0 +1,123 @@
+"""Expedited SDO inside the tick, byte by byte."""
+
+import math
+import struct
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.cia402 import DriveState, PowerTarget
+from drivers.codec import link_side
+from drivers.expedited_stop import ANSWER_TICKS, ExpeditedStop, expedited_quick_stops
+from drivers.stop_stages import Seen
+from tests.examples import scaled
+
+STOP, OFF = PowerTarget.QUICK_STOP, PowerTarget.OFF
+TELL_STOP = bytes.fromhex("2b40600002000000")
+TELL_OFF = bytes.fromhex("2b40600000000000")
+TOLD = bytes.fromhex("6040600000000000")
+ASK_STATUSWORD = bytes.fromhex("4041600000000000")
+ASK_VELOCITY = bytes.fromhex("406c600000000000")
+
+
+def statusword(value: int) -> bytes:
+    return struct.pack("<BHBI", 0x4B, 0x6041, 0, value)
+
+
+def velocity(counts: int, first: int = 0x43) -> bytes:
+    return struct.pack("<BHBi", first, 0x606C, 0, counts)
+
+
+@pytest.fixture
+def stop(joint_drives) -> ExpeditedStop:
+    stop = ExpeditedStop(joint_drives[2])
+    stop.begin()
+    return stop
+
+
+def test_it_tells_and_then_asks_for_statusword_and_velocity(stop, joint_drives) -> None:
+    assert stop.request(STOP) == (0x603, TELL_STOP)
+    assert not stop.confirmed
+    stop.hear(TOLD)
+    assert stop.confirmed
+    assert stop.request(STOP) == (0x603, ASK_STATUSWORD)
+    stop.hear(statusword(0x0207))
+    assert stop.take() is None
+    assert stop.request(STOP) == (0x603, ASK_VELOCITY)
+    stop.hear(velocity(-500))
+    gain, bias = link_side(joint_drives[2], "motor_velocity")
+    seen = stop.take()
+    assert seen is not None
+    assert (seen.state, seen.velocity) == (DriveState.QUICK_STOP_ACTIVE, -500 * gain + bias)
+    assert math.isnan(seen.current)
+    assert math.isnan(seen.position)
+    assert stop.take() is None, "once"
+    assert stop.request(STOP) == (0x603, ASK_STATUSWORD), "it obeys: it need not be told again"
+
+
+def test_a_drive_that_runs_on_is_told_again(stop) -> None:
+    for answer in (TOLD, statusword(0x0227), velocity(300)):
+        stop.request(STOP)
+        stop.hear(answer)
+    assert stop.take().state is DriveState.OPERATION_ENABLED
+    assert stop.request(OFF) == (0x603, TELL_OFF)
+
+
+def test_nothing_is_asked_while_an_answer_is_awaited_and_then_it_is_told_anew(stop) -> None:
+    stop.request(STOP)
+    stop.hear(TOLD)
+    assert stop.request(STOP) == (0x603, ASK_STATUSWORD)
+    assert [stop.request(STOP) for _ in range(ANSWER_TICKS - 1)] == [None] * (ANSWER_TICKS - 1)
+    assert stop.request(STOP) == (0x603, TELL_STOP)
+
+
+def test_a_drive_that_refuses_is_asked_all_the_same(stop) -> None:
+    stop.request(STOP)
+    stop.hear(struct.pack("<BHBI", 0x80, 0x6040, 0, 0x08000022))
+    assert not stop.confirmed
+    assert stop.request(STOP) == (0x603, ASK_STATUSWORD)
+    stop.hear(statusword(0x0240))
+    stop.request(STOP)
+    stop.hear(struct.pack("<BHBI", 0x80, 0x606C, 0, 0x06020000))
+    seen = stop.take()
+    assert seen.state is DriveState.SWITCH_ON_DISABLED
+    assert math.isnan(seen.velocity)
+
+
+@pytest.mark.parametrize(
+    "stray",
+    [
+        b"",
+        TOLD[:7],
+        statusword(0x0207),  # of an object that was not asked for
+        struct.pack("<BHBI", 0x60, 0x6060, 0, 0),  # an answer to somebody's tool
+        struct.pack("<BHBI", 0x60, 0x6040, 1, 0),
+    ],
+)
+def test_answers_to_others_change_nothing(stop, stray: bytes) -> None:
+    stop.hear(TOLD)
+    assert not stop.confirmed, "nobody has asked"
+    stop.request(STOP)
+    stop.hear(stray)
+    assert not stop.confirmed
+    stop.hear(TOLD)
+    assert stop.confirmed
+    stop.begin()
+    assert not stop.confirmed
+
+
+@settings(max_examples=scaled(200))
+@given(frames=st.lists(st.binary(max_size=8) | st.sampled_from([TOLD, statusword(0x0207)])))
+def test_no_frame_makes_an_exception(joint_drives, frames: list[bytes]) -> None:
+    stop = ExpeditedStop(joint_drives[0])
+    for frame in frames:
+        stop.request(STOP)
+        stop.hear(frame)
+        seen = stop.take()
+        assert seen is None or isinstance(seen, Seen)
+
+
+def test_for_when_nobody_reads_the_answers(joint_drives) -> None:
+    frames = expedited_quick_stops(joint_drives)
+    assert frames == [(0x600 + node, TELL_STOP) for node in range(1, 8)]
