@@ -41,7 +41,8 @@ TESTS: Final = {
     "daemon/faults/following.py": "tests/daemon/faults/test_following.py",
     "daemon/motion/limits.py": "tests/daemon/motion/test_limits.py",
     "estimator/contact.py": "tests/estimator/test_contact.py",
-    "drivers/watches.py": "tests/drivers/test_watches.py",
+    "drivers/heartbeat_watch.py": "tests/drivers/test_heartbeat_watch.py",
+    "drivers/stop_stages.py": "tests/drivers/test_stop_stages.py",
 }
 
 

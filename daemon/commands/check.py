@@ -30,6 +30,10 @@ QUANTITY_UNITS = {
     "max_motor_speed": "rad/s",
 }
 FORMULA = "value = sign * (offset + scale * counts); link_position at link, else at motor"
+TRAVEL_WORDS = (
+    "in all, for a drive that obeys nothing: until the fault is found; while it is told to stop by\n"
+    "setpoint, SDO and NMT; until it misses us; its quick stop. dies: the last two, without a daemon"
+)
 # Substitutes for quantities that a drive profile does not have.
 WITHOUT = {
     "motor_position": "integrated from the velocity",
@@ -65,6 +69,7 @@ def print_check(config: Path) -> None:
         for lack in lacks(setups[name], c.period_ms, c.bus.master_node):
             _remark(console, lack)
     console.print(wiring, joints, travels)
+    console.print(TRAVEL_WORDS, style="dim", highlight=False)
     frames = frame_table(c.joint_drives, c.period_s, c.bus.master_node)
     console.print(_frames(frames))
     load = bus_load(c.joint_drives, c.period_s, c.bus.bitrate)
@@ -174,9 +179,8 @@ def _joints(c: Configuration, loads: list[Load]) -> Table:
 def _travels(c: Configuration) -> Table:
     """Table of how far joints go: when the daemon dies, and when their drives obey nothing else."""
     table = _table(
-        "\ntravel at worst, from a fault at full speed until the joint stands",
-        *("joint", "rad/s", "rad/s2", "found", "stages", "patience", "braking"),
-        *("if it dies", "in all rad"),
+        "\ntravel in rad, at worst, from a fault at full speed until the joint stands",
+        *("joint", "rad/s", "rad/s2", "found", "stages", "patience", "braking", "in all", "dies"),
     )
     travels = worst_travel(c.joint_drives, c.period_s, c.supervisor.stale_ticks)
     for drive, travel in zip(c.joint_drives, travels, strict=True):
@@ -186,8 +190,8 @@ def _travels(c: Configuration) -> Table:
             f"{drive.velocity:g}",
             f"{drive.quick_stop:g}",
             *(f"{part:.3f}" for part in parts),
-            f"{travel.patience + travel.braking:.3f}",
             f"{travel.total:.3f}",
+            f"{travel.patience + travel.braking:.3f}",
         )
     return table
 

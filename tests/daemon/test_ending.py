@@ -140,12 +140,16 @@ def test_a_faulted_arm_stays_faulted() -> None:
         assert arm.rig.mode is Mode.FAULTED
 
 
-def test_a_drive_that_does_not_obey_is_named() -> None:
+@pytest.mark.parametrize(("deaf_to_sdo", "named"), [(False, []), (True, ["joint"])])
+def test_a_drive_that_does_not_obey_is_told_by_sdo_and_else_named(
+    deaf_to_sdo: bool, named: list[str]
+) -> None:
     with wound(Mode.HOLDING, "brake") as arm:
-        listen = arm.rig.arm.receive
-        deaf = {pdo.cob_id for pdo in arm.rig.arm.drives[0].receive_pdos}
+        listen, drive = arm.rig.arm.receive, arm.rig.arm.drives[0]
+        deaf = {pdo.cob_id for pdo in drive.receive_pdos}
+        deaf |= {0x600 + drive.node} if deaf_to_sdo else set()
         arm.rig.arm.receive = lambda m: None if m.arbitration_id in deaf else listen(m)  # type: ignore[method-assign]
-        assert arm.bring_to_rest() == ["joint"]
+        assert arm.bring_to_rest() == named
 
 
 # What `load`, `start` and `gain` take is beside the point.

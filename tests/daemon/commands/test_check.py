@@ -66,7 +66,7 @@ def test_no_figure_is_cut_on_a_narrow_terminal(columns, monkeypatch, capsys):
     assert "…" not in printed
     for row in (
         "quick_stop_deceleration 0x6085:00 UNSIGNED32 0.010472    +1   0      rad/s2",
-        "LElbowRoll      1.2    100          12      0.120        0.060        0.180",
+        "LElbowRoll      1.2    12      0.036  0.108   0.120     0.060    0.324   0.180",
     ):
         assert row in printed
 
@@ -114,6 +114,10 @@ def test_an_arm_in_grams_or_millimetres_is_told(tmp_path, scaled):
 
 def test_the_tables_of_the_arm_fit_into_80_columns():
     lines = check(ROMEO).output.splitlines()
-    for title in ("wiring", "joints", "travel at worst, if the daemon dies at full speed"):
+    for title in (
+        "wiring",
+        "joints",
+        "travel in rad, at worst, from a fault at full speed until the joint stands",
+    ):
         start = next(i for i, line in enumerate(lines) if line.strip() == title)
         assert max(len(line.rstrip()) for line in lines[start : start + 9]) <= 80

@@ -72,6 +72,7 @@ def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
 def test_check_prints_it(capsys) -> None:
     print_check(ROMEO)
     printed = capsys.readouterr().out
-    assert "travel at worst, from a fault at full speed until the joint stands" in printed
+    assert "travel in rad, at worst, from a fault at full speed until the joint stands" in printed
     row = next(line for line in printed.splitlines() if line.startswith("LElbowRoll      1.2"))
-    assert row.split()[1:] == ["1.2", "12", "0.036", "0.108", "0.120", "0.060", "0.180", "0.324"]
+    figures = ["1.2", "12", "0.036", "0.108", "0.120", "0.060", "0.324", "0.180"]
+    assert row.split()[1:] == figures
