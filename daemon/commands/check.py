@@ -31,8 +31,9 @@ QUANTITY_UNITS = {
 }
 FORMULA = "value = sign * (offset + scale * counts); link_position at link, else at motor"
 TRAVEL_WORDS = (
-    "in all, for a drive that obeys nothing: until the fault is found; while it is told to stop by\n"
-    "setpoint, SDO and NMT; until it misses us; its quick stop. dies: the last two, without a daemon"
+    "in all, of a drive that obeys nothing: until the fault is found; while it is told to stop\n"
+    "by setpoint, SDO and NMT; until it misses us; its quick stop. dies: the last two, where the\n"
+    "daemon dies"
 )
 # Substitutes for quantities that a drive profile does not have.
 WITHOUT = {
