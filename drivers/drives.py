@@ -18,6 +18,9 @@ from drivers.can.wire import ERROR, Frame, Wire
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.drive import Drive
 from drivers.events import (
+    COMMUNICATION_ERROR,
+    PROTOCOL_ERROR,
+    UNKNOWN_CODE,
     BadSetpoint,
     BusEvent,
     Disobedient,
@@ -40,9 +43,6 @@ from drivers.ids import (
 )
 from drivers.setpoints import Setpoints
 from drivers.watches import HEARTBEATS_MISSED, HeartbeatWatch, ObedienceWatch
-
-#: Kind of emergency codes after which some drives take a reset only when set up again.
-COMMUNICATION_ERROR: Final = 0x8100
 
 SYNC_FRAME: Final[Frame] = (SYNC, b"")
 
@@ -80,11 +80,12 @@ class Drives:
         self._wire, self._clock = wire, clock
         self._answers = Answers(drives, self.counters, self._tell)
         self._setpoints = Setpoints(drives)
-        self._quick_stops = [*self._setpoints.quick_stops, SYNC_FRAME]
         self._heartbeat_timeouts_s = [
             HEARTBEATS_MISSED * (drive.profile.heartbeat_ms / 1e3) for drive in drives
         ]
-        self._watch_from(0.0)
+        self._now = 0.0
+        self._drives = [self._watched(joint) for joint in range(len(drives))]
+        self._joint_of = {node: joint for joint, node in enumerate(self.nodes)}
         self._backlog = False
         self._heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
         setpoint_ids = {cob_id for cob_id, _ in self._setpoints.frames}
@@ -93,7 +94,6 @@ class Drives:
         # Sent when the tick after this one would be too late for a third of the drives' patience.
         self._heartbeat_every_s = max(timeout_ms / 3000.0 - period_s, 0.0)
         self._heartbeat_at = -np.inf
-        self._now = 0.0
         self._events: list[BusEvent] = []
 
     @property
@@ -101,30 +101,58 @@ class Drives:
         """Samples of the last tick."""
         return self._answers.samples
 
-    def start(self, now: float) -> None:
-        """NMT operational for every drive: PDOs flow, heartbeats are watched from `now` on.
+    def start(
+        self, now: float, renewed: Sequence[int] | None = None, heard: Sequence[Frame] = ()
+    ) -> None:
+        """NMT operational for every drive that is set up: PDOs flow, and heartbeats are watched
+        from `now` on.
 
-        Also after drives were set up again: what was queued or known of before is forgotten.
+        renewed: joints whose drives were just set up; None is all, at the first start, when what
+        was queued or known of before is forgotten. Otherwise only what these drives said of their
+        lost set-up is over. What else was `heard` while nobody ticked, oldest first, is told with
+        the next samples; of the other drives all is known that was known before.
         """
         self._now = now
-        self._receive_queued()
-        self._events.clear()
         self._heartbeat_at = now
-        self._answers.forget_ages()
-        self._watch_from(now)
-        self._send([self._heartbeat, *self._nmt(START_NODE)])
-
-    def _watch_from(self, now: float) -> None:
-        self._drives = [
-            _WatchedDrive(HeartbeatWatch(node, timeout_s, now), ObedienceWatch(node))
-            for node, timeout_s in zip(self.nodes, self._heartbeat_timeouts_s, strict=True)
-        ]
-        self._by_node = dict(zip(self.nodes, self._drives, strict=True))
-
-    def listen_again(self, now: float) -> None:
-        """After a pause in which nobody heard the drives: their silence in it is no news."""
-        for drive in self._drives:
+        self._answers.start_anew()
+        if renewed is None:
+            self._receive_queued()
+            self._events.clear()
+        for i, drive in enumerate(self._drives):
             drive.watch.excuse(now)
+            if renewed is None or i in renewed:
+                self._drives[i] = self._watched(i)
+        self._hear(heard, renewed or ())
+        self._receive_queued()
+        self._address()
+        fit = [drive.watch.node for drive in self._drives if not drive.watch.forgot]
+        self._send([self._heartbeat, *((NMT, bytes([START_NODE, node])) for node in fit)])
+
+    def _hear(self, heard: Sequence[Frame], renewed: Sequence[int]) -> None:
+        """Take what came while drives were set up again, but for what these said of that: their
+        boot-up, their heartbeats of before, their emergencies of communication."""
+        for can_id, data in heard:
+            service, joint = can_id & ~NODE, self._joint_of.get(can_id & NODE)
+            kind = data[1] << 8 if len(data) > 1 else 0
+            over = service == HEARTBEAT or (
+                service == EMERGENCY and kind in (COMMUNICATION_ERROR, PROTOCOL_ERROR)
+            )
+            if not (joint in renewed and over):
+                self._take_other(can_id, data)
+
+    def _watched(self, joint: int) -> _WatchedDrive:
+        """A drive that has just been set up."""
+        node, timeout_s = self.nodes[joint], self._heartbeat_timeouts_s[joint]
+        return _WatchedDrive(HeartbeatWatch(node, timeout_s, self._now), ObedienceWatch(node))
+
+    def _address(self) -> None:
+        self._setpoints.address(i for i, d in enumerate(self._drives) if not d.watch.forgot)
+
+    def distrust(self, joints: Sequence[int]) -> None:
+        """Take the drives of these joints for not set up, until they are."""
+        for i in joints:
+            self._drives[i].watch.forgot = True
+        self._address()
 
     def unfit(self) -> list[int]:
         """Joints whose drives must be set up again before a reset can help: silent, restarted, no
@@ -184,7 +212,8 @@ class Drives:
         velocity: Vector,
         reset: bool = False,
     ) -> None:
-        """Send every drive its next controlword towards `power` and its target velocity.
+        """Send every drive that is set up its next controlword towards `power` and its target
+        velocity.
 
         velocity: (n,) rad/s at the link. A drive that is not in operation, or not wanted there,
         gets zero. A velocity that is not finite stops all drives and is an event.
@@ -211,8 +240,9 @@ class Drives:
         self._tell(event)
 
     def quick_stop(self) -> None:
-        """Tell all drives to quick-stop and hold, now, whatever else is broken or unknown."""
-        self._send(self._quick_stops)
+        """Tell all drives that are set up to quick-stop and hold, now, whatever else is broken or
+        unknown."""
+        self._send([*self._setpoints.quick_stops, SYNC_FRAME])
 
     def end(self) -> None:
         """Take leave: drives pre-operational, so that no late setpoint acts; heartbeat last.
@@ -261,7 +291,8 @@ class Drives:
         return False
 
     def _take_other(self, can_id: int, data: bytes | bytearray) -> None:
-        drive = self._by_node.get(can_id & NODE)
+        joint = self._joint_of.get(can_id & NODE)
+        drive = None if joint is None else self._drives[joint]
         service = can_id & ~NODE  # 11-bit identifiers only: a flag makes it another number
         if can_id & ERROR:
             self.counters.error_frames += 1
@@ -270,7 +301,7 @@ class Drives:
             self._tell(ForeignMaster(can_id))
         elif drive is None or service not in (HEARTBEAT, EMERGENCY):
             self.counters.unknown_frames += 1
-        elif len(data) < (1 if service == HEARTBEAT else 3):
+        elif service == HEARTBEAT and not data:
             self.counters.short_frames += 1
         elif service == HEARTBEAT:
             event = drive.watch.hear(data[0], self._now)
@@ -279,11 +310,15 @@ class Drives:
                 # ever at its last velocity, as our heartbeat tells it that all is well. NMT stop
                 # counts as a loss of the connection, at which it stops by itself (0x6007).
                 self._send([(NMT, bytes([STOP_NODE, event.node]))])
+            if event is not None:
+                self._address()
             self._tell(event)
         else:
-            code = data[0] | data[1] << 8
+            if len(data) < 3:
+                self.counters.short_frames += 1
+            code = data[0] | data[1] << 8 if len(data) > 1 else UNKNOWN_CODE
             drive.emergency = code
-            self._tell(Emergency(drive.watch.node, code, data[2]))
+            self._tell(Emergency(drive.watch.node, code, data[2] if len(data) > 2 else 0))
 
     def _tell(self, event: BusEvent | None) -> None:
         """Keep an event for the next samples, once, within bounds."""

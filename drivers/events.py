@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-
 #: Kinds of emergency codes (CiA 301): of communication, after which some drives take a reset only
 #: when set up again; and of what they were sent.
 COMMUNICATION_ERROR: Final = 0x8100

@@ -62,6 +62,7 @@ class Drive:
     def __init__(self, joint: int, wired: Surroundings) -> None:
         about = wired.description.joints[joint]
         self.node, self._wired = about.node, wired
+        self.make = wired.profile
         self.objects = Objects(wired.description.eds, self.node)
         peak = round(1000.0 * about.max_current_A / about.rated_current_A)
         rated_torque = about.rated_current_A * about.torque_constant / about.gear
@@ -89,7 +90,9 @@ class Drive:
         """Nothing happens by itself before this time [s]."""
         self.why = ""
         """The last reason for stopping or faulting, for people."""
-        self._locked = False
+        self._locked = self._said_over = False
+        self._booting = False
+        self._booted_at: float | None = None
         self._emergencies = Emergencies(self.objects, self._send_emergency)
         self._heard_at: float | None = None
         self._next_heartbeat = 0.0
@@ -111,11 +114,18 @@ class Drive:
     def _boot_up(self) -> None:
         self._reload_pdos()
         self._heard_at, self.due, self._locked = None, 0.0, False
-        self.nmt = Nmt.PRE_OPERATIONAL
+        self.nmt, self._booting, self._booted_at = Nmt.BOOT, True, None
+        if not self.make.boot_s:
+            self._boot_end()
+
+    def _boot_end(self) -> None:
+        self.nmt, self._booting = Nmt.PRE_OPERATIONAL, False
         self._wired.send(0x700 + self.node, bytes([Nmt.BOOT]))
 
     def on_nmt(self, command: int) -> None:
         """Act on an NMT command for this node or for all."""
+        if self._booting:
+            return
         self.due = 0.0
         if command == 1:
             self.nmt = Nmt.OPERATIONAL
@@ -142,9 +152,18 @@ class Drive:
         self._heard_at, self.due = now, 0.0
         if self._emergencies.present == HEARTBEAT_LOST and self.state is not State.FAULT:
             self._emergencies.clear_error()
+        elif self._locked and self.make.says_over and not self._said_over:
+            self._said_over = True
+            self._emergencies.say_over()
 
     def tick(self, now: float) -> None:
         """Do what is due: ramps that end, heartbeats, TPDOs on change; set `due` anew."""
+        if self._booting:
+            if self._booted_at is None:
+                self._booted_at = now + self.make.boot_s
+            if now >= self._booted_at:
+                self._boot_end()
+            return
         if self.axis.stopping:
             self.axis.stop_further()
         self.due = float("inf")
@@ -171,7 +190,7 @@ class Drive:
 
     def on_sdo(self, data: bytes) -> None:
         """Take a request to this node's SDO server; answered before this returns."""
-        if self.nmt is not Nmt.STOPPED and len(data) == 8:
+        if self.nmt is not Nmt.STOPPED and not self._booting and len(data) == 8:
             self._wired.sample()
             self._show_state()
             self._sdo.on_request(self._sdo.rx_cobid, data, 0.0)
@@ -218,7 +237,7 @@ class Drive:
 
     def measure(self, link: int, motor: int, velocity: int, current: int) -> None:
         """Take the counts that the sensors have sampled."""
-        values, profile = self.objects.values, self._wired.profile
+        values, profile = self.objects.values, self.make
         values[profile.link_position], values[profile.motor_velocity] = link, velocity
         if profile.motor_position is not None:
             values[profile.motor_position] = motor
@@ -284,9 +303,9 @@ class Drive:
     def _lose_master(self) -> None:
         reason = "heartbeat of the master lost"
         self._emergencies.raise_error(HEARTBEAT_LOST, COMMUNICATION_ERROR)
-        if self._wired.profile.locks:
+        if self.make.locks:
             self._report(f"{reason}, fault, locked")
-            self._locked = True
+            self._locked, self._said_over = True, False
             self.axis.happen(Trigger.FAULT_DETECTED)
         else:
             self._lose_connection(reason)
@@ -305,7 +324,7 @@ class Drive:
                 self.axis.happen(event)
 
     def _send_emergency(self, data: bytes) -> None:
-        if self.nmt is not Nmt.STOPPED:
+        if self.nmt is not Nmt.STOPPED and not self._booting:
             self._wired.send(0x80 + self.node, data)
 
     def _report(self, reason: str) -> None:

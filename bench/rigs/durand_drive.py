@@ -8,8 +8,9 @@ and a motor that follows its setpoint at once.
 
 import math
 import threading
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, Final
 
 import can
@@ -70,6 +71,9 @@ _COMMANDS: Final = (
 )
 
 
+_NOBODY_ELSE: Final = nullcontext()
+
+
 class PolledBus:
     """durand's network upon a bus that is polled, without a thread."""
 
@@ -97,12 +101,13 @@ class PolledBus:
         if callback := self._callbacks.get(cob_id):
             callback(cob_id, data)
 
-    def pump(self, timeout: float = 0.0) -> None:
-        """Handle all queued frames; waits up to `timeout` s for the first."""
+    def pump(self, timeout: float, alone: AbstractContextManager[object]) -> None:
+        """Handle all queued frames, each `alone`; waits up to `timeout` s for the first."""
         while (message := self._bus.recv(timeout)) is not None:
-            if message.arbitration_id == SYNC:
-                self.on_sync()
-            self.hear(message.arbitration_id, bytes(message.data))
+            with alone:
+                if message.arbitration_id == SYNC:
+                    self.on_sync()
+                self.hear(message.arbitration_id, bytes(message.data))
             timeout = 0.0
 
 
@@ -115,6 +120,7 @@ class DurandDrive:
     def __init__(self, bus: FarEnd, node: int, torque: Callable[[float, float], float]) -> None:
         self.network, self._torque, self._number = PolledBus(bus), torque, node
         self._now_s, self._heard_s = 0.0, math.inf
+        self._alone = threading.Lock()
         self.q = 0.0  # link position [rad]
         self.velocity = 0.0  # [rad/s]
         self.states: list[str] = []
@@ -147,10 +153,18 @@ class DurandDrive:
         set_scheduler(self._clock)
         self.network.hear(cob_id, data)
 
-    def pump(self, timeout: float = 0.0) -> None:
-        """Answer what is on the bus."""
+    def pump(
+        self, timeout: float = 0.0, alone: AbstractContextManager[object] = _NOBODY_ELSE
+    ) -> None:
+        """Answer what is on the bus, frame by frame `alone`."""
         set_scheduler(self._clock)
-        self.network.pump(timeout)
+        self.network.pump(timeout, alone)
+
+    def let_pass(self, seconds: float) -> None:
+        """While serving: let so much time pass for the drive, and not less for whoever waits."""
+        time.sleep(seconds)
+        with self._alone:
+            self.advance(seconds)
 
     def advance(self, seconds: float) -> None:
         """Let the time of one tick pass."""
@@ -199,7 +213,7 @@ class DurandDrive:
 
         def serve() -> None:
             while not done.is_set():
-                self.pump(0.02)
+                self.pump(0.02, self._alone)
 
         thread = threading.Thread(target=serve, name="durand drive", daemon=True)
         thread.start()

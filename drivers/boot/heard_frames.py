@@ -22,7 +22,7 @@ class HeardFrames(can.Listener):
 
     def __init__(self) -> None:
         self.dropped = 0
-        """Frames for which there was no room."""
+        """Frames for which there was no room, since the last `take`."""
         self._frames: dict[tuple[int, bytes], None] = {}
 
     def on_message_received(self, msg: can.Message) -> None:
@@ -43,4 +43,5 @@ class HeardFrames(can.Listener):
         """What was heard, which is forgotten here."""
         frames: list[Frame] = list(self._frames)
         self._frames.clear()
+        self.dropped = 0
         return frames

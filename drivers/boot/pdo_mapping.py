@@ -47,8 +47,7 @@ def wanted_pdos(setup: DriveSetup) -> tuple[list[WantedPdo], list[Wanted]]:
         _off(communication)
         for first in (0x1400, 0x1800)
         for communication in range(first, first + 0x200)
-        if communication not in used
-        and find_object(setup.data_sheet, communication, 1) is not None
+        if communication not in used and find_object(setup.data_sheet, communication, 1) is not None
     ]
     return ours, others
 
