@@ -1,7 +1,7 @@
 """One drive as a CANopen node: NMT, SDO, PDOs, heartbeats, EMCY, and life without a master."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 from simulator.axis import CONTROLWORD, MODE, STATUSWORD, TARGET_VELOCITY, Axis
@@ -150,11 +150,17 @@ class Drive:
         if watched >> 16 != node or not watched & 0xFFFF:
             return
         self._heard_at, self.due = now, 0.0
-        if self._emergencies.present == HEARTBEAT_LOST and self.state is not State.FAULT:
+        if self._locked:
+            if self.make.says_over and not self._said_over:
+                self._said_over = True
+                self._emergencies.say_over()
+        elif self._emergencies.present == HEARTBEAT_LOST and self.state is not State.FAULT:
             self._emergencies.clear_error()
-        elif self._locked and self.make.says_over and not self._said_over:
-            self._said_over = True
-            self._emergencies.say_over()
+
+    def lock(self) -> None:
+        """Lock up as after the loss of the master, and say that it is over once it is heard."""
+        self.make = replace(self.make, locks=True, says_over=True)
+        self._lose_master()
 
     def tick(self, now: float) -> None:
         """Do what is due: ramps that end, heartbeats, TPDOs on change; set `due` anew."""
@@ -243,6 +249,10 @@ class Drive:
             values[profile.motor_position] = motor
         for effort in profile.efforts:
             values[effort] = current
+
+    def put(self, index: int, subindex: int, value: int) -> None:
+        """Let an object hold a value of the drive's own, whatever may be written to it."""
+        self.objects.show(key(index, subindex), value)
 
     def _reload_pdos(self, number: int | None = None) -> None:
         """Take over the objects of all PDOs, or of those with one number."""

@@ -54,6 +54,7 @@ class _Drive:
 
     def __init__(self, drive: DurandDrive) -> None:
         self._drive, self.axis = drive, self
+        self.node = drive.number
 
     @property
     def state(self) -> State:
@@ -64,6 +65,15 @@ class _Drive:
 
     def boot(self) -> None:
         self._drive.power_on()
+
+    def lock(self) -> None:
+        self._drive.lock()
+
+    def on_sdo(self, data: bytes) -> None:
+        self._drive.hear(0x600 + self.node, data)
+
+    def put(self, index: int, subindex: int, value: int) -> None:
+        self._drive.objects.write(index, subindex, value)
 
     def on_nmt(self, command: int) -> None:
         self._drive.hear(0, bytes([command, 0]))

@@ -18,6 +18,7 @@ from canopen.profiles.p402 import State402
 from durand import Array, MinimalNode, Record, Variable, set_scheduler
 from durand import DatatypeEnum as Type
 from durand.scheduler import VirtualScheduler
+from durand.services.nmt import StateEnum
 
 from bench.rigs.lines import FarEnd
 from simulator.sensors import Readings
@@ -118,7 +119,7 @@ class DurandDrive:
     """
 
     def __init__(self, bus: FarEnd, node: int, torque: Callable[[float, float], float]) -> None:
-        self.network, self._torque, self._number = PolledBus(bus), torque, node
+        self.network, self._torque, self.number = PolledBus(bus), torque, node
         self._now_s, self._heard_s = 0.0, math.inf
         self._alone = threading.Lock()
         self.q = 0.0  # link position [rad]
@@ -133,7 +134,9 @@ class DurandDrive:
         self._clock = VirtualScheduler()
         set_scheduler(self._clock)  # durand has one for all
         self._heard_s = math.inf
-        self._node = MinimalNode(self.network, self._number)
+        self._locked = False
+        self._node = MinimalNode(self.network, self.number)
+        self._node.nmt.state_callbacks.add(self._unlock)
         self.objects = self._node.object_dictionary
         self._furnish()
         self.network.add_subscription(MASTER_HEARTBEAT, self._hear_master)
@@ -202,6 +205,15 @@ class DurandDrive:
         self._node.emcy.set(code, 0x01)
         self._enter("FAULT")
 
+    def lock(self) -> None:
+        """A fault of communication that no fault reset ends, though it is said to be over."""
+        self.fail(0x8130)
+        self._locked = True
+        self._node.emcy.set(0, 0)
+
+    def _unlock(self, state: StateEnum) -> None:
+        self._locked = self._locked and state is not StateEnum.INITIALISATION
+
     def switch_off(self) -> None:
         """Somebody takes the voltage away."""
         self._enter("SWITCH ON DISABLED")
@@ -241,6 +253,8 @@ class DurandDrive:
         objects.update_callbacks[(0x6060, 0)].add(lambda mode: objects.write(0x6061, 0, mode))
 
     def _obey(self, controlword: int) -> None:
+        if self._locked:
+            return
         if self.state == "FAULT":
             commands = [State402.CW_SWITCH_ON_DISABLED] if controlword & 0x80 else []
         else:

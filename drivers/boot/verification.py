@@ -18,7 +18,7 @@ from drivers.boot.required_objects import (
 )
 from drivers.boot.sdo import ObjectAccess
 from drivers.cia402 import DriveState, drive_state
-from drivers.events import COMMUNICATION_ERROR, emergency_words
+from drivers.events import COMMUNICATION_ERROR, PROTOCOL_ERROR, emergency_words
 from errors import DriveError, SilentDriveError
 
 _NUMBERS: Final = ((1, "vendor"), (2, "product"), (4, "serial"))
@@ -64,7 +64,8 @@ def deviations(
 
 
 def _locked(access: ObjectAccess) -> Iterator[str]:
-    """A fault of communication: some drives take no fault reset before they are set up again."""
+    """A fault of communication, or of no known cause: some drives take no fault reset before they
+    are set up again, whatever they say is over. A reset of communication harms none in fault."""
     statusword = access.read(0x6041)
     if drive_state(statusword) is not DriveState.FAULT:
         return
@@ -72,8 +73,10 @@ def _locked(access: ObjectAccess) -> Iterator[str]:
         yield "in fault, and it has no object 0x603F that says why"
         return
     code = access.read(0x603F)
-    if code & 0xFF00 == COMMUNICATION_ERROR:
-        yield f"in fault (0x{code:04X}, {emergency_words(code)})"
+    if code == 0:
+        yield "in fault, and object 0x603F does not say why"
+    elif code & 0xFF00 in (COMMUNICATION_ERROR, PROTOCOL_ERROR):
+        yield f"in fault for {emergency_words(code)} (0x{code:04X})"
 
 
 def _of_identity(access: ObjectAccess, identity: DriveIdentity) -> Iterator[str]:
