@@ -81,9 +81,11 @@ class Answers:
         self.samples = self._samples(_frozen(np.zeros(n, dtype=np.bool_)), ())
         """Samples of the last tick; before the first, NaN and unknown states."""
 
-    def forget_ages(self) -> None:
-        """Count the age of samples from the next tick on."""
+    def start_anew(self) -> None:
+        """After a time without SYNC: count the age of samples from the next tick on, and take what
+        comes before it for no answer."""
         self._age_ticks = self._no_age
+        self._answered = self.missing = 0
 
     def expect_none(self) -> None:
         """Until the next SYNC, whatever comes is late."""

@@ -102,6 +102,14 @@ def drive_state(statusword: int) -> DriveState:
     return _STATES[statusword & 0x6F]
 
 
+def in_words(statusword: int) -> str:
+    """Statusword for people: `switch on disabled (statusword 0x0250)`; negative is none yet."""
+    if statusword < 0:
+        return "no state that it told"
+    name = drive_state(statusword).name.lower().replace("_", " ")
+    return f"{name} (statusword 0x{statusword:04X})"
+
+
 def controlword(
     state: DriveState, target: PowerTarget, previous: int = 0, reset: bool = False
 ) -> int:

@@ -19,6 +19,9 @@ from drivers.can.wire import ERROR, Frame, Wire
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.drive import Drive
 from drivers.events import (
+    COMMUNICATION_ERROR,
+    PROTOCOL_ERROR,
+    UNKNOWN_CODE,
     Absent,
     BadSetpoint,
     BusEvent,
@@ -44,9 +47,6 @@ from drivers.ids import (
 from drivers.setpoints import Setpoints
 from drivers.stop_stages import least_patience_s
 from drivers.stops import Stops
-
-#: Kind of emergency codes after which some drives take a reset only when set up again.
-COMMUNICATION_ERROR: Final = 0x8100
 
 SYNC_FRAME: Final[Frame] = (SYNC, b"")
 
@@ -83,14 +83,16 @@ class Drives:
         self._wire, self._clock = wire, clock
         self._answers = Answers(drives, self.counters, self._tell)
         self._setpoints = Setpoints(drives)
-        self._stop_all = [*self._setpoints.quick_stops, *expedited_quick_stops(drives), SYNC_FRAME]
         self._new_stops = partial(Stops, drives, period_s)
         self._stops = self._new_stops()
+        self._stops_by_sdo = expedited_quick_stops(drives)
         self._all_on = [PowerTarget.ON] * len(drives)
         self._heartbeat_timeouts_s = [
             HEARTBEATS_MISSED * (drive.profile.heartbeat_ms / 1e3) for drive in drives
         ]
-        self._watch_from(0.0)
+        self._now = 0.0
+        self._drives = [self._watched(joint) for joint in range(len(drives))]
+        self._joint_of = {node: joint for joint, node in enumerate(self.nodes)}
         self._backlog = False
         self._heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
         setpoint_ids = {cob_id for cob_id, _ in self._setpoints.frames}
@@ -102,7 +104,6 @@ class Drives:
         # After as long a drive may have stopped by itself, and would run on at the next SYNC.
         self._absence_s = patience_s - 0.5 * period_s
         self._absent = self._to_be_stopped = False
-        self._now = 0.0
         self._events: list[BusEvent] = []
 
     @property
@@ -110,33 +111,62 @@ class Drives:
         """Samples of the last tick."""
         return self._answers.samples
 
-    def start(self, now: float) -> None:
-        """NMT operational for every drive: PDOs flow, heartbeats are watched from `now` on.
+    def start(
+        self, now: float, renewed: Sequence[int] | None = None, heard: Sequence[Frame] = ()
+    ) -> None:
+        """NMT operational for every drive that is set up: PDOs flow, and heartbeats are watched
+        from `now` on.
 
-        Also after drives were set up again: what was queued or known of before is forgotten.
+        renewed: joints whose drives were just set up; None is all, at the first start, when what
+        was queued or known of before is forgotten. Otherwise only what these drives said of their
+        lost set-up is over. What else was `heard` while nobody ticked, oldest first, is told with
+        the next samples; of the other drives all is known that was known before.
         """
         self._now = now
-        self._receive_queued()
-        self._events.clear()
-        self._heartbeat_at = now
-        self._answers.forget_ages()
-        self._watch_from(now)
-        self._stops, self._absent = self._new_stops(), False
-        self._send([self._heartbeat, *self._nmt(START_NODE)])
-
-    def _watch_from(self, now: float) -> None:
-        self._drives = [
-            _WatchedDrive(HeartbeatWatch(node, timeout_s, now))
-            for node, timeout_s in zip(self.nodes, self._heartbeat_timeouts_s, strict=True)
-        ]
-        self._by_node = dict(zip(self.nodes, self._drives, strict=True))
-
-    def listen_again(self, now: float) -> None:
-        """After a pause in which nobody heard the drives, but they heard our heartbeat: their
-        silence in it is no news."""
-        self._heartbeat_at = now
-        for drive in self._drives:
+        if renewed is None or len(renewed) == len(self._drives) or not self._stops.silent:
+            self._heartbeat_at = now
+            self._stops, self._absent = self._new_stops(), False
+        self._answers.start_anew()
+        if renewed is None:
+            self._receive_queued()
+            self._events.clear()
+        for i, drive in enumerate(self._drives):
             drive.watch.excuse(now)
+            if renewed is None or i in renewed:
+                self._drives[i] = self._watched(i)
+        self._hear(heard, renewed or ())
+        self._receive_queued()
+        self._address()
+        if self._stops.silent:
+            return  # until all drives are set up again
+        fit = [drive.watch.node for drive in self._drives if not drive.watch.forgot]
+        self._send([self._heartbeat, *((NMT, bytes([START_NODE, node])) for node in fit)])
+
+    def _hear(self, heard: Sequence[Frame], renewed: Sequence[int]) -> None:
+        """Take what came while drives were set up again, but for what these said of that: their
+        boot-up, their heartbeats of before, their emergencies of communication."""
+        for can_id, data in heard:
+            service, joint = can_id & ~NODE, self._joint_of.get(can_id & NODE)
+            kind = data[1] << 8 if len(data) > 1 else 0
+            over = service == HEARTBEAT or (
+                service == EMERGENCY and kind in (COMMUNICATION_ERROR, PROTOCOL_ERROR)
+            )
+            if not (joint in renewed and over):
+                self._take_other(can_id, data)
+
+    def _watched(self, joint: int) -> _WatchedDrive:
+        """A drive that has just been set up."""
+        node, timeout_s = self.nodes[joint], self._heartbeat_timeouts_s[joint]
+        return _WatchedDrive(HeartbeatWatch(node, timeout_s, self._now))
+
+    def _address(self) -> None:
+        self._setpoints.address(i for i, d in enumerate(self._drives) if not d.watch.forgot)
+
+    def distrust(self, joints: Sequence[int]) -> None:
+        """Take the drives of these joints for not set up, until they are."""
+        for i in joints:
+            self._drives[i].watch.forgot = True
+        self._address()
 
     def unfit(self) -> list[int]:
         """Joints whose drives must be set up again before a reset can help: silent, restarted, no
@@ -224,7 +254,8 @@ class Drives:
         velocity: Vector,
         reset: bool = False,
     ) -> None:
-        """Send every drive its next controlword towards `power` and its target velocity.
+        """Send every drive that is set up its next controlword towards `power` and its target
+        velocity.
 
         velocity: (n,) rad/s at the link. A drive that is not in operation, or not wanted there,
         gets zero. A velocity that is not finite stops all drives and is an event.
@@ -262,10 +293,10 @@ class Drives:
         return self._stops.silent
 
     def quick_stop(self) -> None:
-        """Tell all drives to quick-stop and hold, now, with a SYNC and without, whatever else is
-        broken or unknown."""
+        """Tell all drives to quick-stop and hold, now, whatever else is broken or unknown: those
+        that are set up with a SYNC, all without."""
         if not self._stops.silent:
-            self._send(self._stop_all)
+            self._send([*self._setpoints.quick_stops, *self._stops_by_sdo, SYNC_FRAME])
 
     def end(self) -> None:
         """Take leave: drives pre-operational, so that no late setpoint acts; heartbeat last.
@@ -317,29 +348,37 @@ class Drives:
         return False
 
     def _take_other(self, can_id: int, data: bytes | bytearray) -> None:
-        drive = self._by_node.get(can_id & NODE)
+        joint = self._joint_of.get(can_id & NODE)
+        drive = None if joint is None else self._drives[joint]
         service = can_id & ~NODE  # 11-bit identifiers only: a flag makes it another number
         if can_id & ERROR:
             self.counters.error_frames += 1
-            event = error_frame(can_id & ~ERROR, data)
-            if isinstance(event, BusOff) and not self._absent:
-                # What was sent last may have got stuck, and goes out when the bus is back.
-                self._absent = self._to_be_stopped = True
-            self._tell(event)
+            self._take_error(error_frame(can_id & ~ERROR, data))
         elif service == SDO_ANSWER:
             self._stops.hear(can_id & NODE, data)
         elif can_id in self._masters_own:
             self._tell(ForeignMaster(can_id))
         elif drive is None or service not in (HEARTBEAT, EMERGENCY):
             self.counters.unknown_frames += 1
-        elif len(data) < (1 if service == HEARTBEAT else 3):
+        elif service == HEARTBEAT and not data:
             self.counters.short_frames += 1
         elif service == HEARTBEAT:
-            self._tell(drive.watch.hear(data[0], self._now))
+            event = drive.watch.hear(data[0], self._now)
+            if event is not None:
+                self._address()
+            self._tell(event)
         else:
-            code = data[0] | data[1] << 8
+            if len(data) < 3:
+                self.counters.short_frames += 1
+            code = data[0] | data[1] << 8 if len(data) > 1 else UNKNOWN_CODE
             drive.emergency = code
-            self._tell(Emergency(drive.watch.node, code, data[2]))
+            self._tell(Emergency(drive.watch.node, code, data[2] if len(data) > 2 else 0))
+
+    def _take_error(self, event: BusEvent) -> None:
+        if isinstance(event, BusOff) and not self._absent:
+            # What was sent last may have got stuck, and goes out when the bus is back.
+            self._absent = self._to_be_stopped = True
+        self._tell(event)
 
     def _tell(self, event: BusEvent | None) -> None:
         """Keep an event for the next samples, once, within bounds."""

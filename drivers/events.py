@@ -10,6 +10,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+#: Kinds of emergency codes (CiA 301): of communication, after which some drives take a reset only
+#: when set up again; and of what they were sent.
+COMMUNICATION_ERROR: Final = 0x8100
+PROTOCOL_ERROR: Final = 0x8200
+#: Code of a message that is too short to have one.
+UNKNOWN_CODE: Final = -1
+
 
 @dataclass(frozen=True, slots=True)
 class Emergency:
@@ -20,6 +27,8 @@ class Emergency:
     register: int
 
     def __str__(self) -> str:
+        if self.code == UNKNOWN_CODE:
+            return "of unknown code, the message is cut short"
         words = emergency_words(self.code)
         code = f"0x{self.code:04X}{words and f' ({words})'}"
         return f"{code}, error register 0x{self.register:02X}"

@@ -1,7 +1,7 @@
 """RPDOs of all drives: controlwords and target velocities, written into frames that stay."""
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from arrays import Vector
@@ -28,19 +28,29 @@ class Setpoints:
         self._encoder = SetpointEncoder(drives)
         self._controlwords = [0] * len(drives)
         self._rpdos: list[list[_Rpdo]] = []
-        self.frames: list[Frame] = []
-        self.quick_stops: list[Frame] = []
-        """Stop each drive in any state; ready beforehand, so that nothing that breaks can be in
-        their way."""
+        self._frames: list[list[Frame]] = []  # of each joint, like the next
+        self._quick_stops: list[list[Frame]] = []
         for drive, still in zip(drives, self._encoder.standstill, strict=True):
             self._rpdos.append([])
+            self._frames.append([])
+            self._quick_stops.append([])
             for pdo in receive_pdos(drive):
                 picks = tuple(0 if part.entry == "controlword" else 1 for part in pdo.fields)
                 rpdo = _Rpdo(bytearray(pdo.layout.size), pdo.layout, picks)
                 self._rpdos[-1].append(rpdo)
-                self.frames.append((pdo.cob_id, rpdo.data))
+                self._frames[-1].append((pdo.cob_id, rpdo.data))
                 stop = pdo.layout.pack(*((QUICK_STOP, still)[pick] for pick in picks))
-                self.quick_stops.append((pdo.cob_id, stop))
+                self._quick_stops[-1].append((pdo.cob_id, stop))
+        self.address(range(len(drives)))
+
+    def address(self, joints: Iterable[int]) -> None:
+        """Let frames go to the drives of these joints alone: one that is not set up may take them
+        for something else."""
+        chosen = sorted(joints)
+        self.frames = [frame for i in chosen for frame in self._frames[i]]
+        self.quick_stops = [frame for i in chosen for frame in self._quick_stops[i]]
+        """Stop each drive in any state; ready beforehand, so that nothing that breaks can be in
+        their way."""
 
     def write(
         self,

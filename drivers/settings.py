@@ -94,6 +94,7 @@ class DriveProfile(Settings, frozen=True):
     sdo_timeout_ms: Annotated[int, Meta(ge=20, le=5000)] = 500
     fault_reaction: Annotated[int, Meta(ge=-32768, le=2)] = 2  # 0x605E; 2 is a quick stop
     write: list[ObjectValue] = []  # more objects to set at boot-up, none that contactd sets itself
+    any_product: bool = False  # true: the drive's vendor and product need not be those of the EDS
 
     def __post_init__(self) -> None:
         if (self.current is None) is (self.torque is None):

@@ -1,7 +1,7 @@
 """One drive as a CANopen node: NMT, SDO, PDOs, heartbeats, EMCY, and life without a master."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 from simulator.axis import CONTROLWORD, MODE, STATUSWORD, TARGET_VELOCITY, Axis
@@ -63,6 +63,7 @@ class Drive:
     def __init__(self, joint: int, wired: Surroundings) -> None:
         about = wired.description.joints[joint]
         self.node, self._wired = about.node, wired
+        self.make = wired.profile
         self.objects = Objects(wired.description.eds, self.node)
         peak = round(1000.0 * about.max_current_A / about.rated_current_A)
         rated_torque = about.rated_current_A * about.torque_constant / about.gear
@@ -90,7 +91,9 @@ class Drive:
         """Nothing happens by itself before this time [s]."""
         self.why = ""
         """The last reason for stopping or faulting, for people."""
-        self._locked = False
+        self._locked = self._said_over = False
+        self._booting = False
+        self._booted_at: float | None = None
         self._emergencies = Emergencies(self.objects, self._send_emergency)
         self._heard_at: float | None = None
         self._next_heartbeat = 0.0
@@ -112,11 +115,18 @@ class Drive:
     def _boot_up(self) -> None:
         self._reload_pdos()
         self._heard_at, self.due, self._locked = None, 0.0, False
-        self.nmt = Nmt.PRE_OPERATIONAL
+        self.nmt, self._booting, self._booted_at = Nmt.BOOT, True, None
+        if not self.make.boot_s:
+            self._boot_end()
+
+    def _boot_end(self) -> None:
+        self.nmt, self._booting = Nmt.PRE_OPERATIONAL, False
         self._wired.send(0x700 + self.node, bytes([Nmt.BOOT]))
 
     def on_nmt(self, command: int) -> None:
         """Act on an NMT command for this node or for all."""
+        if self._booting:
+            return
         self.due = 0.0
         if command == 1:
             self.nmt = Nmt.OPERATIONAL
@@ -141,11 +151,26 @@ class Drive:
         if watched >> 16 != node or not watched & 0xFFFF:
             return
         self._heard_at, self.due = now, 0.0
-        if self._emergencies.present == HEARTBEAT_LOST and self.state is not State.FAULT:
+        if self._locked:
+            if self.make.says_over and not self._said_over:
+                self._said_over = True
+                self._emergencies.say_over()
+        elif self._emergencies.present == HEARTBEAT_LOST and self.state is not State.FAULT:
             self._emergencies.clear_error()
+
+    def lock(self) -> None:
+        """Lock up as after the loss of the master, and say that it is over once it is heard."""
+        self.make = replace(self.make, locks=True, says_over=True)
+        self._lose_master()
 
     def tick(self, now: float) -> None:
         """Do what is due: ramps that end, heartbeats, TPDOs on change; set `due` anew."""
+        if self._booting:
+            if self._booted_at is None:
+                self._booted_at = now + self.make.boot_s
+            if now >= self._booted_at:
+                self._boot_end()
+            return
         if self.axis.stopping:
             self.axis.stop_further()
         self.due = float("inf")
@@ -172,7 +197,7 @@ class Drive:
 
     def on_sdo(self, data: bytes) -> None:
         """Take a request to this node's SDO server; answered before this returns."""
-        if self.nmt is not Nmt.STOPPED and len(data) == 8:
+        if self.nmt is not Nmt.STOPPED and not self._booting and len(data) == 8:
             self._wired.sample()
             self._show_state()
             self._sdo.on_request(self._sdo.rx_cobid, data, 0.0)
@@ -195,7 +220,7 @@ class Drive:
     @property
     def hears_sync(self) -> bool:
         """True while it waits for the SYNC of this bus (1005), and PDOs are on."""
-        return self.nmt is Nmt.OPERATIONAL and self.objects.values[SYNC_ID] == SYNC
+        return self.nmt is Nmt.OPERATIONAL and self.objects.values.get(SYNC_ID, SYNC) == SYNC
 
     def transmit(self) -> None:
         """First half of a SYNC: send what was sampled."""
@@ -224,12 +249,16 @@ class Drive:
 
     def measure(self, link: int, motor: int, velocity: int, current: int) -> None:
         """Take the counts that the sensors have sampled."""
-        values, profile = self.objects.values, self._wired.profile
+        values, profile = self.objects.values, self.make
         values[profile.link_position], values[profile.motor_velocity] = link, velocity
         if profile.motor_position is not None:
             values[profile.motor_position] = motor
         for effort in profile.efforts:
             values[effort] = current
+
+    def put(self, index: int, subindex: int, value: int) -> None:
+        """Let an object hold a value of the drive's own, whatever may be written to it."""
+        self.objects.show(key(index, subindex), value)
 
     def _reload_pdos(self, number: int | None = None) -> None:
         """Take over the objects of all PDOs, or of those with one number."""
@@ -290,9 +319,9 @@ class Drive:
     def _lose_master(self) -> None:
         reason = "heartbeat of the master lost"
         self._emergencies.raise_error(HEARTBEAT_LOST, COMMUNICATION_ERROR)
-        if self._wired.profile.locks:
+        if self.make.locks:
             self._report(f"{reason}, fault, locked")
-            self._locked = True
+            self._locked, self._said_over = True, False
             self.axis.happen(Trigger.FAULT_DETECTED)
         else:
             self._lose_connection(reason)
@@ -311,7 +340,7 @@ class Drive:
                 self.axis.happen(event)
 
     def _send_emergency(self, data: bytes) -> None:
-        if self.nmt is not Nmt.STOPPED:
+        if self.nmt is not Nmt.STOPPED and not self._booting:
             self._wired.send(0x80 + self.node, data)
 
     def _report(self, reason: str) -> None:

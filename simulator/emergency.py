@@ -35,6 +35,10 @@ class Emergencies:
     def clear_error(self) -> None:
         """End the error; the history stays."""
         self._show(0, 0)
+        self.say_over()
+
+    def say_over(self) -> None:
+        """Send that the error is over, whatever the objects show."""
         self._transmit(0, 0)
 
     def forget(self) -> None:

@@ -9,7 +9,7 @@ from simulator.axis import CSV
 from simulator.objects import Objects
 from simulator.pdo import INVALID, SYNCHRONOUS, pdo_numbers
 
-ALLOWED = {0x605A: {0, 2, 6}, 0x605E: {0, 2}, 0x6060: {0, CSV}, 0x1005: range(1, 0x800)}
+ALLOWED = {0x605A: {0, 2, 6}, 0x605E: {0, 2}, 0x1005: range(1, 0x800)}
 """Values that this drive supports where the EDS can only give a range."""
 CURRENT_LIMITS = (0x6072, 0x6073)
 
@@ -19,6 +19,7 @@ def guard_values(objects: Objects, peak_permille: int) -> None:
     rated current is the most that it can give."""
     for index in (*ALLOWED, 0x1003, 0x1016, *CURRENT_LIMITS):
         objects.guards[index] = _value_guard(index, peak_permille)
+    objects.guards[0x6060] = _mode_guard(objects)
 
 
 def _value_guard(index: int, peak_permille: int) -> o.Guard:
@@ -30,6 +31,17 @@ def _value_guard(index: int, peak_permille: int) -> o.Guard:
             or (index == 0x1003 and value != 0)
             or (index == 0x1016 and value & 0xFFFF and not 1 <= value >> 16 <= 127)
         ):
+            raise SdoAbortedError(o.INVALID_VALUE)
+
+    return guard
+
+
+def _mode_guard(objects: Objects) -> o.Guard:
+    """Modes by the bits of 6502, and 0 for none; a drive that does not say has but one."""
+    modes = objects.number(0x6502) or 1 << (CSV - 1)
+
+    def guard(_: int, value: int) -> None:
+        if value and (value < 0 or not modes >> (value - 1) & 1):
             raise SdoAbortedError(o.INVALID_VALUE)
 
     return guard

@@ -1,6 +1,7 @@
 """Simulated arm on a bus of the same process, with the SYNC as its clock: deterministic."""
 
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
@@ -29,6 +30,7 @@ class Lockstep:
         self.syncs = 0
         """SYNCs seen since the beginning."""
         self._serving = False
+        self._alone = threading.Lock()
 
     def pump(self, timeout: float = 0.0) -> int:
         """Handle all queued frames; waits up to `timeout` s for the first. How many there were."""
@@ -36,12 +38,23 @@ class Lockstep:
         message = self._bus.recv(timeout)
         while message is not None:
             count += 1
+            self._take(message)
+            message = self._bus.recv(0.0)
+        return count
+
+    def _take(self, message: can.Message) -> None:
+        with self._alone:
             if message.arbitration_id == SYNC and not message.is_extended_id:
                 self.syncs += 1
                 self.arm.advance(self.arm.now + self.arm.description.period_s)
             self.arm.receive(message)
-            message = self._bus.recv(0.0)
-        return count
+
+    def let_pass(self, seconds: float) -> None:
+        """While serving: let so much time pass for the arm, and not less for whoever waits for it,
+        so that nobody there misses a heartbeat."""
+        time.sleep(seconds)
+        with self._alone:
+            self.arm.advance(self.arm.now + seconds)
 
     @contextmanager
     def serving(self) -> Iterator[None]:

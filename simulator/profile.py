@@ -47,6 +47,11 @@ class SimulatedMake:
     locks: bool = False
     """The loss of the master's heartbeat (8130) is a fault, whatever 6007 says, and no fault reset
     is taken before NMT reset communication."""
+    says_over: bool = False
+    """One that locks says that its error is over (EMCY 0) as soon as it hears the master again, and
+    stays locked; 603F keeps the code."""
+    boot_s: float = 0.0
+    """From power-up or a reset to the boot-up message; it answers nothing meanwhile."""
 
 
 PROFILE = SimulatedMake()

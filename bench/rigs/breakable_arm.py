@@ -163,9 +163,10 @@ class BreakableArm:
 
     @property
     def stops(self) -> bool:
-        """True if the last tick sent a quick stop to every drive that takes one."""
+        """True if the last tick sent a quick stop to every drive that is set up."""
         words = [word for word, _ in self.setpoints().values()]
-        return len(words) == len(self.drives) and all(
+        unset = self.rig.tick.drives.restarted()
+        return len(words) == len(self.drives) - len(unset) and all(
             word & 0x0F in (0, QUICK_STOP) for word in words
         )
 

@@ -1,12 +1,16 @@
 """Faults of one drive: what it says, does and hears."""
 
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
-from drivers.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT
+from drivers.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT, START_NODE
 from simulator.state_machine import Trigger
 
+OTHER_MODE = {"romeo": 0, "desk arm": 3, "durand": 1}
+"""A mode of operation that the drives of a make have beside ours."""
 OVER_CURRENT, UNDER_VOLTAGE, OVER_TEMPERATURE = 0x2310, 0x3220, 0x4310
 
 
@@ -44,6 +48,53 @@ def left_operational(on: BreakableArm) -> Iterator[None]:
 def reboot(on: BreakableArm) -> Iterator[None]:
     on.simulated.boot()
     yield from for_ever()
+
+
+def restarts_unheard(on: BreakableArm) -> Iterator[None]:
+    """It starts anew, and is operational by itself, with its heartbeat and the PDOs of its maker;
+    its boot-up message is lost."""
+    with on.losing(HEARTBEAT + on.drive.node):
+        on.simulated.boot()
+        on.simulated.on_nmt(START_NODE)
+        _write(on, 0x1017, 0x2B, on.drive.profile.heartbeat_ms)
+        yield
+    yield from for_ever()
+
+
+def mode_changed(on: BreakableArm) -> Iterator[None]:
+    """Somebody else's tool chooses another mode of operation."""
+    _write(on, 0x6060, 0x2F, OTHER_MODE[on.make.name])
+    yield from for_ever()
+
+
+def pdo_mapped_anew(on: BreakableArm) -> Iterator[None]:
+    """Somebody else's tool turns an RPDO off."""
+    _write(on, 0x1400, 0x23, 1 << 31 | 0x200 + on.drive.node, 1)
+    yield from for_ever()
+
+
+def locked(on: BreakableArm) -> Iterator[None]:
+    """It has missed its master, says that this is over, and takes no fault reset."""
+    on.simulated.lock()
+    yield from for_ever()
+
+
+def locked_and_slow(on: BreakableArm) -> Iterator[None]:
+    """... and takes a while to boot when its communication is reset."""
+    on.simulated.make = replace(on.simulated.make, boot_s=0.8)
+    yield from locked(on)
+
+
+def another_product(on: BreakableArm) -> Iterator[None]:
+    """A drive of another product is put in its place, with nothing of its set-up."""
+    on.simulated.boot()
+    on.simulated.put(0x1018, 2, 0x999)
+    yield from for_ever()
+
+
+def _write(on: BreakableArm, index: int, size: int, value: int, subindex: int = 0) -> None:
+    """Expedited download by somebody else; `size` is its command specifier."""
+    on.simulated.on_sdo(struct.pack("<BHBI", size, index, subindex, value))
 
 
 def runaway(on: BreakableArm) -> Iterator[None]:

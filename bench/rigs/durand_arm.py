@@ -54,6 +54,7 @@ class _Drive:
 
     def __init__(self, drive: DurandDrive) -> None:
         self._drive, self.axis = drive, self
+        self.node = drive.number
 
     @property
     def state(self) -> State:
@@ -64,6 +65,15 @@ class _Drive:
 
     def boot(self) -> None:
         self._drive.power_on()
+
+    def lock(self) -> None:
+        self._drive.lock()
+
+    def on_sdo(self, data: bytes) -> None:
+        self._drive.hear(0x600 + self.node, data)
+
+    def put(self, index: int, subindex: int, value: int) -> None:
+        self._drive.objects.write(index, subindex, value)
 
     def on_nmt(self, command: int) -> None:
         self._drive.hear(0, bytes([command, 0]))
@@ -102,6 +112,7 @@ class DurandArm:
         self._drive, self._period_s = drive, period_s
         self.sensors, self.plant, self.drives = drive, _Plant(drive), [_Drive(drive)]
         self.now = 0.0
+        self.serving, self.let_pass = drive.serving, drive.let_pass
         drive.network.on_sync = lambda: self.advance(self.now + period_s)
 
     def advance(self, t: float) -> None:
@@ -130,7 +141,7 @@ def durand_rig(
         drive = DurandDrive(bus.far, c.joint_drives[0].node, load_of(robot))
         eds = Path(folder) / "drive.eds"
         eds.write_text(drive.eds)
-        boot = replace(build_boot(robot, bus.near), listen_s=0.0)
+        boot = replace(build_boot(robot, bus.near), listen_s=0.0, sleep=drive.let_pass)
         sheet = load_data_sheet(eds)
         boot.setups = [replace(setup, data_sheet=sheet) for setup in boot.setups]
         with drive.serving():

@@ -8,8 +8,9 @@ and a motor that follows its setpoint at once.
 
 import math
 import threading
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, Final
 
 import can
@@ -17,6 +18,7 @@ from canopen.profiles.p402 import State402
 from durand import Array, MinimalNode, Record, Variable, set_scheduler
 from durand import DatatypeEnum as Type
 from durand.scheduler import VirtualScheduler
+from durand.services.nmt import StateEnum
 
 from bench.rigs.lines import FarEnd
 from simulator.sensors import Readings
@@ -70,6 +72,9 @@ _COMMANDS: Final = (
 )
 
 
+_NOBODY_ELSE: Final = nullcontext()
+
+
 class PolledBus:
     """durand's network upon a bus that is polled, without a thread."""
 
@@ -97,12 +102,13 @@ class PolledBus:
         if callback := self._callbacks.get(cob_id):
             callback(cob_id, data)
 
-    def pump(self, timeout: float = 0.0) -> None:
-        """Handle all queued frames; waits up to `timeout` s for the first."""
+    def pump(self, timeout: float, alone: AbstractContextManager[object]) -> None:
+        """Handle all queued frames, each `alone`; waits up to `timeout` s for the first."""
         while (message := self._bus.recv(timeout)) is not None:
-            if message.arbitration_id == SYNC:
-                self.on_sync()
-            self.hear(message.arbitration_id, bytes(message.data))
+            with alone:
+                if message.arbitration_id == SYNC:
+                    self.on_sync()
+                self.hear(message.arbitration_id, bytes(message.data))
             timeout = 0.0
 
 
@@ -113,8 +119,9 @@ class DurandDrive:
     """
 
     def __init__(self, bus: FarEnd, node: int, torque: Callable[[float, float], float]) -> None:
-        self.network, self._torque, self._number = PolledBus(bus), torque, node
+        self.network, self._torque, self.number = PolledBus(bus), torque, node
         self._now_s, self._heard_s = 0.0, math.inf
+        self._alone = threading.Lock()
         self.q = 0.0  # link position [rad]
         self.velocity = 0.0  # [rad/s]
         self.states: list[str] = []
@@ -127,7 +134,9 @@ class DurandDrive:
         self._clock = VirtualScheduler()
         set_scheduler(self._clock)  # durand has one for all
         self._heard_s = math.inf
-        self._node = MinimalNode(self.network, self._number)
+        self._locked = False
+        self._node = MinimalNode(self.network, self.number)
+        self._node.nmt.state_callbacks.add(self._unlock)
         self.objects = self._node.object_dictionary
         self._furnish()
         self.network.add_subscription(MASTER_HEARTBEAT, self._hear_master)
@@ -147,10 +156,18 @@ class DurandDrive:
         set_scheduler(self._clock)
         self.network.hear(cob_id, data)
 
-    def pump(self, timeout: float = 0.0) -> None:
-        """Answer what is on the bus."""
+    def pump(
+        self, timeout: float = 0.0, alone: AbstractContextManager[object] = _NOBODY_ELSE
+    ) -> None:
+        """Answer what is on the bus, frame by frame `alone`."""
         set_scheduler(self._clock)
-        self.network.pump(timeout)
+        self.network.pump(timeout, alone)
+
+    def let_pass(self, seconds: float) -> None:
+        """While serving: let so much time pass for the drive, and not less for whoever waits."""
+        time.sleep(seconds)
+        with self._alone:
+            self.advance(seconds)
 
     def advance(self, seconds: float) -> None:
         """Let the time of one tick pass."""
@@ -188,6 +205,15 @@ class DurandDrive:
         self._node.emcy.set(code, 0x01)
         self._enter("FAULT")
 
+    def lock(self) -> None:
+        """A fault of communication that no fault reset ends, though it is said to be over."""
+        self.fail(0x8130)
+        self._locked = True
+        self._node.emcy.set(0, 0)
+
+    def _unlock(self, state: StateEnum) -> None:
+        self._locked = self._locked and state is not StateEnum.INITIALISATION
+
     def switch_off(self) -> None:
         """Somebody takes the voltage away."""
         self._enter("SWITCH ON DISABLED")
@@ -199,7 +225,7 @@ class DurandDrive:
 
         def serve() -> None:
             while not done.is_set():
-                self.pump(0.02)
+                self.pump(0.02, self._alone)
 
         thread = threading.Thread(target=serve, name="durand drive", daemon=True)
         thread.start()
@@ -227,6 +253,8 @@ class DurandDrive:
         objects.update_callbacks[(0x6060, 0)].add(lambda mode: objects.write(0x6061, 0, mode))
 
     def _obey(self, controlword: int) -> None:
+        if self._locked:
+            return
         if self.state == "FAULT":
             commands = [State402.CW_SWITCH_ON_DISABLED] if controlword & 0x80 else []
         else:

@@ -67,7 +67,8 @@ class IdealArm:
         before = self.decisions[-1].velocity if self.decisions else np.zeros(2)
         # Its drives come on with the mode, and go off with it.
         on = (self.mode in ENERGISED,) * 2
-        calm = ControlInput(self.q.copy(), before, np.zeros(2), "", "", on, ())
+        words = (0x0237 if all(on) else 0x0250,) * 2
+        calm = ControlInput(self.q.copy(), before, np.zeros(2), "", "", on, words, ())
         decision = self.controller.step(self.time_s, T, replace(calm, **seen))
         self.q = self.q + decision.velocity * T
         self.tick += 1

@@ -32,6 +32,7 @@ from simulator.socketcand import HELLO, Conversation, frame_line
 PATIENCE_S = 20.0  # with this machine: whatever is waited for so long is lost
 _SLCAN = re.compile(rb"t([0-9A-Fa-f]{3})[0-8]((?:[0-9A-Fa-f]{2})*)\r")
 _READ_SIZE = 65_536
+_MARK = 0x7FF  # an identifier that nobody uses
 _SO_RCVBUFFORCE = 33  # asm-generic/socket.h; not in Python's socket module
 
 INTERFACES = deque(os.environ.get("CONTACTD_VCAN", "").split())
@@ -267,8 +268,18 @@ class _AwaitedWire:
 def _awaited_line(near: OpenBus, far: _TextEnd | _InterfaceEnd, full: Exception) -> Iterator[Line]:
     awaited = OpenBus(near.python_can, _AwaitedWire(near.wire, far), near.connection_lost)
     unplug = far.unplug if isinstance(far, _TextEnd) else None
+
+    def hand_over() -> None:
+        """What python-can sent last may still be on its way: the drives' end reads up to a mark."""
+        near.python_can.send(can.Message(arbitration_id=_MARK, is_extended_id=False))
+        found = None
+        while found is None or found.arbitration_id != _MARK:
+            far.to_drives = 1
+            found = far.recv()
+        far.hand_over()
+
     try:
-        yield Line(awaited, far, full, unplug, far.hand_over)
+        yield Line(awaited, far, full, unplug, hand_over)
     finally:
         with suppress(OSError, can.CanError):
             near.python_can.shutdown()

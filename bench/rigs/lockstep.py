@@ -15,6 +15,7 @@ from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Check, State
+from daemon.service.set_up import SetUp
 from daemon.tick.controller import Decision
 from daemon.tick.loop import Clock
 from daemon.tick.record import TickRecord, Wakeup
@@ -91,6 +92,34 @@ class Rig:
         self.run(0.5)
         assert self.mode is Mode.HOLDING, (self.mode, self.tick.controller.machine.cause)
 
+    @contextmanager
+    def by_sdo(self) -> Iterator[None]:
+        """The drives answer SDO inside the block, while no tick happens."""
+        try:
+            with self.lockstep.serving():
+                yield
+        finally:
+            self.line.hand_over()
+
+    @property
+    def set_up(self) -> SetUp:
+        """Set-up of the drives, as the daemon proves it for its clients."""
+        return SetUp(self.boot, self.tick, lambda: self.time_s, by_sdo=self.by_sdo)
+
+    def ask(self, event: Event) -> list[str]:
+        """Request an event as a client would, `enable` and `reset` with the set-up proved; returns
+        every reason why not."""
+        return self.set_up.request(event, "the bench")
+
+    def reset(self) -> None:
+        """Reset a fault as a client would, once; AssertionError unless the arm is off after it, and
+        stays so."""
+        assert self.tick.controller.faulted, self.mode
+        reasons = self.ask(Event.RESET)
+        assert not reasons, reasons
+        self.run(0.6)
+        assert self.mode is Mode.OFF, (self.mode, self.tick.controller.machine.cause)
+
     @property
     def mode(self) -> Mode:
         """The controller's."""
@@ -162,7 +191,7 @@ def lockstep_rig(
         arm = SimulatedArm(description, settings, bus.far.send, hand_script=hand, on_event=on_event)
         lockstep = Lockstep(arm, bus.far)
         arm.power_on()
-        boot = replace(build_boot(robot, bus.near), listen_s=0.0)
+        boot = replace(build_boot(robot, bus.near), listen_s=0.0, sleep=lockstep.let_pass)
         with lockstep.serving():
             boot.boot_up()
         bus.hand_over()

@@ -121,4 +121,6 @@ def served_daemon(
         serials = [identity.serial for identity in rig.boot.identities]
         rig.run(0.1)
         process = Process(rig.robot, 1, [], serials)
-        yield ServedDaemon(rig, Service(process, loop, control, notifier))
+        service = Service(process, loop, control, notifier, rig.boot)
+        service.set_up.by_sdo = rig.by_sdo
+        yield ServedDaemon(rig, service)

@@ -12,7 +12,7 @@ import multiprocessing
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from random import Random
 
@@ -37,7 +37,6 @@ from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
-from drivers.boot.boot_up import DriveBoot
 from drivers.can.wire import Wire
 from errors import ContactdError
 
@@ -72,22 +71,6 @@ def simulate_hours(seed: int, hours: float, jobs: int) -> list[Part]:
 
 def _simulate(seed: int, hours: float) -> Part:
     return run_lockstep(seed, hours, Progress(f"lockstep, seed {seed}"))
-
-
-class _LockstepBoot(DriveBoot):
-    """Sets drives up again while the simulated ones answer from a thread."""
-
-    rig: Rig
-
-    def renew(
-        self,
-        joints: Sequence[int],
-        meanwhile: Callable[[], None] = lambda: None,
-        progress: Callable[[str], None] = lambda line: None,
-    ) -> None:
-        """Stand in for `DriveBoot.renew`."""
-        with self.rig.lockstep.serving():
-            super().renew(joints, meanwhile, progress)
 
 
 class _Visitor:
@@ -183,10 +166,9 @@ def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
     c = rig.robot.configuration
     loop = Loop(rig.tick, rig.clock(), c.period_s)
     # The clock of the rig starts at zero, as the loop's does.
-    boot = _LockstepBoot(rig.boot.bus, rig.boot.setups, c.period_ms, c.bus.master_node)
-    boot.identities = rig.boot.identities
-    boot.rig = rig
-    return Service(Process(rig.robot, os.getpid(), []), loop, control, notifier, boot)
+    service = Service(Process(rig.robot, os.getpid(), []), loop, control, notifier, rig.boot)
+    service.set_up.by_sdo = rig.by_sdo
+    return service
 
 
 def _soak(

@@ -82,8 +82,12 @@ class Identified(Settings, frozen=True):
 
 def fingerprint(c: Configuration, urdf: str) -> str:
     """SHA-256 of everything in a configuration that changes what the measurements mean: drives,
-    wiring, torque constants, period, URDF. Limits, gains and old values do not."""
-    about = (c.drives, [(j.name, j.wiring, j.torque_constant) for j in c.joints], c.period_ms, urdf)
+    wiring, torque constants, period, URDF. Limits, gains and old values do not; nor does which
+    product may answer, for a drive is known by its serial number."""
+    drives = msgspec.to_builtins(c.drives)
+    for profile in drives.values():
+        del profile["any_product"]
+    about = (drives, [(j.name, j.wiring, j.torque_constant) for j in c.joints], c.period_ms, urdf)
     return hashlib.sha256(msgspec.json.encode(about, order="sorted")).hexdigest()
 
 

@@ -15,13 +15,14 @@ from daemon.protocol.socket_path import Peer
 from daemon.service.journal import LogLimit
 from daemon.service.notify import Notifier
 from daemon.service.permission import Answer, Permission
+from daemon.service.set_up import SetUp
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process, snapshot_of, status_of
 from daemon.service.upload import TrajectoryUpload
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import state_of
 from drivers.boot.boot_up import DriveBoot
-from errors import ContactdError, TrajectoryError
+from errors import TrajectoryError
 
 # Keyed so that mypy names a new command that `handle` forgets.
 EVENT_OF_COMMAND: dict[
@@ -74,17 +75,25 @@ class Service:
     loop: Loop
     control: ControlSocket
     notifier: Notifier
-    boot: DriveBoot | None = None  # None: the drives cannot be set up again from here
+    boot: DriveBoot
     on_fault: Callable[[str], None] = lambda text: None
     ending: bool = False  # the arm is being brought to rest for good
     dock: TrajectoryUpload = field(init=False)
     permission: Permission = field(init=False)
+    set_up: SetUp = field(init=False)
     _limit: LogLimit = field(default_factory=LogLimit)
 
     def __post_init__(self) -> None:
         c = self.process.robot.configuration
         self.dock = TrajectoryUpload(c.joint_names, limits_of(c), c.trajectory.ramp_s)
         self.permission = Permission(self.loop.tick)
+        self.set_up = SetUp(
+            self.boot,
+            self.loop.tick,
+            lambda: self.loop.time_s,
+            lambda: self.notifier.ticked(self.loop.now_s),
+            self.loop.resume,
+        )
         self.control.on_close = self._on_close
 
     # --- after every tick -------------------------------------------------------------------
@@ -125,7 +134,6 @@ class Service:
             return self._reply(request, misplaced)
         if self.ending and request.command not in AT_THE_END:
             return self._reply(request, ["the daemon is ending"])
-        controller = self.loop.tick.controller
         who = str(Owner(peer.uid, peer.pid))
         match request.command:
             case "status":
@@ -144,9 +152,7 @@ class Service:
             case command:
                 path = self.dock.take(peer.connection) if request.loaded else None
                 event = EVENT_OF_COMMAND[command]
-                reasons = self._renewed() if event is Event.RESET else []
-                reasons = reasons or controller.request(event, who, self.loop.time_s, path)
-                reply = self._reply(request, reasons)
+                reply = self._reply(request, self.set_up.request(event, who, path))
         return reply
 
     def _reply(self, request: Request, reasons: Sequence[str] = (), done: str = "") -> Reply:
@@ -179,9 +185,10 @@ class Service:
         self.permission.expire(self.loop.time_s, peer.connection)
 
     def _status(self) -> Status:
-        identities = self.boot.identities if self.boot else ()
         permit = self.permission.permit(self.loop.time_s)
-        return status_of(self.process, self.loop, identities, permit, len(self.control.readers))
+        return status_of(
+            self.process, self.loop, self.boot.identities, permit, len(self.control.readers)
+        )
 
     def _load(self, request: Request, peer: Peer) -> Reply:
         try:
@@ -199,28 +206,3 @@ class Service:
             return self._reply(request, ["it takes a `joint` and a `gain`"])
         reasons = self.loop.tick.controller.set_gain(joint, gain, who)
         return self._reply(request, reasons, f"{joint} {gain:g} rad/s per Nm")
-
-    def _renewed(self) -> list[str]:
-        """Set drives up again that need it before a reset; returns why that failed.
-
-        By SDO, so no tick happens meanwhile: the arm stands in quick stop or without torque. The
-        watchdog is fed as long as drives answer or are given up.
-        """
-        tick = self.loop.tick
-        joints = tick.drives.unfit() if tick.controller.faulted else []
-        if not joints:
-            return []
-        if self.boot is None:
-            names = ", ".join(tick.drives.names[i] for i in joints)
-            return [f"these drives have lost their set-up, start the daemon again: {names}"]
-        try:
-            self.boot.renew(joints, lambda: self.notifier.ticked(self.loop.now_s), _log.info)
-        except ContactdError as error:
-            tick.drives.listen_again(self.loop.time_s)
-            return str(error).splitlines()
-        else:
-            tick.drives.start(self.loop.time_s)
-            tick.arming_checks.renewed(joints)
-            return []
-        finally:
-            self.loop.resume()

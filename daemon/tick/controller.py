@@ -20,7 +20,7 @@ from daemon.motion.admittance import MAX_GAIN, Allowance, AllowanceSettings
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
 from daemon.tick.refusals import leaves_limits, not_energisable, not_startable
-from drivers.cia402 import PowerTarget
+from drivers.cia402 import PowerTarget, in_words
 
 # How long a reset may take until a drive's fault counts as a new one [s].
 RESET_PATIENCE_S = 0.5
@@ -36,6 +36,7 @@ class ControlInput:
     touched: str  # the contact that lasts, in words; empty without one
     hit: str  # the collision that began in this tick, likewise
     operating: tuple[bool, ...]  # which drives are in operation enabled
+    statuswords: tuple[int, ...]
     findings: tuple[Finding, ...]
     age_s: Vector | None = None  # of q; None where every sample came in time
     play: Vector | float = 0.0  # how far links may fall down and up in their gaps, (2, n) [rad]
@@ -101,8 +102,7 @@ class Controller:
         configured trajectory from its beginning.
         """
         place = self.next_place(path)
-        reasons = self._refusals(event, place)
-        if reasons:
+        if reasons := self.refusals(event, path):
             return reasons
         what = ""
         if event is Event.START:
@@ -146,8 +146,9 @@ class Controller:
         self.motion.gains.change(i, gain)
         return []
 
-    def _refusals(self, event: Event, place: Place) -> list[str]:
-        mode, observed = self.machine.mode, self._observed
+    def refusals(self, event: Event, path: JointPath | None = None) -> list[str]:
+        """Reasons why `request` would refuse; empty if it would not."""
+        mode, observed, place = self.machine.mode, self._observed, self.next_place(path)
         if not self.machine.can(event):
             return [f"cannot {event.value}: {refusal(mode, event.value)}"]
         if event in (Event.ENABLE, Event.START, Event.RESET) and observed is None:
@@ -223,7 +224,7 @@ class Controller:
                 self._apply(Event.ENERGISED, "drives enabled", time_s)
             elif elapsed > self._tuning.enable_timeout_s:
                 text = f"the drives were not enabled within {self._tuning.enable_timeout_s:g} s"
-                self._apply(Event.TIMEOUT, text, time_s)
+                self._apply(Event.TIMEOUT, f"{text}: {self._not_enabled(observed)}", time_s)
         elif mode is Mode.STOPPING:
             fresh = observed.age_s is None
             still = np.abs(observed.motor_velocity) < STANDSTILL_SPEED
@@ -242,6 +243,10 @@ class Controller:
             elif elapsed > self.motion.line_duration_s + self._tuning.stop_timeout_s:
                 text = f"the arm did not get back to its trajectory within {elapsed:.1f} s"
                 self._apply(Event.TIMEOUT, text, time_s)
+
+    def _not_enabled(self, observed: ControlInput) -> str:
+        drives = zip(self._tuning.joints, observed.operating, observed.statuswords, strict=True)
+        return ", ".join(f"{name} is in {in_words(word)}" for name, on, word in drives if not on)
 
     def _progress_yielding(self, time_s: float, observed: ControlInput) -> None:
         if bound := self._allowance.bound_reached(observed.q):

@@ -171,6 +171,7 @@ class Tick:
             touched=touched,
             hit=hit,
             operating=tuple(state is DriveState.OPERATION_ENABLED for state in samples.states),
+            statuswords=samples.statuswords,
             findings=findings,
             age_s=None if updated else np.multiply(samples.age_ticks, self._period_s),
             play=self.estimator.transmission.play(estimate.phi, estimate.phi_sigma),

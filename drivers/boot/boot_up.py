@@ -8,16 +8,18 @@ some drives let go of the loss of their master (0x8130) only so.
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import can
 import canopen
 
+from drivers.boot.heard_frames import HeardFrames
 from drivers.boot.identity import DriveIdentity
 from drivers.boot.required_objects import DriveSetup, check_drive, lacks, wanted
 from drivers.boot.sdo import ObjectAccess, sdo_network
 from drivers.boot.steps import SET_UP, TOGETHER, WAKE, BootingDrive, Step
+from drivers.boot.verification import all_wanted, deviations
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.frame_ring import FrameRing
 from drivers.can.wire import OpenBus
@@ -51,8 +53,12 @@ class DriveBoot:
     """keeps the frames"""
     listen_s: float = LISTEN_S
     """for another master, before the start"""
+    sleep: Callable[[float], None] = time.sleep
+    """lets time pass between two looks at a drive"""
     identities: tuple[DriveIdentity, ...] = ()
     """of the drives that were set up at the start"""
+    heard: HeardFrames = field(default_factory=HeardFrames)
+    """what came while drives were verified or set up again"""
 
     def boot_up(self, progress: Progress = lambda line: None) -> None:
         """Set all drives up, read back, and leave them pre-operational; `progress` gets lines for
@@ -67,6 +73,28 @@ class DriveBoot:
         refuse_other_master(self.bus.python_can, self.master_node, self.listen_s)
         with sdo_network(self.bus.python_can, self.ring) as network:
             self.identities = self._bring_up(network, self.setups, progress)
+
+    def verify(
+        self, joints: Sequence[int], meanwhile: Meanwhile = lambda: None
+    ) -> dict[int, list[str]]:
+        """Read what the drives of some joints must hold, and write nothing; for each that does not
+        hold it, what that is, in words.
+
+        While the arm stands and nobody ticks, as for `renew`. A drive that does not answer does not
+        hold it. Raises BusError.
+        """
+        found: dict[int, list[str]] = {}
+        with sdo_network(self.bus.python_can, self.ring, self.heard) as network:
+            beat = self._beat(network, meanwhile)
+            for i in joints:
+                setup = self.setups[i]
+                timeout_s = AGAIN_SHARE * setup.drive.profile.sdo_timeout_ms / 1000.0
+                access = self._access(network, setup, timeout_s, beat)
+                rows = all_wanted(setup, self.period_ms, self.master_node)
+                identity = self.identities[i] if self.identities else None
+                if problems := deviations(setup, access, rows, identity):
+                    found[i] = problems
+        return found
 
     def renew(
         self,
@@ -83,10 +111,9 @@ class DriveBoot:
         the start: what was judged of the arm then was not of it.
         """
         begun = time.monotonic()
-        patience_s = min(setup.drive.profile.master_timeout_ms for setup in self.setups) / 1000.0
         chosen = [self.setups[i] for i in joints]
-        with sdo_network(self.bus.python_can, self.ring) as network:
-            beat = _Beat(network, self.master_node, patience_s / BEATS, meanwhile)
+        with sdo_network(self.bus.python_can, self.ring, self.heard) as network:
+            beat = self._beat(network, meanwhile)
             found = self._bring_up(network, chosen, progress, AGAIN_SHARE, beat)
         for i, identity in zip(joints, found, strict=True):
             if self.identities and identity != self.identities[i]:
@@ -97,6 +124,10 @@ class DriveBoot:
         names = ", ".join(setup.drive.name for setup in chosen)
         took_ms = 1000.0 * (time.monotonic() - begun)
         progress(f"set up again in {took_ms:.0f} ms without a tick: {names}")
+
+    def _beat(self, network: canopen.Network, meanwhile: Meanwhile) -> "_Beat":
+        patience_s = min(setup.drive.profile.master_timeout_ms for setup in self.setups) / 1000.0
+        return _Beat(network, self.master_node, patience_s / BEATS, meanwhile)
 
     def let_go(self) -> None:
         """After the last tick: tell the drives to mind no master's heartbeat any more
@@ -141,8 +172,9 @@ class DriveBoot:
             access = self._access(network, setup, share * timeout_s, meanwhile)
             rows = wanted(setup, self.period_ms, self.master_node)
             booted = _listen_for_boot_up(network, setup.drive.node)
+            patience_s = STEP_TIMEOUTS * timeout_s
             drives.append(
-                BootingDrive(setup, access, rows, STEP_TIMEOUTS * timeout_s, booted, meanwhile)
+                BootingDrive(setup, access, rows, patience_s, booted, meanwhile, self.sleep)
             )
         for step in TOGETHER:
             for drive in drives:
@@ -154,6 +186,9 @@ class DriveBoot:
                 progress(f"drive profile {name}: {remark}")
         for drive in drives:
             _set_up(drive, progress)
+        for drive in drives:
+            if drive.booted.is_set():
+                raise DriveError(f"{drive.setup} restarted while the drives were set up")
         return tuple(drive.identity for drive in drives if drive.identity is not None)
 
 
@@ -179,6 +214,7 @@ def refuse_other_master(bus: can.BusABC, master_node: int, listen_s: float) -> N
 def _set_up(drive: BootingDrive, progress: Progress) -> None:
     """The steps of one drive after the other's, and how long they took."""
     begun = time.monotonic()
+    drive.booted.clear()
     for step in SET_UP:
         _run(step, drive)
     for remark in drive.remarks:

@@ -49,6 +49,13 @@ def find_object(
     return sheet.get_variable(index, subindex)
 
 
+def makers_numbers(sheet: canopen.ObjectDictionary) -> dict[str, int]:
+    """VendorNumber and ProductNumber of an EDS, as far as it says them: 0 says nothing."""
+    about = sheet.device_information
+    numbers = {"VendorNumber": about.vendor_number, "ProductNumber": about.product_number}
+    return {name: number for name, number in numbers.items() if number}
+
+
 def type_name(variable: ODVariable) -> str:
     """Name of a type as the configuration spells it; other types by their number."""
     return _TYPES.get(variable.data_type, f"type {variable.data_type}")

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
+from drivers.boot.data_sheet import makers_numbers
 from drivers.boot.required_objects import CYCLIC_SYNCHRONOUS_VELOCITY, DriveSetup, rated_object
 from drivers.boot.sdo import ObjectAccess
 from errors import DriveError
@@ -33,8 +34,8 @@ class DriveIdentity:
 
 
 def identify(setup: DriveSetup, access: ObjectAccess) -> DriveIdentity:
-    """Raises DriveError if it is no CiA 402 drive, another one than configured, has other ratings
-    or no cyclic synchronous velocity."""
+    """Raises DriveError if it is no CiA 402 drive, another product than the EDS's, another drive
+    than configured, has other ratings or no cyclic synchronous velocity."""
     device_profile = access.read(0x1000) & 0xFFFF
     if device_profile != _CIA_402:
         raise DriveError(
@@ -46,6 +47,7 @@ def identify(setup: DriveSetup, access: ObjectAccess) -> DriveIdentity:
         access.read(0x1018, sub) if access.has(0x1018, sub) else None for sub in (2, 3, 4)
     )
     drive = setup.drive
+    _refuse_other_product(setup, vendor, product)
     if drive.wiring.serial is not None and serial != drive.wiring.serial:
         raise DriveError(
             f"{setup} is another drive: object 0x1018:04 says serial number {serial}, configured "
@@ -60,6 +62,23 @@ def identify(setup: DriveSetup, access: ObjectAccess) -> DriveIdentity:
         )
     _refuse_other_rating(setup, access)
     return DriveIdentity(drive.name, drive.node, vendor, product, revision, serial, device)
+
+
+def _refuse_other_product(setup: DriveSetup, vendor: int, product: int | None) -> None:
+    """What an EDS says of its own product may not hold for another, and nothing would show it."""
+    profile = setup.drive.profile
+    if profile.any_product:
+        return
+    numbers = makers_numbers(setup.data_sheet)
+    for name, subindex, found in (("VendorNumber", 1, vendor), ("ProductNumber", 2, product)):
+        expected = numbers.get(name)
+        if expected is not None and found is not None and found != expected:
+            raise DriveError(
+                f"{setup} is another product than that of {profile.eds}: object 0x1018:"
+                f"{subindex:02X} says 0x{found:X}, {name} there is 0x{expected:X}; give "
+                f"drives.{setup.drive.wiring.profile}.eds the EDS of this drive, or set "
+                f"drives.{setup.drive.wiring.profile}.any_product to true"
+            )
 
 
 def _refuse_other_rating(setup: DriveSetup, access: ObjectAccess) -> None:

@@ -1,15 +1,80 @@
-"""PDOs of one drive by SDO: everything that it has off, then ours mapped and on (CiA 301)."""
+"""PDOs of one drive by SDO: everything that it has off, then ours mapped and on (CiA 301).
 
+What the objects of the PDOs shall hold is data, so that what is written at a set-up and what is
+read to prove one cannot differ.
+"""
+
+from dataclasses import dataclass
 from typing import Final
 
-from drivers.boot.required_objects import DriveSetup
+from drivers.boot.data_sheet import find_object
+from drivers.boot.required_objects import DriveSetup, Wanted
 from drivers.boot.sdo import ObjectAccess
 from drivers.codec import Pdo, receive_pdos, transmit_pdos
 from errors import DriveError
 
 _PDO_DISABLED: Final = 1 << 31
+# Whether remote requests are answered is the drive's own choice.
 _NO_RTR: Final = 1 << 30
 _EVERY_SYNC: Final = 1
+
+
+@dataclass(frozen=True, slots=True)
+class WantedPdo:
+    """What the objects of one PDO of ours shall hold. `flags` go with its COB-ID when it is
+    written."""
+
+    cob_id: Wanted
+    transmission: Wanted
+    fields: tuple[Wanted, ...]
+    count: Wanted
+    flags: int
+
+    @property
+    def rows(self) -> tuple[Wanted, ...]:
+        """All of them."""
+        return (self.cob_id, self.transmission, *self.fields, self.count)
+
+
+def wanted_pdos(setup: DriveSetup) -> tuple[list[WantedPdo], list[Wanted]]:
+    """Our PDOs, and all others that the drive has, which shall be off."""
+    drive = setup.drive
+    ours = [_wanted(pdo, 0x1400, 0) for pdo in receive_pdos(drive)] + [
+        _wanted(pdo, 0x1800, _NO_RTR) for pdo in transmit_pdos(drive)
+    ]
+    used = {pdo.cob_id.index for pdo in ours}
+    others = [
+        _off(communication)
+        for first in (0x1400, 0x1800)
+        for communication in range(first, first + 0x200)
+        if communication not in used and find_object(setup.data_sheet, communication, 1) is not None
+    ]
+    return ours, others
+
+
+def _wanted(pdo: Pdo, first: int, flags: int) -> WantedPdo:
+    communication = first + pdo.number - 1
+    mapping = communication + 0x200
+    name = f"{'RPDO' if first == 0x1400 else 'TPDO'} {pdo.number}"
+    return WantedPdo(
+        _row(communication, 1, pdo.cob_id, f"COB-ID of {name}", ~_NO_RTR),
+        _row(communication, 2, _EVERY_SYNC, f"{name} with every SYNC"),
+        tuple(
+            _row(mapping, number, part.index << 16 | part.subindex << 8 | part.bits,
+                 f"{part.entry} in {name}")
+            for number, part in enumerate(pdo.fields, start=1)
+        ),
+        _row(mapping, 0, len(pdo.fields), f"objects in {name}"),
+        flags,
+    )  # fmt: skip
+
+
+def _off(communication: int) -> Wanted:
+    return _row(communication, 1, _PDO_DISABLED, "a PDO that is off", _PDO_DISABLED)
+
+
+def _row(index: int, subindex: int, value: int, meaning: str, mask: int = -1) -> Wanted:
+    return Wanted("PDO mapping", index, subindex, value, meaning, mask=mask)
 
 
 def map_pdos(setup: DriveSetup, access: ObjectAccess) -> None:
@@ -18,51 +83,52 @@ def map_pdos(setup: DriveSetup, access: ObjectAccess) -> None:
     What the EDS calls read-only is compared: a drive with fixed PDOs comes up if they are ours.
     Raises DriveError if it does not hold what it was told.
     """
-    ours = [(0x1400 + pdo.number - 1, pdo, 0) for pdo in receive_pdos(setup.drive)] + [
-        (0x1800 + pdo.number - 1, pdo, _NO_RTR) for pdo in transmit_pdos(setup.drive)
-    ]
-    fixed = {index for index, _, _ in ours if not access.writable(index, 1)}
-    for first in (0x1400, 0x1800):
-        for communication in range(first, first + 0x200):
-            if access.has(communication, 1) and communication not in fixed:
-                _disable(setup, access, communication)
-    for communication, pdo, flags in ours:
-        _map(setup, access, pdo, communication, flags)
+    ours, others = wanted_pdos(setup)
+    changed = [_off(pdo.cob_id.index) for pdo in ours if _writable(access, pdo.cob_id)]
+    for row in sorted([*changed, *others], key=lambda row: row.index):
+        _disable(setup, access, row)
+    for pdo in ours:
+        _map(setup, access, pdo)
 
 
-def _disable(setup: DriveSetup, access: ObjectAccess, communication: int) -> None:
-    held = access.read(communication, 1)
-    if access.writable(communication, 1):
-        access.write_only(communication, 1, held | _PDO_DISABLED)
-        held = access.read(communication, 1)
-    if not held & _PDO_DISABLED:
+def _disable(setup: DriveSetup, access: ObjectAccess, row: Wanted) -> None:
+    held = access.read(row.index, row.subindex)
+    if _writable(access, row):
+        access.write_only(row.index, row.subindex, held | _PDO_DISABLED)
+        held = access.read(row.index, row.subindex)
+    if not row.holds(held):
         raise DriveError(
-            f"{setup}: object 0x{communication:04X}:01 reads 0x{held:08X}: the PDO stays enabled"
+            f"{setup}: object 0x{row.index:04X}:{row.subindex:02X} reads {row.shown(held)}: the "
+            "PDO stays enabled"
         )
 
 
-def _map(setup: DriveSetup, access: ObjectAccess, pdo: Pdo, communication: int, flags: int) -> None:
-    mapping = communication + 0x200
-    access.hold(communication, 2, _EVERY_SYNC)
-    if access.writable(mapping, 0):
-        access.write(mapping, 0, 0)
-    for number, part in enumerate(pdo.fields, start=1):
-        access.hold(mapping, number, part.index << 16 | part.subindex << 8 | part.bits)
-    access.hold(mapping, 0, len(pdo.fields))
-    _enable(setup, access, pdo.cob_id, communication, flags)
+def _map(setup: DriveSetup, access: ObjectAccess, pdo: WantedPdo) -> None:
+    _hold(access, pdo.transmission)
+    if _writable(access, pdo.count):
+        access.write(pdo.count.index, 0, 0)
+    for row in (*pdo.fields, pdo.count):
+        _hold(access, row)
+    _enable(setup, access, pdo)
 
 
-def _enable(
-    setup: DriveSetup, access: ObjectAccess, cob_id: int, communication: int, flags: int
-) -> None:
-    verb = "must be"
-    if access.writable(communication, 1):
-        access.write_only(communication, 1, cob_id | flags)
+def _hold(access: ObjectAccess, row: Wanted) -> None:
+    access.hold(row.index, row.subindex, row.value)
+
+
+def _enable(setup: DriveSetup, access: ObjectAccess, pdo: WantedPdo) -> None:
+    row, verb = pdo.cob_id, "must be"
+    value = row.value | pdo.flags
+    if _writable(access, row):
+        access.write_only(row.index, row.subindex, value)
         verb = "was written"
-    # Whether remote requests are answered is the drive's own choice.
-    held = access.read(communication, 1)
-    if held & ~_NO_RTR != cob_id:
+    held = access.read(row.index, row.subindex)
+    if not row.holds(held):
         raise DriveError(
-            f"{setup}: object 0x{communication:04X}:01 {verb} 0x{cob_id | flags:08X}, "
-            f"reads 0x{held:08X}"
+            f"{setup}: object 0x{row.index:04X}:{row.subindex:02X} {verb} {row.shown(value)}, "
+            f"reads {row.shown(held)}"
         )
+
+
+def _writable(access: ObjectAccess, row: Wanted) -> bool:
+    return access.writable(row.index, row.subindex)

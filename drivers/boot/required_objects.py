@@ -8,7 +8,7 @@ from typing import Final, Literal
 import canopen
 from canopen.objectdictionary import ODArray
 
-from drivers.boot.data_sheet import find_object, type_name, value_range
+from drivers.boot.data_sheet import find_object, makers_numbers, type_name, value_range
 from drivers.codec import WORDS, Pdo, receive_pdos, transmit_pdos
 from drivers.drive import Drive
 from drivers.ids import EMERGENCY, SYNC
@@ -16,6 +16,8 @@ from drivers.settings import DriveProfile, ObjectValue
 from errors import ConfigurationError
 
 CYCLIC_SYNCHRONOUS_VELOCITY: Final = 9
+#: Some drives show a mode only when they are in operation: 0 until then.
+MODES_SHOWN: Final = (0, CYCLIC_SYNCHRONOUS_VELOCITY)
 STAY_OPERATIONAL: Final = 1  # 0x1029:1, so that PDOs tell what the drive does after our silence
 STOP_ON_SILENCE: Final = 3  # 0x6007: quick stop; at 0 a drive moves on when its master has died
 RAMP_THEN_HOLD: Final = 6  # 0x605A: decelerate by 0x6085, stay in quick stop active
@@ -30,7 +32,7 @@ PDO_OBJECTS: Final = range(0x1400, 0x1C00)
 
 _IN_STEPS: Final = "it follows setpoints as its maker chose"
 
-Group = Literal["communication", "stopping", "mode", "limits", "own objects"]
+Group = Literal["communication", "stopping", "mode", "limits", "own objects", "PDO mapping"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,7 @@ class Wanted:
     """A value that an object shall hold. What the EDS calls read-only is only compared.
 
     without: what a drive does that has no such object; empty, and the drive is refused.
+    mask: the bits that count; the others are the drive's own.
     """
 
     group: Group
@@ -63,11 +66,20 @@ class Wanted:
     value: int
     meaning: str
     without: str = ""
+    mask: int = -1
 
     @property
     def where(self) -> str:
         """For people: `object 0x6007:00 (stop when the master falls silent)`."""
         return f"object 0x{self.index:04X}:{self.subindex:02X} ({self.meaning})"
+
+    def holds(self, held: int) -> bool:
+        """True if a drive that holds this holds what is wanted."""
+        return held & self.mask == self.value
+
+    def shown(self, held: int) -> str:
+        """A value of it for people: of a PDO's parameters in hexadecimal."""
+        return f"0x{held:08X}" if self.group == "PDO mapping" else str(held)
 
 
 def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
@@ -125,6 +137,16 @@ def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
     ):
         if find_object(sheet, index, subindex) is None:
             found.append(f"without object 0x{index:04X}:{subindex:02X}: {follows}")
+    told = makers_numbers(sheet)
+    if find_object(sheet, 0x1018, 2) is None:
+        told["ProductNumber"] = 0
+        found.append("without object 0x1018:02: which product it is is not compared")
+    found += [
+        f"its EDS has no {name}: {what} is not compared"
+        for name, what in (("VendorNumber", "whose drive it is"),
+                           ("ProductNumber", "which product it is"))
+        if name not in told
+    ]  # fmt: skip
     return found
 
 

@@ -32,15 +32,19 @@ LONGEST_ANSWER: Final = 256
 
 
 @contextmanager
-def sdo_network(bus: can.BusABC, ring: FrameRing | None = None) -> Iterator[canopen.Network]:
+def sdo_network(
+    bus: can.BusABC, ring: FrameRing | None = None, heard: can.Listener | None = None
+) -> Iterator[canopen.Network]:
     """A canopen network on an open bus; leaving it stops its reader, and keeps the bus open.
 
-    `ring` keeps the frames of both directions."""
+    `ring` keeps the frames of both directions, `heard` gets all that come."""
     network = canopen.Network(bus)
     if ring is not None:
         keep = RingListener(ring)
         network = _KeptNetwork(bus, keep)
         network.listeners.append(keep)
+    if heard is not None:
+        network.listeners.append(heard)
     reader = can.Notifier(bus, network.listeners, timeout=_READER_CYCLE_S)
     try:
         yield network

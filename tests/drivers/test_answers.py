@@ -6,7 +6,7 @@ import pytest
 from bench.rigs.scripted_wire import PERIOD_S, N, everything, frame, tick, tpdos
 from drivers.cia402 import DriveState
 from drivers.drives import Drives
-from drivers.events import LateAnswer
+from drivers.events import UNKNOWN_CODE, Emergency, LateAnswer
 
 
 def test_reading_ends_with_the_last_tpdo(scripted, drives):
@@ -66,10 +66,25 @@ def test_the_arm_recovers_at_once_from_drives_that_were_late(scripted, drives):
 
 
 def test_short_frames_are_counted_and_not_believed(scripted, drives):
-    samples = tick(drives, scripted, [frame(0x181, b"\x27"), frame(0x703), frame(0x83, b"\1")])
-    assert drives.counters.short_frames == 3
+    samples = tick(drives, scripted, [frame(0x181, b"\x27"), frame(0x703)])
+    assert drives.counters.short_frames == 2
     assert samples.statuswords[0] == -1
     assert samples.events == ()
+
+
+@pytest.mark.parametrize(
+    ("data", "code", "words"),
+    [
+        (b"\x10\x23", 0x2310, "0x2310 (over-current), error register 0x00"),
+        (b"\x10", UNKNOWN_CODE, "of unknown code, the message is cut short"),
+        (b"", UNKNOWN_CODE, "of unknown code, the message is cut short"),
+    ],
+)
+def test_an_emergency_that_is_cut_short_is_one(scripted, drives, data, code, words):
+    samples = tick(drives, scripted, [frame(0x83, data)])
+    assert samples.events == (Emergency(3, code, 0),)
+    assert str(samples.events[0]) == words
+    assert drives.counters.short_frames == 1
 
 
 def test_an_answer_that_comes_twice_for_one_sync_was_old(scripted, drives):

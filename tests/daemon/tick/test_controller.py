@@ -149,8 +149,11 @@ def test_drives_that_do_not_follow_time_out() -> None:
     bench.request(Event.ENABLE)
     bench.run(2.9, operating=(True, False))
     assert bench.mode is Mode.ENABLING
-    bench.run(0.2, operating=(True, False))
+    bench.run(0.2, operating=(True, False), statuswords=(0x0237, 0x0250))
     assert bench.mode is Mode.OFF
+    assert bench.cause == (
+        "the drives were not enabled within 3 s: b is in switch on disabled (statusword 0x0250)"
+    )
 
 
 def test_an_arm_that_does_not_stop_is_a_fault(tracking: IdealArm) -> None:

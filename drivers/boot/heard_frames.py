@@ -1,0 +1,47 @@
+"""Frames that come while drives are set up by SDO, kept for the tick after it.
+
+An emergency, a boot-up message or another master's SYNC that comes while nobody ticks is as true as
+any other. Answers to SDO are not kept, nor TPDOs: they are old by then.
+"""
+
+from typing import Final
+
+import can
+
+from drivers.can.wire import Frame, frame_of
+from drivers.ids import NEXT_PDO, NODE, SDO_ANSWER, TPDO
+
+#: Different frames; the same one again takes no more room.
+MOST: Final = 512
+_NOT_KEPT: Final = frozenset({SDO_ANSWER, *(TPDO + number * NEXT_PDO for number in range(4))})
+
+
+class HeardFrames(can.Listener):
+    """Keeps each frame once, in the order in which they came last: who follows them ends up knowing
+    what is true now. Filled by python-can's thread; to be taken when that has ended."""
+
+    def __init__(self) -> None:
+        self.dropped = 0
+        """Frames for which there was no room, since the last `take`."""
+        self._frames: dict[tuple[int, bytes], None] = {}
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """Called by python-can's Notifier, in its thread."""
+        can_id, data = frame_of(msg)
+        if can_id & ~NODE in _NOT_KEPT:
+            return
+        key = can_id, bytes(data)
+        known = key in self._frames
+        if not known and len(self._frames) >= MOST:
+            self.dropped += 1
+            return
+        if known:
+            del self._frames[key]
+        self._frames[key] = None
+
+    def take(self) -> list[Frame]:
+        """What was heard, which is forgotten here."""
+        frames: list[Frame] = list(self._frames)
+        self._frames.clear()
+        self.dropped = 0
+        return frames

@@ -1,0 +1,223 @@
+"""Set-up proved by reading it back: what a drive lost or was told by others is named, repaired, and
+one reset is enough."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from bench.rigs.breakable_arm import (
+    DESK,
+    DURAND,
+    MAKES,
+    ROMEO_ARM,
+    BreakableArm,
+    Fault,
+    Make,
+    stage,
+)
+from bench.rigs.drive_faults import (
+    another_product,
+    left_operational,
+    locked,
+    locked_and_slow,
+    mode_changed,
+    pdo_mapped_anew,
+    reboot,
+    restarts_unheard,
+)
+from bench.rigs.lines import LINES
+from daemon.modes.table import Event, Mode
+from drivers.cia402 import FAULT_STATES
+from drivers.events import ForeignMaster
+from drivers.ids import EMERGENCY, SYNC
+
+STANDS = 0.02  # [rad/s]
+FAULTS: dict[str, Fault] = {
+    "restarts": reboot,
+    "restarts unheard": restarts_unheard,
+    "leaves operational": left_operational,
+    "mode changed": mode_changed,
+    "PDO turned off": pdo_mapped_anew,
+    "locked": locked,
+    "locked and slow": locked_and_slow,
+}
+EXCLUDED = {
+    ("mode changed", "durand"): "its motor follows in any mode",
+    ("locked and slow", "durand"): "its stack boots at once",
+}
+IN_MOTION = [
+    pytest.param(make, fault, id=f"{make.name}, {name}")
+    for make in MAKES
+    for name, fault in FAULTS.items()
+    if (name, make.name) not in EXCLUDED
+]
+
+
+@pytest.fixture
+def on(make: Make) -> Iterator[BreakableArm]:
+    with stage(make) as on:
+        yield on
+
+
+def enable(on: BreakableArm) -> None:
+    """From off, as for a client."""
+    assert on.rig.ask(Event.ENABLE) == []
+    on.run(0.5)
+    assert on.rig.mode is Mode.HOLDING, on.rig.tick.controller.machine.cause
+
+
+def begin(on: BreakableArm) -> None:
+    """From off: enabled, and all joints moving."""
+    enable(on)
+    on.rig.request(Event.START)
+    on.run(0.25)
+    assert on.rig.mode is Mode.TRACKING, on.rig.tick.controller.machine.cause
+
+
+def goes_wrong(on: BreakableArm, fault: Fault, seconds: float = 1.5) -> None:
+    """Until it is found, or something else is, and the arm has stopped."""
+    going = fault(on)
+    for i in range(round(seconds / on.period_s)):
+        next(going)
+        if i == 80 and on.rig.mode is Mode.TRACKING:
+            on.say(EMERGENCY + on.drives[-1].node, bytes([0x10, 0x42, 1, 0, 0, 0, 0, 0]))
+        on.tick()
+    assert on.rig.mode is Mode.FAULTED
+    assert on.speed < STANDS or on.make is DURAND  # which does nothing by itself (0x6007)
+
+
+@pytest.mark.parametrize(("make", "fault"), IN_MOTION)
+def test_one_reset_is_enough(on: BreakableArm, fault: Fault) -> None:
+    begin(on)
+    goes_wrong(on, fault)
+    on.rig.reset()
+    assert not [state for state in on.rig.samples.states if state in FAULT_STATES]
+    enable(on)
+
+
+@pytest.mark.parametrize("wire", [name for name in LINES if name != "virtual"])
+def test_over_every_wire(wire: str) -> None:
+    with stage(ROMEO_ARM, LINES[wire]) as on:
+        begin(on)
+        goes_wrong(on, restarts_unheard)
+        on.rig.reset()
+        begin(on)
+
+
+WORDS = {
+    "restarts unheard": "object 0x1016:01 (watch the master's heartbeat) reads 0, must be",
+    "mode changed": "object 0x6060:00 (cyclic synchronous velocity) reads {mode}, must be 9: ",
+    "PDO turned off": "object 0x1400:01 (COB-ID of RPDO 1) reads 0x80000",
+}
+
+
+@pytest.mark.parametrize("make", MAKES, ids=lambda make: make.name)
+@pytest.mark.parametrize("name", WORDS)
+def test_what_changed_while_off_is_named_and_repaired_at_enable(
+    on: BreakableArm, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    fault = FAULTS[name](on)
+    next(fault)
+    on.tick()
+    next(fault)
+    assert on.rig.mode is Mode.OFF
+    caplog.clear()
+    assert on.rig.ask(Event.ENABLE) == []
+    mode = {"romeo": 0, "desk arm": 3, "durand": 1}[on.make.name]
+    where = f"node {on.drive.node} ({on.drive.name}): {WORDS[name].format(mode=mode)}"
+    assert where in caplog.text
+    on.run(0.5)
+    assert on.rig.mode is Mode.HOLDING, on.rig.tick.controller.machine.cause
+
+
+@pytest.mark.parametrize("make", MAKES, ids=lambda make: make.name)
+def test_drives_that_hold_all_are_only_read(on: BreakableArm) -> None:
+    """Not one object is written, and no drive is told to leave operational."""
+    written, told = [], []
+    for drive in on.rig.arm.drives:
+        if hasattr(drive, "objects"):
+            drive.objects.written = written.append
+        on_nmt = drive.on_nmt
+        drive.on_nmt = lambda command, go=on_nmt: (told.append(command), go(command))  # type: ignore[method-assign]
+    reasons = on.rig.set_up.prove()
+    assert reasons == []
+    assert written == []
+    on.rig.lockstep.pump()
+    assert set(told) <= {1}
+
+
+@pytest.mark.parametrize("make", [ROMEO_ARM], ids=lambda make: make.name)
+def test_while_tracking_enable_is_refused_and_nothing_is_read(
+    on: BreakableArm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin(on)
+    monkeypatch.setattr(on.rig.boot, "bus", None)  # whoever would use it fails
+    assert "enable" in on.rig.ask(Event.ENABLE)[0]
+    assert "reset" in on.rig.ask(Event.RESET)[0]
+
+
+@pytest.mark.parametrize("make", MAKES, ids=lambda make: make.name)
+def test_another_product_in_its_place_keeps_the_fault(on: BreakableArm) -> None:
+    begin(on)
+    goes_wrong(on, another_product)
+    (reason,) = on.rig.ask(Event.RESET)
+    name = "another product" if on.make is not DURAND else "another drive than at the start"
+    assert f"{on.drive.name}" in reason
+    assert name in reason
+    on.run(0.2)
+    assert on.rig.mode is Mode.FAULTED
+
+
+@pytest.mark.parametrize("make", [ROMEO_ARM, DESK], ids=lambda make: make.name)
+def test_what_other_drives_say_during_a_reset_is_judged_after_it(on: BreakableArm) -> None:
+    """An emergency of a healthy drive, and another master's SYNC, come while one is set up."""
+    begin(on)
+    goes_wrong(on, reboot)
+    other = next(drive for drive in on.drives if drive is not on.drive)
+    renew = type(on.rig.boot).renew
+
+    def disturbed(boot: object, *args: object) -> None:
+        on.say(EMERGENCY + other.node, bytes([0x10, 0x23, 1, 0, 0, 0, 0, 0]))
+        on.say(EMERGENCY + on.drive.node, bytes([0x20, 0x82, 1, 0, 0, 0, 0, 0]))
+        on.say(SYNC)
+        renew(boot, *args)  # type: ignore[arg-type]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(type(on.rig.boot), "renew", disturbed)
+        assert on.rig.ask(Event.RESET) == []
+    on.tick()
+    told = [str(finding) for finding in on.rig.last.findings]
+    assert any(f"({other.name}): 0x2310 (over-current)" in text for text in told)
+    assert not any("0x8220" in text for text in told), "that of its lost mapping is over"
+    assert ForeignMaster(SYNC) in on.rig.samples.events
+    assert on.rig.mode is Mode.FAULTED
+
+
+@pytest.mark.parametrize("make", [ROMEO_ARM, DESK], ids=lambda make: make.name)
+def test_a_moving_drive_stops_before_it_is_set_up(on: BreakableArm) -> None:
+    """As at a start after a crash, with drives that do not mind the silence."""
+    begin(on)
+    moving = np.abs(on.rig.arm.plant.theta_dot).max()
+    assert moving > 0.05
+    lines: list[str] = []
+    with on.rig.by_sdo():
+        on.rig.boot.boot_up(lines.append)
+    assert on.speed < 0.02
+    assert {drive.state.name for drive in on.rig.arm.drives} == {"QUICK_STOP_ACTIVE"}
+    assert sum("was found in operation enabled" in line for line in lines) == len(on.drives)
+
+
+@pytest.mark.parametrize("make", [ROMEO_ARM], ids=lambda make: make.name)
+def test_a_drive_that_does_not_stop_is_not_set_up(on: BreakableArm) -> None:
+    begin(on)
+    drive = on.simulated
+    drive.axis.on_controlword = lambda: None  # type: ignore[method-assign]
+    drive.put(0x1016, 1, 0)  # nor does it mind the silence
+    before = dict(drive.objects.values)
+    with pytest.raises(Exception, match=r"does not stop: 0\.\d+ s after a quick stop it is in "
+                       r"operation enabled \(statusword 0x\w+\) and moves at [+-]0\.\d+ rad/s; "
+                       "step `standstill`"), on.rig.by_sdo():  # fmt: skip
+        on.rig.boot.boot_up()
+    changed = {k >> 8 for k, v in drive.objects.values.items() if before[k] != v}
+    assert changed <= {0x6040, 0x6041, 0x6064, 0x606C, 0x6077, 0x6078, 0x60E4}
