@@ -10,6 +10,7 @@ from daemon.config.motion import limits_of, row, sinusoids_of
 from daemon.config.schema import Configuration
 from daemon.faults.detector import DetectorSettings, FaultDetector
 from daemon.faults.following import Following, FollowingSettings
+from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility, PlausibilitySettings
 from daemon.modes.contact_reactions import Reactions
 from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
@@ -138,6 +139,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
         patience,
         Plausibility(c.joint_names, bounds),
         Following(following, c.period_s),
+        IgnoredSetpoints(bounds.current),
     )
 
 

@@ -1,6 +1,5 @@
 """An arm in lockstep, and what can be broken about it: where faults are made to happen."""
 
-import struct
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
@@ -22,6 +21,7 @@ from drivers.cia402 import FAULT_STATES, QUICK_STOP
 from drivers.codec import receive_pdos
 from drivers.drive import Drive
 from drivers.ids import SYNC
+from drivers.stop_stages import worst_travel
 from simulator.drive import Drive as SimulatedDrive
 from simulator.sensors import Readings
 from simulator.state_machine import State
@@ -105,12 +105,6 @@ class BreakableArm:
             )
         )
 
-    def write_object(self, index: int, subindex: int, size: int, value: int) -> None:
-        """Write an object of the disturbed drive by SDO, as somebody else's tool does."""
-        command = 0x23 | (4 - size) << 2
-        data = struct.pack("<BHBI", command, index, subindex, value & 0xFFFF_FFFF)
-        self.simulated.on_sdo(data)
-
     def tick(self) -> None:
         """One tick of the daemon, on time or late."""
         rig, self.wire.sent[:] = self.rig, []
@@ -163,12 +157,39 @@ class BreakableArm:
 
     @property
     def stops(self) -> bool:
-        """True if the last tick sent a quick stop to every drive that is set up."""
-        words = [word for word, _ in self.setpoints().values()]
-        unset = self.rig.tick.drives.restarted()
-        return len(words) == len(self.drives) - len(unset) and all(
-            word & 0x0F in (0, QUICK_STOP) for word in words
-        )
+        """True if the last tick told every drive to stop that is set up, and none to move (others
+        are told by SDO); or if nothing but silence is left."""
+        if self.rig.tick.drives.silenced:
+            return True
+        setpoints, drives = self.setpoints(), self.rig.tick.drives
+        by_sdo = {
+            node
+            for name, node in zip(drives.names, drives.nodes, strict=True)
+            if name in drives.restarted()
+        }
+        halted = {
+            node
+            for node, (word, counts) in setpoints.items()
+            if word & 0x0F in (0, QUICK_STOP) and not counts
+        }
+        return setpoints.keys() == halted and halted | by_sdo == set(drives.nodes)
+
+    @property
+    def mute(self) -> bool:
+        """True while the bus takes no frame of ours."""
+        return self.wire.sending is not None or self.wire.queue is not None
+
+    @property
+    def joints(self) -> np.ndarray:
+        """True positions of motors and links, one row each (2, n) [rad at the link]."""
+        return np.array((self.rig.arm.plant.theta, self.rig.arm.plant.q))
+
+    @property
+    def travel(self) -> np.ndarray:
+        """How far each joint may go after a fault, as `contactd check` prints it (n,) [rad]."""
+        c = self.rig.robot.configuration
+        travels = worst_travel(self.drives, c.period_s, c.supervisor.stale_ticks)
+        return np.array([travel.total for travel in travels])
 
     @property
     def speed(self) -> float:
@@ -284,10 +305,10 @@ def start(on: BreakableArm, *, armed: bool) -> None:
 def restore(on: BreakableArm) -> None:
     """Off, with the arm where it was at first, and no fault latched."""
     on.run(0.05)
-    on.until(Mode.OFF, Event.RESET if on.rig.mode is Mode.FAULTED else Event.DISABLE)
+    if on.rig.mode is not Mode.FAULTED:
+        on.until(Mode.OFF, Event.DISABLE)
     on.rig.arm.plant.place(on.first_pose)
     on.run(0.05)
     if on.rig.mode is Mode.FAULTED:
         # Motors without encoders, that were moved unseen, are apart from their links until a reset.
-        on.until(Mode.OFF, Event.RESET)
-        on.run(0.05)
+        on.rig.reset()

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
+from drivers.codec import receive_pdos
 from drivers.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT, START_NODE
 from simulator.state_machine import Trigger
 
@@ -67,9 +68,14 @@ def mode_changed(on: BreakableArm) -> Iterator[None]:
     yield from for_ever()
 
 
-def pdo_mapped_anew(on: BreakableArm) -> Iterator[None]:
-    """Somebody else's tool turns an RPDO off."""
-    _write(on, 0x1400, 0x23, 1 << 31 | 0x200 + on.drive.node, 1)
+def rpdo_off(on: BreakableArm) -> Iterator[None]:
+    """Somebody else's tool turns the RPDO off that brings the target velocity."""
+    (pdo,) = [
+        pdo
+        for pdo in receive_pdos(on.drive)
+        if any(field.entry == "target_velocity" for field in pdo.fields)
+    ]
+    _write(on, 0x1400 + pdo.number - 1, 0x23, 1 << 31 | pdo.cob_id, 1)
     yield from for_ever()
 
 
@@ -146,7 +152,7 @@ def deaf_to_sync(on: BreakableArm) -> Iterator[None]:
 
 def sync_moved(on: BreakableArm) -> Iterator[None]:
     """Somebody's tool gives SYNC another identifier in this drive (0x1005)."""
-    on.write_object(0x1005, 0, 4, 0x81)
+    _write(on, 0x1005, 0x23, 0x81)
     yield from for_ever()
 
 

@@ -40,7 +40,12 @@ from bench.rigs.drive_faults import (
     fault_bit,
     heartbeat_lost,
     left_operational,
+    locked,
+    locked_and_slow,
+    mode_changed,
     reboot,
+    restarts_unheard,
+    rpdo_off,
     runaway,
     stone_deaf,
     sync_moved,
@@ -84,10 +89,13 @@ class Case:
     fault: Fault
     ticks: int
     armed: bool = True
-    recovers: bool = True
-    """Whether `reset` and `enable` are enough once its cause is gone."""
     before: tuple[Condition, ...] = ()
     """What is found of it sooner, and latched."""
+    provable: bool = True
+    """Whether anything can say that the drive stands; else only silence is left."""
+    driven: bool = False
+    """Whether a hand, or the drive itself, moves a joint faster than it is ever told to move: then
+    it may go further than `contactd check` prints."""
     frames: bool = False
     """Whether it is made, or shows, in frames: then every wire has to carry it."""
 
@@ -103,13 +111,13 @@ CASES = (
     Case("under-voltage", _C.EMERGENCY, emergency(UNDER_VOLTAGE), 1, frames=True),
     Case("fault bit", _C.DRIVE_FAULT, fault_bit, 1, frames=True),
     Case("emergency stop of a drive", _C.DRIVE_DROPPED, emergency_stop, 1, frames=True),
-    Case("drive deaf to setpoints", _C.NOT_FOLLOWING, deaf_to_setpoints, 45, recovers=False),
+    Case("drive deaf to setpoints", _C.NOT_FOLLOWING, deaf_to_setpoints, 45),
     Case(
         "... and to SDO",
         _C.NOT_SEEN_TO_STOP,
         deaf_to_sdo_too,
         60,
-        recovers=False,
+        provable=False,
         before=(_C.NOT_FOLLOWING,),
     ),
     Case(
@@ -117,14 +125,26 @@ CASES = (
         _C.UNPROVED,
         deaf_to_nmt_too,
         70,
-        recovers=False,
+        provable=False,
         before=(_C.NOT_FOLLOWING, _C.NOT_SEEN_TO_STOP),
     ),
-    Case("drive stone-deaf", _C.STALE, stone_deaf, 3, recovers=False),
-    Case("drive leaves operational", _C.STALE, left_operational, 3, recovers=False, frames=True),
-    Case("drive restarts", _C.REBOOTED, reboot, 1, recovers=False, frames=True),
+    Case("drive stone-deaf", _C.STALE, stone_deaf, 3, provable=False),
+    Case(
+        "drive leaves operational",
+        _C.STALE,
+        left_operational,
+        3,
+        before=(_C.DRIVE_DROPPED,),
+        frames=True,
+    ),
+    Case("drive restarts", _C.REBOOTED, reboot, 1, frames=True),
+    Case("... unheard, and starts by itself", _C.STALE, restarts_unheard, 3, frames=True),
+    Case("drive locked in 0x8130", _C.EMERGENCY, locked, 1, frames=True),
+    Case("... and slow to boot", _C.EMERGENCY, locked_and_slow, 1, frames=True),
+    Case("mode changed by a tool (0x6060)", _C.IGNORES_SETPOINT, mode_changed, 4),
+    Case("RPDO turned off by a tool", _C.NOT_FOLLOWING, rpdo_off, 60),
     Case("drive deaf to SYNC", _C.STALE, deaf_to_sync, 3),
-    Case("SYNC moved by a tool (0x1005)", _C.STALE, sync_moved, 3, recovers=False),
+    Case("SYNC moved by a tool (0x1005)", _C.STALE, sync_moved, 3),
     Case("SYNC lost", _C.STALE, sync_lost, 3, frames=True),
     Case("foreign SYNC", _C.FOREIGN_MASTER, foreign_sync, 1, frames=True),
     Case("foreign NMT command", _C.FOREIGN_MASTER, foreign_nmt, 1, frames=True),
@@ -138,8 +158,8 @@ CASES = (
     Case("... for 30 ms", _C.BUS_OFF, bus_off_for(0.03), 1, frames=True),
     Case("... for 80 ms", _C.BUS_OFF, bus_off_for(0.08), 1, frames=True),
     Case("... for 400 ms", _C.BUS_OFF, bus_off_for(0.4), 1, frames=True),
-    Case("unheard for 80 ms", _C.BUS_TROUBLE, unheard_for(0.08), 5, frames=True),
-    Case("unheard for 400 ms", _C.BUS_TROUBLE, unheard_for(0.4), 5, frames=True),
+    Case("unheard for 80 ms", _C.STALE, unheard_for(0.08), 3, frames=True),
+    Case("unheard for 400 ms", _C.STALE, unheard_for(0.4), 3, frames=True),
     Case("NaN in the estimate", _C.NOT_FINITE, not_a_number, 1),
     Case("infinite reference", _C.NOT_FINITE, infinite_reference, 2),
     Case("encoder jump of 0.2 rad", _C.JUMP, encoder_jump, 1),
@@ -147,8 +167,8 @@ CASES = (
     Case("gear slips at 0.8 rad/s", _C.APART, gear_slips, 9),
     Case("current stuck", _C.TORQUE_STUCK, torque_stuck, 150, armed=False),
     Case("current at its limit", _C.TORQUE_SATURATED, torque_saturated, 20, armed=False),
-    Case("hit of 9 Nm", _C.RESIDUAL_LIMIT, hit_hard, 15),
-    Case("drive runs away", _C.OVERSPEED, runaway, 15),
+    Case("hit of 9 Nm", _C.RESIDUAL_LIMIT, hit_hard, 15, driven=True),
+    Case("drive runs away", _C.OVERSPEED, runaway, 15, driven=True),
     Case("pushed beyond a limit", _C.JOINT_LIMIT, pushed_beyond_a_limit, 100),
     Case("one late tick", _C.LATE, late(0.012), 1),
     Case("8 late ticks", _C.OVERRUN, late_ticks, 5),
@@ -157,11 +177,13 @@ CASES = (
     Case("stood still for 150 ms", _C.ABSENT, late(0.150), 1),
     Case("stood still for 300 ms", _C.ABSENT, late(0.300), 1),
     Case("stood still for 3 s", _C.ABSENT, late(3.0), 1),
-    Case("adapter gone", _C.ADAPTER_GONE, adapter_gone, 1, recovers=False, frames=True),
+    Case("adapter gone", _C.ADAPTER_GONE, adapter_gone, 1, frames=True),
 )
 
 NO_FRAMES = "the daemon alone makes it, or a sensor: the frames are ordinary ones"
 
+_NO_SWITCH = "the stack has no switch for it; the wire loses SYNC for all in another case"
+_NO_BIT_12 = "its statusword does not say whether it follows"
 _NO_6007 = "the stack does nothing by itself when it leaves NMT operational (0x6007)"
 _NO_PLANT = "its motor follows its setpoints at once: there is nothing that could be pushed"
 
@@ -171,10 +193,15 @@ EXCLUDED: dict[tuple[str, str], str] = {
     "collision level, which stops the arm before",
     ("PDOs missing in turn", "durand"): "one drive has none to take turns with",
     ("drive deaf to setpoints", "durand"): _NO_6007,
-    ("... and to quick stops", "durand"): _NO_6007,
+    ("... and to SDO", "durand"): _NO_6007,
     ("... and to NMT", "durand"): _NO_6007,
     ("drive stone-deaf", "durand"): _NO_6007,
     ("drive leaves operational", "durand"): _NO_6007,
+    ("drive deaf to SYNC", "durand"): _NO_SWITCH,
+    ("stood still for 90 ms", "desk arm"): "its drives wait for 120 ms",
+    ("... and slow to boot", "durand"): "the stack boots at once",
+    ("SYNC moved by a tool (0x1005)", "desk arm"): "its drives have no object for it",
+    ("mode changed by a tool (0x6060)", "durand"): _NO_BIT_12,
     ("current at its limit", "durand"): "what nothing bears is a residual beyond its limit",
     ("hit of 9 Nm", "durand"): _NO_PLANT,
     ("drive runs away", "durand"): _NO_PLANT,
@@ -184,9 +211,6 @@ EXCLUDED: dict[tuple[str, str], str] = {
     ("error-passive", "slcan"): "slcan has no error frames",
     ("bus-off", "slcan"): "slcan has no error frames",
 }
-
-# (case, make): drives that lock when they have lost their master so long, until set up again.
-LOCKS = frozenset({("network down", "desk arm"), ("stood still for 150 ms", "desk arm")})
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,11 +245,6 @@ class Trial:
         alike = NO_FRAMES if place.wire != "virtual" and not self.case.frames else ""
         where = (place.make.name, place.wire)
         return next(filter(None, (EXCLUDED.get((name, each)) for each in where)), alike)
-
-    @property
-    def recovers(self) -> bool:
-        """True if `reset` and `enable` are enough once its cause is gone."""
-        return self.case.recovers and (self.case.name, self.place.make.name) not in LOCKS
 
 
 PLACES = tuple(Place(make, wire) for make in MAKES for wire in LINES)

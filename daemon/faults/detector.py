@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.faults.following import Following
+from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility
 from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import SENSING, Mode
@@ -43,11 +44,13 @@ class FaultDetector:
         settings: DetectorSettings,
         plausibility: Plausibility,
         following: Following,
+        ignored: IgnoredSetpoints,
     ) -> None:
         """joints: by node, in the order of the arm."""
         self._joints, self._names = dict(joints), tuple(joints.values())
         self._settings = settings
         self._plausibility, self._following = plausibility, following
+        self._ignored = ignored
         self._missed_in_row = 0  # deadlines
         self._disturbed = 0.0  # ticks with a disturbance, less a share of those without
         self._since_late = settings.stale_ticks  # ticks
@@ -80,6 +83,7 @@ class FaultDetector:
         if self._mode is Mode.FAULTED and mode is not Mode.FAULTED:
             # A person has looked at it: what is now is the truth.
             self._plausibility.restart()
+            self._ignored.restart()
             self._incomplete = 0
         self._mode = mode
         if mode not in SENSING:
@@ -178,3 +182,5 @@ class FaultDetector:
             for joint in np.flatnonzero(not_following).tolist():
                 figures = self._following.figures(joint)
                 yield Finding(Condition.NOT_FOLLOWING, self._names[joint], figures)
+            for joint in self._ignored.joints(samples.states, samples.statuswords, samples.current):
+                yield Finding(Condition.IGNORES_SETPOINT, self._names[joint])

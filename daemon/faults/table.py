@@ -44,6 +44,7 @@ class Condition(StrEnum):
     DRIVE_FAULT = "drive fault"
     DRIVE_DROPPED = "drive left operation"
     NOT_FOLLOWING = "drive does not follow"
+    IGNORES_SETPOINT = "drive ignores its setpoint"
     NOT_SEEN_TO_STOP = "drive not seen to stop"
     UNPROVED = "drive not proved to stand"
     REBOOTED = "drive restarted"
@@ -146,6 +147,16 @@ TABLE: Final[dict[Condition, Row]] = {
         "the drive sends, but seems not to hear us, or to have gone its own way",
         "close other tools on the bus, then `contactctl reset`; a drive with a soft velocity loop "
         "needs a larger margin: docs/porting.md, step 8",
+    ),
+    _C.IGNORES_SETPOINT: Row(
+        _R.QUICK_STOP,
+        "drives",
+        "a drive in operation clears the bit that says that it follows its command (12 of the "
+        "statusword) for three ticks, with less than half of its current; only of drives that have "
+        "set it",
+        "somebody's tool has chosen another mode of operation, or halted it: it does what it likes",
+        "close other tools on the bus, then `contactctl reset`: the log says which object was "
+        "changed, and the drive is set up again",
     ),
     _C.NOT_SEEN_TO_STOP: Row(
         _R.QUICK_STOP,

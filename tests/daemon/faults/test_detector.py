@@ -8,6 +8,7 @@ import pytest
 from daemon.faults.detector import CONDITION_OF, DISTURBANCES, DetectorSettings, FaultDetector
 from daemon.faults.finding import Finding, strongest
 from daemon.faults.following import TICKS, Following, FollowingSettings
+from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility, PlausibilitySettings
 from daemon.faults.table import Condition, Response
 from daemon.modes.table import SENSING, Mode
@@ -81,7 +82,9 @@ def detector() -> FaultDetector:
     settings = DetectorSettings(stale_ticks=3, overrun_ticks=5)
     following = FollowingSettings(deviation=0.2 * two, current=two, lag_s=0.01)
     plausibility = Plausibility(list(JOINTS.values()), bounds)
-    return FaultDetector(JOINTS, settings, plausibility, Following(following, T))
+    return FaultDetector(
+        JOINTS, settings, plausibility, Following(following, T), IgnoredSetpoints(two)
+    )
 
 
 @pytest.mark.parametrize("mode", sorted(SENSING))

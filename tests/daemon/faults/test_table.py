@@ -42,6 +42,7 @@ CHECKS = {
         Condition.DRIVE_FAULT,
         Condition.DRIVE_DROPPED,
         Condition.NOT_FOLLOWING,
+        Condition.IGNORES_SETPOINT,
         Condition.NOT_SEEN_TO_STOP,
         Condition.UNPROVED,
     },

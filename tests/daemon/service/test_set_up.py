@@ -22,9 +22,9 @@ from bench.rigs.drive_faults import (
     locked,
     locked_and_slow,
     mode_changed,
-    pdo_mapped_anew,
     reboot,
     restarts_unheard,
+    rpdo_off,
 )
 from bench.rigs.lines import LINES
 from daemon.modes.table import Event, Mode
@@ -38,7 +38,7 @@ FAULTS: dict[str, Fault] = {
     "restarts unheard": restarts_unheard,
     "leaves operational": left_operational,
     "mode changed": mode_changed,
-    "PDO turned off": pdo_mapped_anew,
+    "PDO turned off": rpdo_off,
     "locked": locked,
     "locked and slow": locked_and_slow,
 }

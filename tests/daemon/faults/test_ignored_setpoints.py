@@ -1,0 +1,52 @@
+"""Drives that say that they do not follow their command."""
+
+import numpy as np
+import pytest
+
+from daemon.faults.ignored_setpoints import FOLLOWS, IGNORED_TICKS, IgnoredSetpoints
+from drivers.cia402 import DriveState
+
+ON, STOPS = DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE
+FOLLOWING, IGNORING = 0x0237 | FOLLOWS, 0x0237
+LITTLE = np.array([0.1, -0.1])
+
+
+@pytest.fixture
+def watch() -> IgnoredSetpoints:
+    return IgnoredSetpoints(np.array([2.0, 2.0]))
+
+
+def ticks(watch, n, words, states=(ON, ON), current=LITTLE):
+    return [watch.joints(states, words, current) for _ in range(n)]
+
+
+def test_it_is_told_while_it_lasts(watch) -> None:
+    assert ticks(watch, 5, (FOLLOWING, FOLLOWING)) == [[]] * 5
+    expected = [[]] * (IGNORED_TICKS - 1) + [[1]] * 2
+    assert ticks(watch, IGNORED_TICKS + 1, (FOLLOWING, IGNORING)) == expected
+    assert ticks(watch, 1, (FOLLOWING, FOLLOWING)) == [[]]
+    assert ticks(watch, 1, (FOLLOWING, IGNORING)) == [[]], "counted anew"
+
+
+def test_a_drive_without_the_bit_is_not_judged_by_it(watch) -> None:
+    assert ticks(watch, 20, (FOLLOWING, IGNORING)) == [[]] * 20
+
+
+def test_a_drive_at_its_limit_is_not_in_another_mode(watch) -> None:
+    ticks(watch, 1, (FOLLOWING, FOLLOWING))
+    limited = np.array([0.1, -1.0])
+    assert ticks(watch, 20, (FOLLOWING, IGNORING), current=limited) == [[]] * 20
+
+
+def test_a_drive_that_is_not_in_operation_has_nothing_to_follow(watch) -> None:
+    ticks(watch, 1, (FOLLOWING, FOLLOWING))
+    assert ticks(watch, 20, (FOLLOWING, 0x0207), states=(ON, STOPS)) == [[]] * 20
+    ticks(watch, IGNORED_TICKS - 1, (FOLLOWING, IGNORING))
+    ticks(watch, 1, (FOLLOWING, 0x0207), states=(ON, STOPS))
+    assert ticks(watch, 1, (FOLLOWING, IGNORING)) == [[]], "counted anew"
+
+
+def test_after_a_reset_other_drives_may_be_there(watch) -> None:
+    ticks(watch, 1, (FOLLOWING, FOLLOWING))
+    watch.restart()
+    assert ticks(watch, 20, (IGNORING, IGNORING)) == [[]] * 20
