@@ -1,7 +1,6 @@
 """Set-up proved by reading it back: what a drive lost or was told by others is named, repaired, and
 one reset is enough."""
 
-import logging
 from collections.abc import Iterator
 
 import numpy as np
