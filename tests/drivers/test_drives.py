@@ -423,10 +423,10 @@ def test_what_is_known_of_a_drive_outlasts_the_set_up_of_another(scripted, drive
     both = [frame(0x703, b"\0"), frame(0x702, b"\0")]
     tick(drives, scripted, [*both, *everything()], 0.02)
     tick(drives, scripted, [frame(0x704, b"\5"), *everything()], 0.2)
-    assert drives.unfit() == [*range(N)][:3] + [4, 5, 6], "all but node 4 are silent"
+    assert drives.unfit() == [0, 1, 2, 4, 5, 6], "all but node 4 are silent"
     drives.start(0.5, [2, 4])
     assert drives.unfit() == [0, 1, 5, 6]
-    assert [event for event in tick(drives, scripted, everything(), 0.51).events] == []
+    assert tick(drives, scripted, everything(), 0.51).events == ()
     assert drives.restarted() == (drives.names[1],)
 
 

@@ -141,7 +141,7 @@ def test_another_serial_number(bench, setups):
 @pytest.mark.parametrize(
     ("subindex", "says"),
     [
-        (1, r"0x1018:01 says 0x999, VendorNumber there is 0xC0DAC7; give drives\.two_encoder_drive"),
+        (1, r"0x1018:01 says 0x999, VendorNumber there is 0xC0DAC7; give drives\.two_"),
         (2, r"0x1018:02 says 0x999, ProductNumber there is 0x402; .* or set "
          r"drives\.two_encoder_drive\.any_product to true; step `identity`"),
     ],
