@@ -20,7 +20,7 @@ from drivers.can.wire import Wire
 from drivers.cia402 import FAULT_STATES, QUICK_STOP
 from drivers.codec import receive_pdos
 from drivers.drive import Drive
-from drivers.ids import SYNC
+from drivers.ids import EMERGENCY, SYNC
 from drivers.stop_stages import worst_travel
 from simulator.drive import Drive as SimulatedDrive
 from simulator.sensors import Readings
@@ -308,7 +308,11 @@ def restore(on: BreakableArm) -> None:
     if on.rig.mode is not Mode.FAULTED:
         on.until(Mode.OFF, Event.DISABLE)
     on.rig.arm.plant.place(on.first_pose)
+    if on.rig.samples.motor_position is None and on.rig.mode is not Mode.FAULTED:
+        # Motors without encoders, that were moved unseen, are apart from their links until a reset.
+        on.say(EMERGENCY + on.drive.node, b"\x10\x43\1\0\0\0\0\0")
+        on.tick()
+        on.say(EMERGENCY + on.drive.node, bytes(8))
     on.run(0.05)
     if on.rig.mode is Mode.FAULTED:
-        # Motors without encoders, that were moved unseen, are apart from their links until a reset.
         on.rig.reset()

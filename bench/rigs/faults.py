@@ -182,6 +182,7 @@ CASES = (
 
 NO_FRAMES = "the daemon alone makes it, or a sensor: the frames are ordinary ones"
 
+_NO_ERRORS = "slcan has no error frames"
 _NO_SWITCH = "the stack has no switch for it; the wire loses SYNC for all in another case"
 _NO_BIT_12 = "its statusword does not say whether it follows"
 _NO_6007 = "the stack does nothing by itself when it leaves NMT operational (0x6007)"
@@ -208,8 +209,11 @@ EXCLUDED: dict[tuple[str, str], str] = {
     ("pushed beyond a limit", "durand"): _NO_PLANT,
     ("network down", "socketcand"): "only a network interface goes down; this one is gone then",
     ("network down", "slcan"): "only a network interface goes down; this one is gone then",
-    ("error-passive", "slcan"): "slcan has no error frames",
-    ("bus-off", "slcan"): "slcan has no error frames",
+    ("error-passive", "slcan"): _NO_ERRORS,
+    ("bus-off", "slcan"): _NO_ERRORS,
+    ("... for 30 ms", "slcan"): _NO_ERRORS,
+    ("... for 80 ms", "slcan"): _NO_ERRORS,
+    ("... for 400 ms", "slcan"): _NO_ERRORS,
 }
 
 

@@ -33,8 +33,9 @@ from errors import ControlError, TrajectoryError, UnreachableError
 MAX_PACKET_BYTES = 2 << 20
 
 _RETRY_S = 0.01
-# Drives that are set up again may have to boot.
-RESET_PATIENCE_S = 30.0
+# Before these all drives are read, and those that are set up again may have to boot.
+SLOW_COMMANDS = frozenset({"enable", "reset"})
+SLOW_PATIENCE_S = 30.0
 
 T = TypeVar("T")
 
@@ -75,9 +76,9 @@ class Client:
 
     def ask(self, request: Request) -> Reply:
         """Send a request with its arguments and wait for the answer, which may be a refusal."""
-        if request.command != "reset":
+        if request.command not in SLOW_COMMANDS:
             return self._ask(request)
-        self._socket.settimeout(max(RESET_PATIENCE_S, self._timeout_s))
+        self._socket.settimeout(max(SLOW_PATIENCE_S, self._timeout_s))
         try:
             return self._ask(request)
         finally:

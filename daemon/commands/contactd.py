@@ -2,6 +2,7 @@
 # ruff: noqa: PLC0415 - each command imports what it needs, so that `--help` starts at once
 
 import sys
+import traceback
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import click
 
 from daemon.commands.options import PATH, Range
-from errors import ContactdError
+from errors import ContactdError, ProgramError
 
 CONFIG = click.argument("config", type=PATH)
 SOCKET = click.option(
@@ -26,7 +27,8 @@ PORT = click.option(
 
 
 class _Group(click.Group):
-    """Group that turns our errors into a message on stderr and their exit status."""
+    """Group that turns our errors into a message on stderr and their exit status, and all others
+    into a traceback and that of a program error."""
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -38,6 +40,11 @@ class _Group(click.Group):
             for line in str(error).splitlines():
                 click.echo(head + line, err=True)
             ctx.exit(error.exit_code)
+        except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
+            raise
+        except Exception:
+            click.echo(traceback.format_exc(), err=True, nl=False)
+            ctx.exit(ProgramError.exit_code)
 
 
 class _InOrder(click.Group):

@@ -157,7 +157,8 @@ def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
 def _counts(c: Configuration) -> Iterator[Problem]:
     for i, joint in enumerate(c.joints):
         profile = c.drives.get(joint.wiring.profile)
-        for entry, what in unrepresentable(joint, profile) if profile else ():
+        margin = c.supervisor.speed_margin
+        for entry, what in unrepresentable(joint, profile, margin) if profile else ():
             keys, where = _at(i, joint, "wiring")
             yield Problem(keys, where, f"{joint.wiring.profile}.{entry}: {what}")
 

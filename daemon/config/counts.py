@@ -10,23 +10,32 @@ from drivers.settings import DriveProfile, PdoEntry
 COARSEST = 0.25
 
 
-def unrepresentable(joint: Joint, profile: DriveProfile) -> Iterator[tuple[str, str]]:
-    """(quantity, reason) for each quantity of a joint that the counts of its drive cannot hold."""
+def unrepresentable(
+    joint: Joint, profile: DriveProfile, speed_margin: float
+) -> Iterator[tuple[str, str]]:
+    """(quantity, reason) for each quantity of a joint that the counts of its drive cannot hold.
+
+    Velocities are held up to `speed_margin` times the limit: a motor whose counts end sooner is
+    never seen to be too fast.
+    """
     drive, limits = drive_of(joint, profile), joint.limits
-    spans: tuple[tuple[PdoEntry, float, float, str], ...] = (
-        ("target_velocity", -limits.velocity, limits.velocity, "rad/s"),
-        ("motor_velocity", -limits.velocity, limits.velocity, "rad/s"),
-        ("link_position", limits.lower, limits.upper, "rad"),
-    )
-    for entry, *span, unit in spans:
+    fastest = speed_margin * limits.velocity
+    of_speed = f"{speed_margin:g} (supervisor.speed_margin) times limits.velocity is"
+    spans: tuple[tuple[PdoEntry, float, float, str, str], ...] = (
+        ("target_velocity", -fastest, fastest, "rad/s", f"{of_speed} {fastest:g}"),
+        ("motor_velocity", -fastest, fastest, "rad/s", f"{of_speed} {fastest:g}"),
+        ("link_position", limits.lower, limits.upper, "rad",
+         f"the limits are {limits.lower:g} and {limits.upper:g}"),
+    )  # fmt: skip
+    for entry, low, high, unit, allowed in spans:
         where = quantity(profile, entry)
         gain, bias = link_side(drive, entry)
         lowest, highest = sorted(gain * counts + bias for counts in type_limits(where.type))
-        if not lowest <= min(span) <= max(span) <= highest:
+        if not lowest <= low <= high <= highest:
             yield (
                 entry,
                 f"{where.type} counts reach from {lowest:.4g} to {highest:.4g} {unit} at the link; "
-                f"the limits are {min(span):g} and {max(span):g}",
+                f"{allowed}",
             )
     step = abs(link_side(drive, "target_velocity")[0])
     if step > COARSEST * limits.velocity:

@@ -37,6 +37,8 @@ FORMATS: Final = (".blf", ".log", ".asc")
 # Emergencies and whatever else is on the bus take room, too.
 MARGIN: Final = 1.2
 _PATIENCE_S: Final = 10.0
+#: A daemon that ends for a fault is wanted again: so long it waits for its log at most [s].
+FAULTED_PATIENCE_S: Final = 1.0
 _ENDED: Final = b"ended\n"
 _log = logging.getLogger("contactd")
 
@@ -95,13 +97,14 @@ class BlackBox:
                 _log.warning("the black box does not hear: %s", error)
 
     def close(self, *, orderly: bool) -> None:
-        """Let the helper end; wait for a log that it still writes."""
+        """Let the helper end; wait for a log that it still writes, after a fault not for long: the
+        helper goes on alone, and what it cannot end is saved at the next start."""
         if self._helper and self._helper.stdin:
             if orderly:
                 self.tell(_ENDED.decode().strip())
             self._helper.stdin.close()
             try:
-                self._helper.wait(_PATIENCE_S)
+                self._helper.wait(_PATIENCE_S if orderly else FAULTED_PATIENCE_S)
             except subprocess.TimeoutExpired:
                 _log.warning("the black box is still being written")
         if self.ring:

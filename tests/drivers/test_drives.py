@@ -317,12 +317,16 @@ def test_no_frame_makes_an_exception(joint_drives, ticks):
     drives.start(0.0)
     for k, frames in enumerate(ticks, start=1):
         samples = tick(drives, bus, frames, k * PERIOD_S)
+        bus.sent.clear()
         drives.command(PowerTarget.ON, np.full(N, 0.1))
         assert len(samples.events) <= EVENTS_PER_TICK
         assert samples.age_ticks.max() <= k
-        moved = {cob_id - 0x201 for cob_id, data in bus.sent[-N:] if data[2:] != bytes(4)}
+        sent = {cob_id - 0x201: data for cob_id, data in bus.sent}
+        unset = {drives.names.index(name) for name in drives.restarted()}
+        assert set(sent) == set(range(N)) - unset
+        moved = {joint for joint, data in sent.items() if data[2:] != bytes(4)}
         in_operation = {i for i in range(N) if samples.states[i] is DriveState.OPERATION_ENABLED}
-        assert moved == in_operation
+        assert moved == in_operation - unset
 
 
 def test_a_new_start_forgets_what_was_before(scripted, drives):
@@ -349,3 +353,86 @@ def test_a_drive_is_unfit_for_a_reset_when_it_forgot_is_silent_or_locked(scripte
     over = [frame(0x80 + 4, struct.pack("<HB", 0, 0)), frame(0x702, b"\5")]
     tick(drives, scripted, [*over, *everything(0x08)], 0.16)
     assert drives.unfit() == [*range(N)], "silent for three heartbeats, or still unset"
+
+
+# -- drives that are set up again, and those that are not ------------------------------------------
+
+
+def receivers(scripted):
+    return sorted(cob_id for cob_id, _ in scripted.sent if cob_id & 0x780 == 0x200)
+
+
+@pytest.mark.parametrize(
+    "lost", [frame(0x703, b"\0"), frame(0x703, b"\x7f"), frame(0x703, b"\4")], ids=str
+)
+def test_no_setpoint_goes_to_a_drive_that_is_not_set_up(scripted, drives, lost):
+    tick(drives, scripted, [frame(0x703, b"\5"), *everything()])
+    tick(drives, scripted, [lost, *everything()], 0.02)
+    others = [0x200 + node for node in range(1, N + 1) if node != 3]
+    for send in (lambda: drives.command(PowerTarget.ON, np.zeros(N)), drives.quick_stop):
+        scripted.sent.clear()
+        send()
+        assert receivers(scripted) == others
+    drives.start(0.03, [2])
+    for send in (lambda: drives.command(PowerTarget.ON, np.zeros(N)), drives.quick_stop):
+        scripted.sent.clear()
+        send()
+        assert receivers(scripted) == [0x200 + node for node in range(1, N + 1)]
+
+
+def test_a_drive_that_is_not_trusted_gets_nothing_until_it_was_set_up_again(scripted, drives):
+    tick(drives, scripted, everything())
+    drives.distrust([4])
+    assert drives.unfit() == [4]
+    drives.start(0.02, [])
+    started = [data[1] for cob_id, data in scripted.sent if cob_id == 0]
+    assert started == [node for node in range(1, N + 1) if node != 5]
+    drives.command(PowerTarget.ON, np.zeros(N))
+    assert 0x205 not in receivers(scripted)
+    drives.start(0.03, [4])
+    assert drives.unfit() == []
+
+
+EMERGENCIES = {
+    code: struct.pack("<HB5x", code, 1) for code in (0x8130, 0x8220, 0x2310)
+}  # of a lost master, of a PDO, of a current
+
+
+def test_what_was_heard_while_drives_were_set_up_is_told_with_the_next_samples(scripted, drives):
+    tick(drives, scripted, [frame(0x700 + node, b"\5") for node in (2, 3)])
+    heard = [
+        (0x703, b"\0"),  # of the drive that is set up again: its boot-up, and that it has no PDOs
+        (0x703, b"\x7f"),
+        *((0x83, data) for data in EMERGENCIES.values()),
+        *((0x82, data) for data in EMERGENCIES.values()),
+        (0x702, b"\x7f"),  # of another: it has left operational
+        (0x080, b""),
+    ]
+    drives.start(0.05, [2], heard)
+    samples = tick(drives, scripted, everything(), 0.06)
+    assert samples.events == (
+        Emergency(3, 0x2310, 1),
+        *(Emergency(2, code, 1) for code in EMERGENCIES),
+        NotOperational(2, 0x7F),
+        ForeignMaster(0x80),
+    )
+    assert drives.restarted() == (drives.names[1],)
+
+
+def test_what_is_known_of_a_drive_outlasts_the_set_up_of_another(scripted, drives):
+    tick(drives, scripted, everything())
+    both = [frame(0x703, b"\0"), frame(0x702, b"\0")]
+    tick(drives, scripted, [*both, *everything()], 0.02)
+    tick(drives, scripted, [frame(0x704, b"\5"), *everything()], 0.2)
+    assert drives.unfit() == [0, 1, 2, 4, 5, 6], "all but node 4 are silent"
+    drives.start(0.5, [2, 4])
+    assert drives.unfit() == [0, 1, 5, 6]
+    assert tick(drives, scripted, everything(), 0.51).events == ()
+    assert drives.restarted() == (drives.names[1],)
+
+
+def test_a_late_answer_of_before_is_none(scripted, drives):
+    tick(drives, scripted, everything())
+    scripted.incoming += everything()
+    drives.start(0.05, [])
+    assert tick(drives, scripted, everything(), 0.06).events == ()

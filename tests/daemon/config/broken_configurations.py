@@ -99,14 +99,14 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "{object: 0x60FF, type: INTEGER32, scale: 0.00000001",
         "{node: 1,",
         "joints[0] (LShoulderPitch).wiring",
-        ("target_velocity: INTEGER32 counts reach from -0.1", "the limits are -1 and 1"),
+        ("target_velocity: INTEGER32 counts reach from -0.1", "times limits.velocity is 2"),
     ),
     "a limit beyond what is measured": (
         "{object: 0x606C, type: INTEGER32, scale: 0.01",
         "{object: 0x606C, type: INTEGER32, scale: 0.00000001",
         "{node: 7,",
         "joints[6] (LWristPitch).wiring",
-        ("motor_velocity: INTEGER32 counts reach from -0.2", "the limits are -1.2 and 1.2"),
+        ("motor_velocity: INTEGER32 counts reach from -0.2", "times limits.velocity is 2.4"),
     ),
     "positions beyond the encoder's counts": (
         "type: INTEGER32, scale: 4.793689960306688e-05",

@@ -25,13 +25,13 @@ def profile(entry: str, **changes: object) -> DriveProfile:
     return msgspec.structs.replace(PROFILE, **{entry: found})
 
 
-def entries(joint: Joint, profile: DriveProfile) -> list[str]:
-    return [entry for entry, _ in unrepresentable(joint, profile)]
+def entries(joint: Joint, profile: DriveProfile, margin: float = 1.0) -> list[str]:
+    return [entry for entry, _ in unrepresentable(joint, profile, margin)]
 
 
 def test_what_is_shipped_fits() -> None:
     for each in ROBOT.joints:
-        assert entries(each, PROFILE) == []
+        assert entries(each, PROFILE, ROBOT.supervisor.speed_margin) == []
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -59,6 +59,19 @@ def test_velocities_are_those_of_the_motor(
 ) -> None:
     eight_bits = profile(entry, type="INTEGER8", scale=0.1)
     assert entries(joint(velocity=velocity, sign=sign), eight_bits) == ([] if fits else [entry])
+
+
+@pytest.mark.parametrize("entry", ["motor_velocity", "target_velocity"])
+@pytest.mark.parametrize(("velocity", "fits"), [(0.63, True), (0.64, False)])
+def test_too_fast_must_be_seen(entry: str, velocity: float, fits: bool) -> None:
+    eight_bits = profile(entry, type="INTEGER8", scale=0.1)
+    found = list(unrepresentable(joint(velocity=velocity), eight_bits, 2.0))
+    assert [name for name, _ in found] == ([] if fits else [entry])
+    for _, reason in found:
+        assert reason == (
+            "INTEGER8 counts reach from -1.28 to 1.27 rad/s at the link; 2 "
+            "(supervisor.speed_margin) times limits.velocity is 1.28"
+        )
 
 
 def test_a_velocity_that_has_no_negative_counts() -> None:

@@ -227,6 +227,48 @@ def test_kill_9_with_the_real_helper(path, logs):
     assert ids(log) == [0x200 + k for k in range(300)]
 
 
+# A helper that holds the ring and does not get on with its log.
+BUSY = (
+    "import fcntl, sys, time; ring = open(sys.argv[1], 'rb'); fcntl.flock(ring, fcntl.LOCK_EX)\n"
+    "print('busy', flush=True); time.sleep(60)"
+)
+
+
+def test_a_log_that_takes_long_does_not_keep_a_faulted_daemon(path, logs, monkeypatch, caplog):
+    helpers, waited = [], []
+
+    def start(ring, _):
+        helpers.append(
+            subprocess.Popen(
+                [sys.executable, "-c", BUSY, str(ring)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+            )
+        )
+        assert helpers[-1].stdout.readline() == b"busy\n"
+        return helpers[-1]
+
+    wait = subprocess.Popen.wait
+    monkeypatch.setattr(
+        subprocess.Popen, "wait", lambda self, timeout: waited.append(timeout) or wait(self, 0.01)
+    )
+    monkeypatch.setattr(black_box, "_start_helper", start)
+    box = BlackBox(path, logs, 10.0)
+    box.ring.put(time.monotonic(), 0x181, b"", False)
+    box.close(orderly=False)
+    monkeypatch.undo()
+    (helper,) = helpers
+    assert waited == [1.0]
+    assert helper.poll() is None, "it goes on alone"
+    assert "still being written" in caplog.text
+    helper.kill()  # as systemd does
+    helper.wait()
+    helper.stdout.close()
+    with BlackBox(path, logs, 10.0):
+        (log,) = logs.glob("*.blf")
+    assert ids(log) == [0x181], "saved at the next start"
+
+
 def test_the_ring_is_open_to_the_group_of_the_socket(path, logs, monkeypatch):
     if os.getuid() != 0:
         pytest.skip("only root may give a file to any group")

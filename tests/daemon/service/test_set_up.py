@@ -31,6 +31,7 @@ from daemon.modes.table import Event, Mode
 from drivers.cia402 import FAULT_STATES
 from drivers.events import ForeignMaster
 from drivers.ids import EMERGENCY, SYNC
+from errors import DriveError
 
 STANDS = 0.02  # [rad/s]
 FAULTS: dict[str, Fault] = {
@@ -93,6 +94,37 @@ def test_one_reset_is_enough(on: BreakableArm, fault: Fault) -> None:
     goes_wrong(on, fault)
     on.rig.reset()
     assert not [state for state in on.rig.samples.states if state in FAULT_STATES]
+    enable(on)
+
+
+@pytest.mark.parametrize("make", [ROMEO_ARM, DESK], ids=lambda make: make.name)
+def test_a_drive_that_boots_slowly_is_awaited_and_nobody_else_misses_the_master(
+    on: BreakableArm,
+) -> None:
+    begin(on)
+    goes_wrong(on, locked_and_slow)
+    before = on.rig.arm.now
+    assert on.rig.ask(Event.RESET) == []
+    assert on.rig.arm.now - before > 0.8
+    on.tick()
+    assert on.rig.samples.events == ()
+
+
+@pytest.mark.parametrize("make", MAKES, ids=lambda make: make.name)
+def test_a_drive_that_was_found_wanting_gets_nothing_until_it_is_set_up(
+    on: BreakableArm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    next(mode_changed(on))
+
+    def refused(*_: object) -> None:
+        raise DriveError("it refuses")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(on.rig.boot), "renew", refused)
+        assert on.rig.ask(Event.ENABLE) == ["it refuses"]
+    on.tick()
+    assert on.drive.node not in on.setpoints()
+    assert on.rig.tick.drives.restarted() == (on.drive.name,)
     enable(on)
 
 

@@ -172,3 +172,15 @@ def test_letting_go_tells_every_drive_even_if_one_is_gone(bench, setups):
         bench.boot([*setups[:2], hasty(gone), *setups[3:]]).let_go()
     watched = [bench.number(drive, 0x1016, 1) for drive in range(7)]
     assert watched == [0, 0, 127 << 16 | 100, 0, 0, 0, 0]
+
+
+def test_a_drive_that_restarts_while_it_is_set_up_is_told(bench, setups):
+    drive, booted = bench.simulated.drives[2], iter([True])
+
+    def restart(index, _, writes):
+        if index == 0x605A and writes and next(booted, False):
+            bench.other_end.send(can.Message(arbitration_id=0x703, data=[0], is_extended_id=False))
+
+    intercept(drive, restart)
+    with pytest.raises(DriveError, match=r"\(LElbowRoll\) restarted while the drives were set up"):
+        bench.boot_up(setups)

@@ -138,6 +138,32 @@ def test_another_serial_number(bench, setups):
         bench.boot_up([*setups[:2], with_wiring(setups[2], serial=1234)])
 
 
+@pytest.mark.parametrize(
+    ("subindex", "says"),
+    [
+        (1, r"0x1018:01 says 0x999, VendorNumber there is 0xC0DAC7; give drives\.two_"),
+        (2, r"0x1018:02 says 0x999, ProductNumber there is 0x402; .* or set "
+         r"drives\.two_encoder_drive\.any_product to true; step `identity`"),
+    ],
+)  # fmt: skip
+def test_another_product_than_that_of_the_eds(bench, setups, subindex, says):
+    bench.simulated.drives[2].objects.values[key(0x1018, subindex)] = 0x999
+    with pytest.raises(DriveError, match=r"node 3 \(LElbowRoll\) is another product .*" + says):
+        bench.boot_up(setups)
+    bench.boot_up([with_profile(setup, any_product=True) for setup in setups])
+
+
+@pytest.mark.parametrize("number", [None, 0])
+def test_an_eds_that_does_not_say_its_product_is_not_compared(bench, setups, number):
+    sheet = copy.deepcopy(setups[2].data_sheet)
+    sheet.device_information.product_number = number
+    bench.simulated.drives[2].objects.values[key(0x1018, 2)] = 0x999
+    lines = []
+    bench.boot_up([replace(setups[2], data_sheet=sheet)], progress=lines.append)
+    said = "its EDS has no ProductNumber: which product it is is not compared"
+    assert f"drive profile two_encoder_drive: {said}" in lines
+
+
 def forgetful(drive, where, value):
     """The drive accepts a write and keeps `value` all the same."""
     written = drive.objects.written

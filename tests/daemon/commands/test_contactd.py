@@ -1,0 +1,32 @@
+"""Exit statuses of `contactd`, by what ends it."""
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from daemon.commands.contactd import main
+from daemon.config import load
+from errors import ConfigurationError
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "first", "last"),
+    [
+        (ConfigurationError("it is wrong"), 78, "contactd: it is wrong", "contactd: it is wrong"),
+        (ZeroDivisionError("so it is"), 70, "Traceback", "ZeroDivisionError: so it is"),
+        (click.UsageError("unheard of"), 2, "Usage:", "Error: unheard of"),
+        (SystemExit(3), 3, "", ""),
+    ],
+)
+def test_how_a_start_ends(
+    error: BaseException, status: int, first: str, last: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(load, "load_robot", fails)
+    result = CliRunner().invoke(main, ["run", "configs/single_joint"])
+    assert result.exit_code == status
+    lines = result.stderr.splitlines() or [""]
+    assert lines[0].startswith(first)
+    assert lines[-1] == last
