@@ -1,4 +1,5 @@
-"""Reaction to faults: ticks until each is found, the stop command is sent, and the arm stands.
+"""Reaction to faults: when each is found, and the stop commanded and proved; how far joints go; and
+whether one reset is enough.
 
 Every case of `bench.rigs.faults`, in lockstep, on the drives of every make, and what is none: an
 exception in the tick, and a daemon that dies.
@@ -7,24 +8,30 @@ exception in the tick, and a daemon that dies.
 
 Ticks count from the one in which the fault is made, which is the first. `found` is held against
 what the fault's row in `daemon.faults.table` says; the stop command against two ticks after that.
-Where the bus takes no frame, its ticks count from when it does. A fault exit is followed by
-silence, at which the drives stop by themselves. `stands` is when no motor moves any more.
+Where the bus takes no frame, its ticks count from when it does. `proved` is when every drive was
+seen to stand; `silence` where nothing can say so, and the drives are left to stop by themselves.
+`stands` is when no motor moves any more. `travel` is that of the joint that came nearest to what
+`contactd check` prints, from the fault on, beside that figure; joints that a hand or a drive of its
+own moves faster than they are ever told to are printed, and not held against it. `reset` is whether
+one, as a client asks for it, was enough when the cause was gone.
 """
 
 import logging
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import click
+import numpy as np
 
 from bench.report import Target, print_report
-from bench.rigs.breakable_arm import BreakableArm, restore, start
+from bench.rigs.breakable_arm import BreakableArm, start
 from bench.rigs.faults import PLACES, SHOWN, Case, Place
 from daemon.ending import stop_on_error
 from daemon.faults.table import TABLE, Condition, Response
-from daemon.modes.table import Mode
+from daemon.modes.table import Event, Mode
 from errors import ProgramError
 from simulator.state_machine import State
 
@@ -47,43 +54,97 @@ def stop_sent(on: BreakableArm, reaction: Response) -> bool:
     return on.stops
 
 
+@dataclass
+class Course:
+    """Course of one fault: in which tick each thing happened; None where it did not."""
+
+    reaction: Response
+    began: np.ndarray
+    found: int | None = None
+    told: int | None = None
+    mute: int = 0  # ticks after it was found in which the bus took nothing
+    stood: int | None = None
+    proved: int | None = None
+    furthest: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.furthest = np.zeros(self.began.shape[1])
+
+    @property
+    def stops(self) -> bool:
+        """True where the drives are told to stop, other than by the end of the program."""
+        return self.reaction in (Response.HOLD, Response.QUICK_STOP)
+
+    def see(self, on: BreakableArm, case: Case, tick: int) -> None:
+        """Take note of a tick."""
+        if self.found is None and case.condition in {f.condition for f in on.rig.last.findings}:
+            self.found = tick
+        if on.speed >= STANDS:
+            self.stood = None
+        elif self.found and self.stood is None:
+            self.stood = tick
+        self.furthest = np.maximum(self.furthest, np.abs(on.joints - self.began).max(axis=0))
+        if self.found is None:
+            return
+        if self.stops and self.told is None:
+            self.told = tick if stop_sent(on, self.reaction) else None
+            self.mute += self.told is None and on.mute
+        if self.proved is None and not on.rig.last.unproved:
+            self.proved = tick
+
+    def over(self, on: BreakableArm) -> bool:
+        """True when nothing more is to be expected."""
+        if not self.found or self.reaction is Response.CONTINUE:
+            return bool(self.found)
+        latched = self.reaction is Response.QUICK_STOP
+        seen = not latched or bool(self.proved) or on.rig.tick.drives.silenced
+        return bool(self.stood) and seen and not (self.stops and self.told is None)
+
+
 def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
     """Make the fault; None where something did not happen, or is not asked for."""
-    reaction = TABLE[case.condition].response
+    course = Course(TABLE[case.condition].response, on.joints)
     fault = case.fault(on)
-    found = stopped = stood = None
-    obeyed = reaction in (Response.HOLD, Response.QUICK_STOP)
-    mute = 0  # ticks after it was found in which the bus took nothing
     for tick in range(1, case.ticks + PATIENCE_TICKS):
         next(fault, None)
         if on.rig.tick.fatal:
             on.silence()  # as after its end
         else:
             on.tick()
-        if found is None and any(f.condition is case.condition for f in on.rig.last.findings):
-            found = tick
-        if found and obeyed and stopped is None:
-            if stop_sent(on, reaction):
-                stopped = tick
-            elif on.wire.sending:
-                mute += 1
-        if on.speed >= STANDS:
-            stood = None
-        elif found and stood is None:
-            stood = tick
-        if found and (reaction is Response.CONTINUE or (stood and (stopped or not obeyed))):
+        course.see(on, case, tick)
+        if course.over(on):
             break
     if hasattr(fault, "close"):
         fault.close()
-    stops = reaction is not Response.CONTINUE
+    found, told = course.found, course.told
+    moved = course.reaction is not Response.CONTINUE
+    latched = course.reaction is Response.QUICK_STOP
+    nearest = int(np.argmax(course.furthest / on.travel))
     return row(
         on,
         case,
         found_tick=found,
-        stop_ticks_after_found=stopped - found - mute if found and stopped else None,
-        mute_ticks=mute,
-        stands_tick=stood if stops else None,
+        stop_ticks_after_found=told - found - course.mute if found and told else None,
+        mute_ticks=course.mute,
+        stands_tick=course.stood if moved else None,
+        proved_tick=course.proved if latched else None,
+        silenced=on.rig.tick.drives.silenced,
+        travel_rad=float(course.furthest[nearest]) if moved else None,
+        travel_printed_rad=float(on.travel[nearest]) if moved else None,
+        driven=case.driven,
+        one_reset=one_reset(on) if latched else None,
     )
+
+
+def one_reset(on: BreakableArm) -> bool:
+    """Whether one reset brings the arm off, and it can be enabled after it."""
+    on.run(0.1)
+    try:
+        on.rig.reset()
+        on.until(Mode.HOLDING, Event.ENABLE)
+    except AssertionError:
+        return False
+    return True
 
 
 def program_error(place: Place) -> dict[str, Any]:
@@ -141,7 +202,7 @@ def silent_ticks(on: BreakableArm, done: Callable[[], bool]) -> int:
     raise AssertionError("never")
 
 
-def row(on: BreakableArm, case: Case, **measured: int | None) -> dict[str, Any]:
+def row(on: BreakableArm, case: Case, **measured: float | None) -> dict[str, Any]:
     """Results of one fault that are printed and kept."""
     reaction = WORDS[TABLE[case.condition].response]
     found_as = {"condition": case.condition.value, "reaction": reaction}
@@ -156,24 +217,24 @@ def line(row: dict[str, Any]) -> str:
     if row["reaction"] == "fault exit" and stop is None:
         words = "silence"
     elif row["mute_ticks"]:
-        words += f" after {row['mute_ticks']} mute"
-    stands = "-" if row["stands_tick"] is None else f"{row['stands_tick'] * PERIOD_MS} ms"
+        words += f", {row['mute_ticks']} mute"
+    proved, travel, reset = (row.get(k) for k in ("proved_tick", "travel_rad", "one_reset"))
+    shown = "-" if proved is None else f"{proved * PERIOD_MS} ms"
+    gone = "-" if travel is None else f"{travel:.3f} / {row['travel_printed_rad']:.3f}"
     return (
-        f"{row['make']:8} {row['fault']:26} {row['condition']:29} {row['stated_ticks']:5} "
-        f"{row['found_tick']!s:>6}  {row['reaction']:10} {words:15} {stands:>8}"
+        f"{row['make']:8} {row['fault']:31} {row['condition']:29} {row['stated_ticks']:5} "
+        f"{row['found_tick']!s:>5}  {row['reaction']:10} {words:11} "
+        f"{'silence' if row.get('silenced') and proved is None else shown:>8} "
+        f"{'-' if row['stands_tick'] is None else str(row['stands_tick'] * PERIOD_MS) + ' ms':>8} "
+        f"{gone + ('*' if row.get('driven') else ' '):>15} "
+        f"{'-' if reset is None else 'yes' if reset else 'NO':>5}"
     )
 
 
 def measured(place: Place) -> list[dict[str, Any]]:
-    """Every fault that can be shown at a place."""
+    """Every fault that can be shown at a place, each on an arm of its own."""
     rows = []
-    shown = [each for each in SHOWN if each.place == place]
-    with place.stage() as on:
-        for case in (each.case for each in shown if each.recovers):
-            start(on, armed=case.armed)
-            rows.append(measure(on, case))
-            restore(on)
-    for case in (each.case for each in shown if not each.recovers):
+    for case in (each.case for each in SHOWN if each.place == place):
         with place.stage() as on:
             start(on, armed=case.armed)
             rows.append(measure(on, case))
@@ -183,22 +244,33 @@ def measured(place: Place) -> list[dict[str, Any]]:
 @click.command(help=__doc__)
 @click.option("--json", "as_json", is_flag=True)
 def main(as_json: bool) -> None:
+    logging.getLogger("contactd").setLevel(logging.CRITICAL)  # what a reset mends is no news here
     rows = [row for place in PLACES if place.wire == "virtual" for row in measured(place)]
     if not as_json:
         click.echo(
-            f"{'make':8} {'fault':26} {'found as':29} {'ticks':>5} {'found':>6}  {'reaction':10} "
-            f"{'stop command':15} {'stands':>8}"
+            f"{'make':8} {'fault':31} {'found as':29} {'ticks':>5} {'found':>5}  {'reaction':10} "
+            f"{'told':11} {'proved':>8} {'stands':>8} {'travel / rad  ':>15} {'reset':>5}"
         )
         for row in rows:
             click.echo(line(row))
     late = [r for r in rows if r["found_tick"] is None or r["found_tick"] > r["stated_ticks"]]
     waits = [r["stop_ticks_after_found"] for r in rows if r["reaction"] in ("hold", "quick stop")]
     moving = [r for r in rows if r["reaction"] != "continue" and r["stands_tick"] is None]
+    held = [r for r in rows if r.get("travel_rad") is not None and not r["driven"]]
+    further = [r for r in held if r["travel_rad"] > r["travel_printed_rad"]]
+    latched = [r for r in rows if r.get("one_reset") is not None]
+    open_ends = [r for r in latched if r["proved_tick"] is None and not r["silenced"]]
+    unended = [r for r in latched if not r["one_reset"]]
+    share = max(r["travel_rad"] / r["travel_printed_rad"] for r in held)
     worst = max(PATIENCE_TICKS if wait is None else wait for wait in waits)
     targets = [
         Target("faults found later than stated", len(late), 0, "", "lower"),
         Target("stop command after the fault was found", worst, STOP_TICKS, "ticks", "lower"),
         Target("faults after which the arm did not stand", len(moving), 0, "", "lower"),
+        Target("stops neither proved nor ended in silence", len(open_ends), 0, "", "lower"),
+        Target("faults after which a joint went further", len(further), 0, "", "lower"),
+        Target("travel over what is printed, at most", share, 1.0, "", "lower"),
+        Target("faults that one reset did not end", len(unended), 0, "", "lower"),
     ]
     print_report("reaction", 1, targets, {"rows": rows}, as_json=as_json)
 

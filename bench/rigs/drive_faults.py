@@ -93,9 +93,15 @@ def locked_and_slow(on: BreakableArm) -> Iterator[None]:
 
 def another_product(on: BreakableArm) -> Iterator[None]:
     """A drive of another product is put in its place, with nothing of its set-up."""
+    right = on.rig.boot.identities[on.joint].product
+    assert right is not None
     on.simulated.boot()
     on.simulated.put(0x1018, 2, 0x999)
-    yield from for_ever()
+    try:
+        yield from for_ever()
+    finally:
+        on.simulated.boot()
+        on.simulated.put(0x1018, 2, right)
 
 
 def _write(on: BreakableArm, index: int, size: int, value: int, subindex: int = 0) -> None:
