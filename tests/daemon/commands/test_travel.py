@@ -4,7 +4,7 @@ import can
 import numpy as np
 import pytest
 
-from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, lockstep_rig
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
 from daemon.commands.check import print_check
 from daemon.config.load import load_robot
 from drivers.cia402 import PowerTarget
@@ -67,6 +67,58 @@ def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
         (travel,) = worst_travel(c.joint_drives, c.period_s, 0)
         worst = travel.patience + travel.braking
         assert 0.8 * worst < travelled <= worst
+
+
+def at_full_speed(rig: Rig, power: PowerTarget, velocity: float) -> None:
+    """One tick of the drives alone, without the daemon's decisions."""
+    drives = rig.tick.drives
+    drives.sync(rig.time_s)
+    syncs = rig.lockstep.syncs
+    rig.lockstep.pump()
+    if rig.lockstep.syncs == syncs:
+        rig.arm.advance(rig.arm.now + rig.robot.configuration.period_s)
+        rig.lockstep.pump()
+    drives.collect(0.0)
+    drives.command(power, np.array([velocity]))
+    rig.ticks += 1
+
+
+@pytest.mark.parametrize("tells", [True, False])
+@pytest.mark.parametrize(
+    "obeys",
+    [
+        ("on_pdo", "on_sdo", "on_nmt", "on_heartbeat"),
+        ("on_sdo", "on_nmt", "on_heartbeat"),
+        ("on_nmt", "on_heartbeat"),
+        ("on_heartbeat",),
+    ],
+)
+def test_no_joint_goes_further_whatever_its_drive_obeys(
+    obeys: tuple[str, ...], tells: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At full speed a drive gets deaf to more and more; it tells what it does, or nothing. Its
+    motor: the link swings on in its gap."""
+    with lockstep_rig(SINGLE_JOINT) as rig:
+        rig.enable()
+        c, drive, plant = rig.robot.configuration, rig.arm.drives[0], rig.arm.plant
+        velocity = c.joints[0].limits.velocity
+        for _ in range(30):
+            at_full_speed(rig, PowerTarget.ON, velocity)
+        assert plant.theta_dot[0] > 0.95 * velocity
+        deaf = {"on_pdo", "on_sdo", "on_nmt"} - set(obeys)
+        for method in (*deaf, *([] if tells else ["transmit"])):
+            monkeypatch.setattr(drive, method, lambda *_: None)
+        began = float(plant.theta[0])
+        for _ in range(c.supervisor.stale_ticks):
+            at_full_speed(rig, PowerTarget.ON, velocity)
+        for _ in range(60):
+            at_full_speed(rig, PowerTarget.QUICK_STOP, 0.0)
+        assert abs(plant.theta_dot[0]) < 0.02
+        (travel,) = worst_travel(c.joint_drives, c.period_s, c.supervisor.stale_ticks)
+        assert float(plant.theta[0]) - began <= travel.total
+        drives = rig.tick.drives
+        assert drives.silenced is ("on_sdo" not in obeys), "nothing else can say so after that"
+        assert drives.silenced or not drives.unproved()
 
 
 def test_check_prints_it(capsys) -> None:
