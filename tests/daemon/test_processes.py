@@ -205,7 +205,7 @@ def test_twice_then_stopped_then_terminated_while_moving(
     daemon.process.terminate()
     code, log = daemon.ended()
     assert code == 0, log
-    assert "the daemon stood still" in log, log
+    assert "the daemon was absent" in log, log
     steps = ["tracking -> stopping", "stopping -> holding", "holding -> off", "ended: hold"]
     where = [log.rfind(step) for step in steps]
     assert -1 not in where, log
