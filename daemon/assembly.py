@@ -15,6 +15,7 @@ from daemon.modes.contact_reactions import Reactions
 from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
 from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place
+from daemon.motion.release import ReleaseSettings
 from daemon.protocol.messages import Check
 from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.controller import Controller, ControllerSettings
@@ -170,6 +171,7 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         return_velocity=c.admittance.return_velocity,
         retract_velocity=c.reactions.retract_velocity,
         retract_distance=c.reactions.retract_distance,
+        release=ReleaseSettings(c.reactions.release_velocity, c.reactions.release_distance),
     )
     usual = c.admittance.virtual_mass_s
     law = AdmittanceLaw(

@@ -12,7 +12,7 @@ import numpy as np
 from arrays import Vector
 from daemon.faults.finding import Finding, strongest
 from daemon.faults.plausibility import STANDSTILL_SPEED
-from daemon.faults.table import Condition
+from daemon.faults.table import Condition, Response
 from daemon.modes.contact_reactions import ATTENTIVE, AfterQuiet, Reactions
 from daemon.modes.quiet_timer import QuietTimer
 from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, ModeMachine, refusal
@@ -34,10 +34,12 @@ class ControlInput:
     motor_velocity: Vector
     thresholded: Vector  # thresholded residual [Nm]
     touched: str  # the contact that lasts, in words; empty without one
-    hit: str  # the collision that began in this tick, likewise
+    hit: str  # the collision that lasts, likewise
     operating: tuple[bool, ...]  # which drives are in operation enabled
     findings: tuple[Finding, ...]
     age_s: Vector | None = None  # of q; None where every sample came in time
+    struck: bool = False  # a collision began in this tick
+    sure: bool = True  # all samples came, and the estimate has no flag
     play: Vector | float = 0.0  # how far links may fall down and up in their gaps, (2, n) [rad]
 
 
@@ -77,6 +79,7 @@ class Controller:
         self._allowance = Allowance(tuning.bounds, len(tuning.joints))
         self._reset_until_s = -1.0
         self._observed: ControlInput | None = None
+        self._released = False  # from a contact that still lasts
         self._finding: Finding | None = None  # the last one that changed the mode
 
     @property
@@ -159,10 +162,14 @@ class Controller:
             ]
         joints, limits = self._tuning.joints, self.motion.limits
         if event is Event.START and observed is not None:
-            return not_startable(joints, observed.q, limits, place)
+            return self._pressed(observed) or not_startable(joints, observed.q, limits, place)
         if event is Event.ENABLE and observed is not None:
             return not_energisable(joints, self._tuning.ends, limits, observed)
         return []
+
+    def _pressed(self, observed: ControlInput) -> list[str]:
+        """Reason against `start`: a collision that lasts. Links that are not trusted show none."""
+        return [f"{observed.hit}: free it first"] if observed.hit and not self.motion.blind else []
 
     # --- one tick ---------------------------------------------------------------------------
 
@@ -200,15 +207,33 @@ class Controller:
         mode, armed, reactions = self.machine.mode, self.machine.armed, self._tuning.reactions
         retracting = mode is Mode.RETRACTING and self.motion.under_way
         backed_away = mode is Mode.RETRACTING and not retracting
-        if observed.hit and (event := reactions.to_collision(armed)):
-            if not (retracting and event is Event.RETRACT):
+        attentive = mode in ATTENTIVE or backed_away
+        if attentive and not observed.touched:
+            self._released = False
+        counts = observed.struck or (attentive and not self.motion.blind)
+        if (
+            observed.hit
+            and counts
+            and (event := self._able(reactions.to_collision(armed), observed))
+        ):
+            if not (retracting and event in (Event.RETRACT, Event.RELEASE)):
                 self._apply(event, observed.hit, time_s)
         elif (
             observed.touched
-            and (mode in ATTENTIVE or backed_away)
-            and (event := reactions.to_contact(armed))
+            and attentive
+            and (event := self._able(reactions.to_contact(armed), observed))
         ):
             self._apply(event, observed.touched, time_s)
+
+    def _able(self, event: Event | None, observed: ControlInput) -> Event | None:
+        """Event of a contact that the arm can follow: where it may not let go it halts, and where
+        it holds it has halted."""
+        mode = self.machine.mode
+        if event is Event.RELEASE and self.machine.can(event):
+            doubted = any(f.response > Response.CONTINUE for f in observed.findings)
+            if self._released or self.motion.blind or doubted or not observed.sure:
+                event = Event.HALT
+        return None if event is Event.HALT and mode is Mode.HOLDING else event
 
     def _progress(self, time_s: float, dt: float, observed: ControlInput) -> None:
         """Apply the arm's own events: energised, at rest, quiet, at a bound, arrived, too late."""
@@ -235,6 +260,11 @@ class Controller:
             if self.motion.follower.finished:
                 text = f"{self.motion.follower.place.path.name} came to its end"
                 self._apply(Event.END, text, time_s)
+        elif mode is Mode.RELEASING:
+            release = self.motion.giving_way
+            release.step(observed.q, observed.thresholded, dt, sure=observed.sure)
+            if release.end:
+                self._apply(Event.BOUND if release.bounded else Event.HALT, release.end, time_s)
         elif mode is Mode.RETURNING:
             if self.motion.arrived(observed.q):
                 self._apply(Event.ARRIVED, "back where the trajectory was left", time_s)
@@ -283,9 +313,14 @@ class Controller:
             if self._tuning.after_quiet is AfterQuiet.HOLD and self.machine.moving:
                 self.machine.moving, self.machine.paused = False, True
             self.quiet.restart(time_s)
+        elif mode is Mode.RELEASING:
+            allowance.take(motion.reference)
+            self._released = True
         home = motion.reference if allowance.home is None else allowance.home
         if mode is Mode.RETRACTING:
             motion.retract(observed.q, observed.thresholded)
+        elif mode is Mode.RELEASING:
+            motion.release(observed.q, observed.thresholded)
         elif mode is Mode.RETURNING:
             motion.go_back(observed.q, home)
         elif mode is Mode.TRACKING:
@@ -293,7 +328,7 @@ class Controller:
         else:
             # At its end the arm stands where it was going.
             motion.hold(motion.reference if event is Event.END else observed.q)
-        if mode not in GUIDED and mode is not Mode.STOPPING:
+        if mode not in GUIDED and mode not in (Mode.RELEASING, Mode.STOPPING):
             allowance.leave(motion.reference)
 
     def _power(self) -> tuple[PowerTarget, ...]:

@@ -1,0 +1,92 @@
+"""Release of what the arm collided with: every joint that feels it gives way, slowly, the way it is
+pushed. Pure; time is an argument.
+
+All of them move at one constant speed, and each stops for good when it feels no more than its
+contact level. A speed in proportion to the torque would be a loop around the stiffness of the clamp
+and the delay of the residual, which swings against anything stiff; a speed that begins once and ends
+once is no loop. Each joint moves the way its own torque points: so the power of all of them on what
+presses is positive, and no point of contact is led into it.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from arrays import Vector
+from daemon.motion.limits import Limits
+
+# Time beyond that of the whole distance, for ramps and for the end at a limit [s].
+SLACK_S: Final = 1.0
+# A joint that is as near as this to the end of its way has come to it [rad].
+ARRIVED_RAD: Final = 0.01
+# Ticks in a row until it counts that something presses from elsewhere, or that the sensing fails.
+DEBOUNCE_TICKS: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class ReleaseSettings:
+    """Bounds of a release."""
+
+    velocity: float  # of each joint [rad/s]
+    distance: float  # of each joint [rad]
+
+
+class Release:
+    """One release, from its beginning to its `end`; vectors of shape (n,)."""
+
+    def __init__(self, bounds: ReleaseSettings, limits: Limits) -> None:
+        n = len(limits.lower)
+        self._bounds, self._limits = bounds, limits
+        self._speed = np.minimum(bounds.velocity, limits.velocity)
+        self._begun, self._pushed, self._way = np.zeros((3, n))
+        self._elapsed_s = 0.0
+        self._against = self._unsure = 0
+        self.end = ""
+        """Why it is over, in words; empty while it goes on."""
+        self.bounded = False
+        """It is over because of a bound, and something still presses."""
+
+    def begin(self, q: Vector, thresholded: Vector) -> None:
+        """Begin at q [rad], with the joints whose thresholded residual [Nm] is not zero."""
+        self._begun = q.copy()
+        self._pushed = np.sign(thresholded)
+        self._way = self._pushed.copy()
+        self._elapsed_s, self._against, self._unsure = 0.0, 0, 0
+        self.end, self.bounded = "", False
+
+    def step(self, q: Vector, thresholded: Vector, dt: float, *, sure: bool) -> None:
+        """Take what is measured dt [s] after the last; `sure` unless the residual may be wrong."""
+        self._elapsed_s += dt
+        self._unsure = 0 if sure else self._unsure + 1
+        # From the other side, or at a joint that felt nothing when it began.
+        against = np.count_nonzero((thresholded != 0.0) & (np.sign(thresholded) != self._pushed))
+        self._against = self._against + 1 if against else 0
+        pressed = self._way * thresholded > 0.0
+        room = self._room(q) > ARRIVED_RAD
+        self._way = np.where(pressed & room, self._way, 0.0)
+        if self._unsure >= DEBOUNCE_TICKS:
+            self.end = "what the arm feels is not sure"
+        elif self._against >= DEBOUNCE_TICKS:
+            self.end = "pressed from elsewhere while it let go"
+        elif self._elapsed_s > self._bounds.distance / self._bounds.velocity + SLACK_S:
+            self.end, self.bounded = f"not let go within {self._elapsed_s:.1f} s", True
+        elif not self._way.any():
+            self.bounded = bool(np.any(thresholded * self._pushed > 0.0))
+            self.end = "at a bound, and still pressed" if self.bounded else "let go"
+
+    def velocity(self, q: Vector) -> Vector:
+        """Desired velocity [rad/s] at q [rad]; it sinks towards the end of the distance."""
+        speed: Vector = np.minimum(self._speed, self._limits.funnel(self._left(q)))
+        return self._way * speed
+
+    def _left(self, q: Vector) -> Vector:
+        """What is left of the distance [rad]."""
+        left: Vector = self._bounds.distance - self._pushed * (q - self._begun)
+        return left
+
+    def _room(self, q: Vector) -> Vector:
+        """What is left of the way [rad], to the end of the distance or to a joint limit."""
+        limits = self._limits
+        to_limit = np.where(self._pushed > 0.0, limits.upper - q, q - limits.lower)
+        return np.minimum(self._left(q), to_limit)
