@@ -73,10 +73,19 @@ class Motion:
         share = self._manner.retract_distance / furthest if furthest > 0.0 else 0.0
         self._go(q, q + share * pushed, self._manner.retract_velocity)
 
-    def release(self, q: Vector, thresholded: Vector) -> None:
-        """Let go of what presses, from q [rad], the way the thresholded residual [Nm] points."""
+    def release(self, q: Vector, thresholded: Vector, motor_velocity: Vector) -> None:
+        """Let go of what presses, from q [rad], the way the thresholded residual [Nm] points.
+
+        A setpoint that a blocked motor does not reach only presses: it is taken back at once to
+        `motor_velocity` [rad/s], from which the ramp begins.
+        """
         self.hold(q)
         self.giving_way.begin(q, thresholded)
+        reached = np.minimum(
+            np.maximum(motor_velocity, -np.abs(self.velocity)), np.abs(self.velocity)
+        )
+        reached *= motor_velocity * self.velocity > 0.0
+        self.velocity = np.where(thresholded * self.velocity < 0.0, reached, self.velocity)
 
     def go_back(self, q: Vector, home: Vector) -> None:
         """Go slowly from q to `home` [rad]."""

@@ -320,7 +320,7 @@ class Controller:
         if mode is Mode.RETRACTING:
             motion.retract(observed.q, observed.thresholded)
         elif mode is Mode.RELEASING:
-            motion.release(observed.q, observed.thresholded)
+            motion.release(observed.q, observed.thresholded, observed.motor_velocity)
         elif mode is Mode.RETURNING:
             motion.go_back(observed.q, home)
         elif mode is Mode.TRACKING:

@@ -153,7 +153,11 @@ class Tick:
         # Both count as long as they last: a contact that began while the arm was stopping still
         # makes it yield, and what was run into is not over because the arm stands.
         if np.count_nonzero(estimate.thresholded):
-            detector, names, residual = self.estimator.detector, self.drives.names, estimate.residual
+            detector, names, residual = (
+                self.estimator.detector,
+                self.drives.names,
+                estimate.residual,
+            )
             joints = detector.touched().tolist()
             if any(joints):
                 i = joints.index(True)
