@@ -44,8 +44,8 @@ class Clamps:
         """Take the place of the arm's hand."""
         self._arm = rig.arm
         self.obstacles: list[Obstacle] = []
-        self.trace: list[tuple[float, ...]] = []
-        """Time [s] and torque of each obstacle [Nm], every millisecond since the last `put`."""
+        self.trace: list[tuple[float, list[float]]] = []
+        """Time [s] and torque of each obstacle [Nm], every millisecond since there is one."""
         rig.arm.hand = cast(Hand, self)  # all of it that is used
 
     def put(self, joint: int, distance: float, side: int, stiffness: float) -> Obstacle:
@@ -60,7 +60,6 @@ class Clamps:
         place = float(self._arm.plant.q[joint]) + side * distance
         obstacle = Obstacle(joint, place, side, stiffness, damping)
         self.obstacles.append(obstacle)
-        self.trace.clear()
         return obstacle
 
     def felt(self, obstacle: Obstacle) -> float:
@@ -73,7 +72,7 @@ class Clamps:
     def update(self, t: float, q: Vector, period_s: float = 0.001) -> list[str]:
         """Once per millisecond."""
         if self.obstacles:
-            self.trace.append((t, *map(self.felt, self.obstacles)))
+            self.trace.append((t, [self.felt(each) for each in self.obstacles]))
         return []
 
     def torque(self, q: Vector, q_dot: Vector, out: Vector) -> None:
