@@ -44,8 +44,8 @@ class Release:
         self._against = self._unsure = 0
         self.end = ""
         """Why it is over, in words; empty while it goes on."""
-        self.bounded = False
-        """It is over because of a bound, and something still presses."""
+        self.bounded = self.let_go = False
+        """Over because of a bound, while something still presses; because nothing does."""
 
     def begin(self, q: Vector, thresholded: Vector) -> None:
         """Begin at q [rad], with the joints whose thresholded residual [Nm] is not zero."""
@@ -53,7 +53,7 @@ class Release:
         self._pushed = np.sign(thresholded)
         self._way = self._pushed.copy()
         self._elapsed_s, self._against, self._unsure = 0.0, 0, 0
-        self.end, self.bounded = "", False
+        self.end, self.bounded, self.let_go = "", False, False
 
     def step(self, q: Vector, thresholded: Vector, dt: float, *, sure: bool) -> None:
         """Take what is measured dt [s] after the last; `sure` unless the residual may be wrong."""
@@ -73,12 +73,19 @@ class Release:
             self.end, self.bounded = f"not let go within {self._elapsed_s:.1f} s", True
         elif not self._way.any():
             self.bounded = bool(np.any(thresholded * self._pushed > 0.0))
+            self.let_go = not self.bounded
             self.end = "at a bound, and still pressed" if self.bounded else "let go"
 
     def velocity(self, q: Vector) -> Vector:
         """Desired velocity [rad/s] at q [rad]; it sinks towards the end of the distance."""
         speed: Vector = np.minimum(self._speed, self._limits.funnel(self._left(q)))
         return self._way * speed
+
+    def rest(self, q: Vector, before: Vector) -> Vector:
+        """Where to hold [rad] of q and an earlier position: where each joint is further away from
+        what it let go of. A link that fell back through its gap is not pressed on to it again."""
+        further: Vector = np.where(self._pushed * (before - q) > 0.0, before, q)
+        return further
 
     def _left(self, q: Vector) -> Vector:
         """What is left of the distance [rad]."""

@@ -80,6 +80,7 @@ class Controller:
         self._reset_until_s = -1.0
         self._observed: ControlInput | None = None
         self._released = False  # from a contact that still lasts
+        self._let_go = False  # of a contact, and now it stops
         self._finding: Finding | None = None  # the last one that changed the mode
 
     @property
@@ -301,12 +302,12 @@ class Controller:
         if event is Event.RESET:
             self._reset_until_s = time_s + RESET_PATIENCE_S
         if self.machine.mode is not before:
-            self._set_up(event, self._observed, time_s)
+            self._set_up(before, event, self._observed, time_s)
         elif event is Event.RETRACT:
             # From its reference: where it can get no further away, it stands stiff.
             self.motion.retract(self.motion.reference, self._observed.thresholded)
 
-    def _set_up(self, event: Event, observed: ControlInput, time_s: float) -> None:
+    def _set_up(self, before: Mode, event: Event, observed: ControlInput, time_s: float) -> None:
         motion, allowance, mode = self.motion, self._allowance, self.machine.mode
         if mode in GUIDED:
             allowance.take(motion.reference)
@@ -325,9 +326,12 @@ class Controller:
             motion.go_back(observed.q, home)
         elif mode is Mode.TRACKING:
             motion.follow(home if event is Event.ARRIVED else observed.q)
+        elif before is Mode.STOPPING and self._let_go:
+            motion.hold(motion.giving_way.rest(observed.q, motion.reference))
         else:
             # At its end the arm stands where it was going.
             motion.hold(motion.reference if event is Event.END else observed.q)
+        self._let_go = before is Mode.RELEASING and event is Event.HALT and motion.giving_way.let_go
         if mode not in GUIDED and mode not in (Mode.RELEASING, Mode.STOPPING):
             allowance.leave(motion.reference)
 
