@@ -10,9 +10,8 @@ behind the joint, which begins to press when the arm backs into it.
 """
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import click
 import msgspec
@@ -38,8 +37,8 @@ BEHIND = 0.003  # and the hand behind it, when it stands
 STANDS = 0.02  # [rad/s]
 FALLS_AFTER_S, HALF_S, FREE_S = 0.1, 0.5, 1.0
 WATCHED_S = 2.5
-# Ripple of a torque that only falls [Nm]. Below the contact level it may be anything: there the link
-# lies in its gap, against the clamp.
+# Ripple of a torque that only falls [Nm]. Below the contact level it may be anything: there the
+# link lies in its gap, against the clamp.
 RIPPLE = 0.05
 # By how much more than its contact level the arm may press a hand behind it [Nm].
 MARGIN = 0.3
@@ -80,14 +79,14 @@ def cases(arms: tuple[str, ...] = tuple(ARMS)) -> Iterator[Case]:
     for arm in arms:
         for joint in ARMS[arm][1]:
             for stiffness in STIFFNESS:
-                common = {"arm": arm, "joint": joint, "stiffness": stiffness}
+                usual = Case(arm=arm, joint=joint, stiffness=stiffness, speed=SPEEDS[1])
                 for armed in (False, True):
                     for speed in SPEEDS:
-                        yield Case(**common, speed=speed, armed=armed)
-                    yield Case(**common, speed=SPEEDS[1], armed=armed, started=True)
-                yield Case(**common, speed=SPEEDS[1], armed=True, contact=ContactReaction.REPORT)
+                        yield replace(usual, speed=speed, armed=armed)
+                    yield replace(usual, armed=armed, started=True)
+                yield replace(usual, armed=True, contact=ContactReaction.REPORT)
                 for hand in HANDS:
-                    yield Case(**common, speed=SPEEDS[1], hand=hand)
+                    yield replace(usual, hand=hand)
 
 
 def configured(
@@ -183,7 +182,8 @@ def line(case: Case, found: Squeeze) -> str:
     how = f"hand {case.hand:g}" if case.hand else "started" if case.started else "moving"
     return (
         f"{case.arm:8} {case.joint:14} {case.stiffness:5.0f} {case.speed:4.2f} "
-        f"{case.contact if case.armed else '-':10} {how:8} {'x' if found.collided else ' '} {found.peak:6.2f} {found.stood:6.2f} "
+        f"{case.contact if case.armed else '-':10} {how:8} {'x' if found.collided else ' '} "
+        f"{found.peak:6.2f} {found.stood:6.2f} "
         f"{found.rise:5.2f} {found.half_s:5.2f} {found.free_s:5.2f} {found.last:5.2f} "
         f"{found.hand:5.2f}  {' '.join(found.modes)}"
     )
@@ -228,7 +228,7 @@ def targets_of(rows: list[tuple[Case, Squeeze]]) -> list[Target]:
 def main(arms: tuple[str, ...], as_json: bool) -> None:
     if not as_json:
         click.echo(
-            f"{'arm':8} {'joint':14} {'Nm/rad':>5} rad/s {'armed':10} {'':8} hit {'peak':>6} {'stood':>6} "
+            f"{'arm':8} {'joint':14} {'Nm/r':>5} r/s  {'armed':10} {'':8} hit {'peak':>6} {'stood':>6} "
             f"{'rise':>5} {'half':>5} {'free':>5} {'last':>5} {'hand':>5}"
         )
     rows = []

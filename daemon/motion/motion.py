@@ -87,6 +87,10 @@ class Motion:
         reached *= motor_velocity * self.velocity > 0.0
         self.velocity = np.where(thresholded * self.velocity < 0.0, reached, self.velocity)
 
+    def can_release(self, q: Vector, thresholded: Vector) -> bool:
+        """True if the arm can let go: links are trusted, and a joint that is pressed has room."""
+        return not self.blind and self.giving_way.possible(q, thresholded)
+
     def go_back(self, q: Vector, home: Vector) -> None:
         """Go slowly from q to `home` [rad]."""
         self._go(q, home, self._manner.return_velocity)

@@ -3,9 +3,9 @@ pushed. Pure; time is an argument.
 
 All of them move at one constant speed, and each stops for good when it feels no more than its
 contact level. A speed in proportion to the torque would be a loop around the stiffness of the clamp
-and the delay of the residual, which swings against anything stiff; a speed that begins once and ends
-once is no loop. Each joint moves the way its own torque points: so the power of all of them on what
-presses is positive, and no point of contact is led into it.
+and the delay of the residual, which swings against anything stiff; a speed that begins once and
+ends once is no loop. Each joint moves the way its own torque points: so the power of all of them on
+what presses is positive, and no point of contact is led into it.
 """
 
 from dataclasses import dataclass
@@ -47,6 +47,10 @@ class Release:
         self.bounded = self.let_go = False
         """Over because of a bound, while something still presses; because nothing does."""
 
+    def possible(self, q: Vector, thresholded: Vector) -> bool:
+        """True if a joint that is pressed at q [rad] has room before its limit."""
+        return bool(np.any((thresholded != 0.0) & (self._to_limit(q, thresholded) > ARRIVED_RAD)))
+
     def begin(self, q: Vector, thresholded: Vector) -> None:
         """Begin at q [rad], with the joints whose thresholded residual [Nm] is not zero."""
         self._begun = q.copy()
@@ -63,7 +67,7 @@ class Release:
         against = np.count_nonzero((thresholded != 0.0) & (np.sign(thresholded) != self._pushed))
         self._against = self._against + 1 if against else 0
         pressed = self._way * thresholded > 0.0
-        room = self._room(q) > ARRIVED_RAD
+        room = np.minimum(self._left(q), self._to_limit(q, self._pushed)) > ARRIVED_RAD
         self._way = np.where(pressed & room, self._way, 0.0)
         if self._unsure >= DEBOUNCE_TICKS:
             self.end = "what the arm feels is not sure"
@@ -92,8 +96,8 @@ class Release:
         left: Vector = self._bounds.distance - self._pushed * (q - self._begun)
         return left
 
-    def _room(self, q: Vector) -> Vector:
-        """What is left of the way [rad], to the end of the distance or to a joint limit."""
+    def _to_limit(self, q: Vector, push: Vector) -> Vector:
+        """What is left to the joint limit the way of the push [rad]."""
         limits = self._limits
-        to_limit = np.where(self._pushed > 0.0, limits.upper - q, q - limits.lower)
-        return np.minimum(self._left(q), to_limit)
+        room: Vector = np.where(push > 0.0, limits.upper - q, q - limits.lower)
+        return room

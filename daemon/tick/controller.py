@@ -212,27 +212,21 @@ class Controller:
         if attentive and not observed.touched:
             self._released = False
         counts = observed.struck or (attentive and not self.motion.blind)
-        if (
-            observed.hit
-            and counts
-            and (event := self._able(reactions.to_collision(armed), observed))
-        ):
+        if observed.hit and counts and (event := self._able(reactions.to_collision(armed))):
             if not (retracting and event in (Event.RETRACT, Event.RELEASE)):
                 self._apply(event, observed.hit, time_s)
-        elif (
-            observed.touched
-            and attentive
-            and (event := self._able(reactions.to_contact(armed), observed))
-        ):
+        elif observed.touched and attentive and (event := self._able(reactions.to_contact(armed))):
             self._apply(event, observed.touched, time_s)
 
-    def _able(self, event: Event | None, observed: ControlInput) -> Event | None:
-        """Event of a contact that the arm can follow: where it may not let go it halts, and where
-        it holds it has halted."""
-        mode = self.machine.mode
-        if event is Event.RELEASE and self.machine.can(event):
-            doubted = any(f.response > Response.CONTINUE for f in observed.findings)
-            if self._released or self.motion.blind or doubted or not observed.sure:
+    def _able(self, event: Event | None) -> Event | None:
+        """Event of a contact as far as the arm can follow it: where it must not let go it halts,
+        and where it holds it has halted."""
+        mode, observed = self.machine.mode, self._observed
+        if event is Event.RELEASE and self.machine.can(event) and observed is not None:
+            sure = observed.sure and all(f.response is Response.CONTINUE for f in observed.findings)
+            possible = self.motion.can_release(observed.q, observed.thresholded)
+            # Once from each contact: between two obstacles the arm does not go to and fro.
+            if self._released or not (sure and possible):
                 event = Event.HALT
         return None if event is Event.HALT and mode is Mode.HOLDING else event
 
@@ -244,7 +238,9 @@ class Controller:
             self._progress_yielding(time_s, observed)
             return
         self._allowance.recover(dt)
-        if mode is Mode.ENABLING:
+        if mode is Mode.RELEASING:
+            self._progress_releasing(time_s, dt, observed)
+        elif mode is Mode.ENABLING:
             if all(observed.operating):
                 self._apply(Event.ENERGISED, "drives enabled", time_s)
             elif elapsed > self._tuning.enable_timeout_s:
@@ -257,21 +253,21 @@ class Controller:
             elif elapsed > self._tuning.stop_timeout_s:
                 text = f"the arm did not stop within {self._tuning.stop_timeout_s:g} s"
                 self._apply(Event.TIMEOUT, text, time_s)
-        elif mode is Mode.TRACKING:
-            if self.motion.follower.finished:
-                text = f"{self.motion.follower.place.path.name} came to its end"
-                self._apply(Event.END, text, time_s)
-        elif mode is Mode.RELEASING:
-            release = self.motion.giving_way
-            release.step(observed.q, observed.thresholded, dt, sure=observed.sure)
-            if release.end:
-                self._apply(Event.BOUND if release.bounded else Event.HALT, release.end, time_s)
+        elif mode is Mode.TRACKING and self.motion.follower.finished:
+            text = f"{self.motion.follower.place.path.name} came to its end"
+            self._apply(Event.END, text, time_s)
         elif mode is Mode.RETURNING:
             if self.motion.arrived(observed.q):
                 self._apply(Event.ARRIVED, "back where the trajectory was left", time_s)
             elif elapsed > self.motion.line_duration_s + self._tuning.stop_timeout_s:
                 text = f"the arm did not get back to its trajectory within {elapsed:.1f} s"
                 self._apply(Event.TIMEOUT, text, time_s)
+
+    def _progress_releasing(self, time_s: float, dt: float, observed: ControlInput) -> None:
+        release = self.motion.giving_way
+        release.step(observed.q, observed.thresholded, dt, sure=observed.sure)
+        if release.end:
+            self._apply(Event.BOUND if release.bounded else Event.HALT, release.end, time_s)
 
     def _progress_yielding(self, time_s: float, observed: ControlInput) -> None:
         if bound := self._allowance.bound_reached(observed.q):
