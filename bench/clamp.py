@@ -228,7 +228,8 @@ def targets_of(rows: list[tuple[Case, Squeeze]]) -> list[Target]:
 def main(arms: tuple[str, ...], as_json: bool) -> None:
     if not as_json:
         click.echo(
-            f"{'arm':8} {'joint':14} {'Nm/r':>5} r/s  {'armed':10} {'':8} hit {'peak':>6} {'stood':>6} "
+            f"{'arm':8} {'joint':14} {'Nm/r':>5} r/s  {'armed':10} {'':6} hit "
+            f"{'peak':>6} {'stood':>6} "
             f"{'rise':>5} {'half':>5} {'free':>5} {'last':>5} {'hand':>5}"
         )
     rows = []

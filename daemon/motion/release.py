@@ -22,6 +22,11 @@ SLACK_S: Final = 1.0
 ARRIVED_RAD: Final = 0.01
 # Ticks in a row until it counts that something presses from elsewhere, or that the sensing fails.
 DEBOUNCE_TICKS: Final = 3
+_END_OF: Final = {  # by `bounded` and `let_go`
+    (True, False): "at a bound, and still pressed",
+    (False, True): "let go",
+    (False, False): "pressed from elsewhere while it let go",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,13 +77,13 @@ class Release:
         if self._unsure >= DEBOUNCE_TICKS:
             self.end = "what the arm feels is not sure"
         elif self._against >= DEBOUNCE_TICKS:
-            self.end = "pressed from elsewhere while it let go"
+            self.end = _END_OF[False, False]
         elif self._elapsed_s > self._bounds.distance / self._bounds.velocity + SLACK_S:
             self.end, self.bounded = f"not let go within {self._elapsed_s:.1f} s", True
         elif not self._way.any():
             self.bounded = bool(np.any(thresholded * self._pushed > 0.0))
-            self.let_go = not self.bounded
-            self.end = "at a bound, and still pressed" if self.bounded else "let go"
+            self.let_go = not (self.bounded or against)
+            self.end = _END_OF[self.bounded, self.let_go]
 
     def velocity(self, q: Vector) -> Vector:
         """Desired velocity [rad/s] at q [rad]; it sinks towards the end of the distance."""
