@@ -90,10 +90,12 @@ class Release:
         speed: Vector = np.minimum(self._speed, self._limits.funnel(self._left(q)))
         return self._way * speed
 
-    def rest(self, q: Vector, before: Vector) -> Vector:
-        """Where to hold [rad] of q and an earlier position: where each joint is further away from
-        what it let go of. A link that fell back through its gap is not pressed on to it again."""
-        further: Vector = np.where(self._pushed * (before - q) > 0.0, before, q)
+    def rest(self, q: Vector, before: Vector, thresholded: Vector) -> Vector:
+        """Where to hold [rad], of q and an earlier position: where each joint is further away from
+        what it let go of, unless it is pressed back. A link that fell back through its gap is not
+        pressed on to it again."""
+        away = (self._pushed * (before - q) > 0.0) & (self._pushed * thresholded >= 0.0)
+        further: Vector = np.where(away, before, q)
         return further
 
     def _left(self, q: Vector) -> Vector:

@@ -323,7 +323,8 @@ class Controller:
         elif mode is Mode.TRACKING:
             motion.follow(home if event is Event.ARRIVED else observed.q)
         elif before is Mode.STOPPING and self._let_go:
-            motion.hold(motion.giving_way.rest(observed.q, motion.reference))
+            push = observed.thresholded
+            motion.hold(motion.giving_way.rest(observed.q, motion.reference, push))
         else:
             # At its end the arm stands where it was going.
             motion.hold(motion.reference if event is Event.END else observed.q)

@@ -127,5 +127,7 @@ def test_it_is_possible_where_a_joint_that_is_pressed_has_room(
 def test_it_rests_where_each_joint_is_further_from_what_pressed() -> None:
     release = begun(np.zeros(2), np.array([1.0, -1.0]))
     there, back = np.array([0.2, -0.2]), np.array([0.1, -0.1])
-    np.testing.assert_array_equal(release.rest(back, there), there)
-    np.testing.assert_array_equal(release.rest(there, back), there)
+    np.testing.assert_array_equal(release.rest(back, there, np.zeros(2)), there)
+    np.testing.assert_array_equal(release.rest(there, back, np.zeros(2)), there)
+    pressed_back = np.array([-0.1, 0.0])
+    np.testing.assert_array_equal(release.rest(back, there, pressed_back), [0.1, -0.2])
