@@ -19,7 +19,7 @@ from bench.clamp import (
     squeeze,
 )
 from bench.rigs.clamps import Clamps
-from bench.rigs.lockstep import ROMEO, lockstep_rig
+from bench.rigs.lockstep import lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.modes.contact_reactions import ContactReaction
 from daemon.modes.table import Event, Mode

@@ -1,5 +1,6 @@
 """Letting go of what the arm collided with: when it begins, how it ends, and what it leaves."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
+from daemon.motion.release import ReleaseSettings
 
 M, R = Mode, ContactReaction
 SPEED, DISTANCE = MANNER.release.velocity, MANNER.release.distance
@@ -213,3 +215,13 @@ def test_what_it_led_the_arm_is_counted_over_the_arming() -> None:
     released(arm, 2.0, 0.6)
     arm.run_until(M.HOLDING)
     assert arm.controller._allowance._moved[0] > 0.1
+
+
+@pytest.mark.parametrize("velocity", [0.1, 0.5])
+def test_it_brakes_before_the_end_of_its_distance(velocity: float) -> None:
+    bounds = ReleaseSettings(velocity=velocity, distance=0.1)
+    arm = tracking(manner=replace(MANNER, release=bounds))
+    start = arm.q[0]
+    arm.hit(2.0)
+    arm.run_until(M.HOLDING, 4.0, **arm.press(2.0))
+    assert 0.08 < arm.q[0] - start <= 0.1 + 1e-9
