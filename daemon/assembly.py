@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from arrays import Vector
 from daemon.config.identified import objections
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row, sinusoids_of
@@ -30,6 +31,9 @@ from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
+
+# Share of what drives may differ from their setpoints that a release uses.
+AHEAD_SHARE = 0.75
 
 
 def build_tick(robot: Robot, wire: Wire, clock: Callable[[], float], identification: Check) -> Tick:
@@ -133,7 +137,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
         motor_scale_error=c.estimator.gap.velocity_scale_error,
     )
     following = FollowingSettings(
-        deviation=s.following_margin * row(c, lambda j: j.limits.velocity),
+        deviation=following_margin(c),
         current=bounds.current,
         lag_s=c.control.drive_lag_ms / 1000.0,
     )
@@ -144,6 +148,11 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
         Plausibility(c.joint_names, bounds),
         Following(following, c.period_s),
     )
+
+
+def following_margin(c: Configuration) -> Vector:
+    """By how much motors may differ from their setpoints (n,) [rad/s]."""
+    return c.supervisor.following_margin * row(c, lambda j: j.limits.velocity)
 
 
 def build_controller(robot: Robot, *, links_trusted: bool) -> Controller:
@@ -171,7 +180,11 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         return_velocity=c.admittance.return_velocity,
         retract_velocity=c.reactions.retract_velocity,
         retract_distance=c.reactions.retract_distance,
-        release=ReleaseSettings(c.reactions.release_velocity, c.reactions.release_distance),
+        release=ReleaseSettings(
+            velocity=c.reactions.release_velocity,
+            distance=c.reactions.release_distance,
+            ahead=AHEAD_SHARE * following_margin(c),
+        ),
     )
     usual = c.admittance.virtual_mass_s
     law = AdmittanceLaw(

@@ -33,7 +33,7 @@ MANNER = MotionSettings(
     return_velocity=0.2,
     retract_velocity=0.4,
     retract_distance=0.1,
-    release=ReleaseSettings(velocity=0.25, distance=0.3),
+    release=ReleaseSettings(velocity=0.25, distance=0.3, ahead=np.full(2, 0.15)),
 )
 LIMITS = Limits(np.full(2, -1.0), np.full(2, 1.0), np.full(2, 1.0), np.full(2, 4.0), T)
 

@@ -10,7 +10,7 @@ from daemon.assembly import build_transmission
 from daemon.config.motion import limits_of
 from daemon.config.schema import Configuration
 from daemon.modes.table import GUIDED, SENSING, TRANSITIONS, Mode
-from daemon.motion.release import SLACK_S, ReleaseSettings
+from daemon.motion.release import SLACK_S
 from daemon.protocol.messages import State
 
 # Nearer to its limit than this, a joint has been led back to it [rad]...
@@ -44,8 +44,7 @@ class Watch:
         self._transmission = build_transmission(c)
         self._period_s = c.period_s
         self._names = c.joint_names
-        reactions = c.reactions
-        self._release = ReleaseSettings(reactions.release_velocity, reactions.release_distance)
+        self._reactions = c.reactions
         # Where the release that goes on began, and the way of the push.
         self._let_go_from: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._let_go_since_s = 0.0
@@ -178,11 +177,12 @@ class Watch:
         brakes = np.abs(setpoint) <= np.abs(self._setpoint) + 1e-9
         there = np.where(way == 0.0, setpoint == 0.0, way * setpoint >= 0.0)
         self._all("a release goes the way of the push", there | brakes, now, setpoint, "rad/s")
-        slow = np.abs(setpoint) <= self._release.velocity + 1e-9
+        slow = np.abs(setpoint) <= self._reactions.release_velocity + 1e-9
         self._all("a release is slow", slow | brakes, now, setpoint, "rad/s")
-        near = way * (measured - start) <= self._release.distance + AT_LIMIT
+        near = way * (measured - start) <= self._reactions.release_distance + AT_LIMIT
         self._all("a release is bounded in distance", near | brakes, now, measured, "rad")
-        most_s = self._release.distance / self._release.velocity + SLACK_S + self._period_s
+        moves_s = self._reactions.release_distance / self._reactions.release_velocity
+        most_s = moves_s + SLACK_S + self._period_s
         within = now - self._let_go_since_s <= most_s
         self.ledger.check("a release is bounded in time", within, now, state.cause)
 

@@ -108,7 +108,7 @@ class ReactionSettings(Settings, frozen=True):
     retract_distance: Annotated[float, Meta(gt=0, le=1)] = 0.15  # of the furthest joint [rad]
     retract_velocity: Speed = 0.4  # [rad/s]
     release_distance: Annotated[float, Meta(gt=0, le=1)] = 0.3  # of each joint at most [rad]
-    release_velocity: Annotated[float, Meta(gt=0, le=0.5)] = 0.3  # of each joint [rad/s]
+    release_velocity: Annotated[float, Meta(gt=0, le=0.5)] = 0.32  # of each joint [rad/s]
 
 
 class Sinusoid(Settings, frozen=True):

@@ -35,6 +35,9 @@ class ReleaseSettings:
 
     velocity: float  # of each joint [rad/s]
     distance: float  # of each joint [rad]
+    # By how much a setpoint may be ahead of its motor, (n,) [rad/s]: the drive of a joint that is
+    # held by something stiff cannot follow at once, and must not be taken for deaf.
+    ahead: Vector
 
 
 class Release:
@@ -44,7 +47,7 @@ class Release:
         n = len(limits.lower)
         self._bounds, self._limits = bounds, limits
         self._speed = np.minimum(bounds.velocity, limits.velocity)
-        self._begun, self._pushed, self._way = np.zeros((3, n))
+        self._begun, self._pushed, self._way, self._followed = np.zeros((4, n))
         self._elapsed_s = 0.0
         self._against = self._unsure = 0
         self.end = ""
@@ -61,12 +64,17 @@ class Release:
         self._begun = q.copy()
         self._pushed = np.sign(thresholded)
         self._way = self._pushed.copy()
+        self._followed[:] = 0.0
         self._elapsed_s, self._against, self._unsure = 0.0, 0, 0
         self.end, self.bounded, self.let_go = "", False, False
 
-    def step(self, q: Vector, thresholded: Vector, dt: float, *, sure: bool) -> None:
-        """Take what is measured dt [s] after the last; `sure` unless the residual may be wrong."""
+    def step(
+        self, q: Vector, motor_velocity: Vector, thresholded: Vector, dt: float, *, sure: bool
+    ) -> None:
+        """Take what is measured dt [s] after the last: link positions [rad], velocities of motors
+        [rad/s], thresholded residual [Nm]; `sure` unless the last may be wrong."""
         self._elapsed_s += dt
+        self._followed = np.maximum(self._pushed * motor_velocity, 0.0)
         self._unsure = 0 if sure else self._unsure + 1
         # From the other side, or at a joint that felt nothing when it began.
         against = np.count_nonzero((thresholded != 0.0) & (np.sign(thresholded) != self._pushed))
@@ -86,9 +94,11 @@ class Release:
             self.end = _END_OF[self.bounded, self.let_go]
 
     def velocity(self, q: Vector) -> Vector:
-        """Desired velocity [rad/s] at q [rad]; it sinks towards the end of the distance."""
-        speed: Vector = np.minimum(self._speed, self._limits.funnel(self._left(q)))
-        return self._way * speed
+        """Desired velocity [rad/s] at q [rad]; it sinks towards the end of the distance, and waits
+        for the motors."""
+        speed = np.minimum(self._speed, self._followed + self._bounds.ahead)
+        slowed: Vector = np.minimum(speed, self._limits.funnel(self._left(q)))
+        return self._way * slowed
 
     def rest(self, q: Vector, before: Vector, thresholded: Vector) -> Vector:
         """Where to hold [rad], of q and an earlier position: where each joint is further away from

@@ -265,7 +265,8 @@ class Controller:
 
     def _progress_releasing(self, time_s: float, dt: float, observed: ControlInput) -> None:
         release = self.motion.giving_way
-        release.step(observed.q, observed.thresholded, dt, sure=observed.sure)
+        felt = observed.thresholded
+        release.step(observed.q, observed.motor_velocity, felt, dt, sure=observed.sure)
         if release.end:
             self._apply(Event.BOUND if release.bounded else Event.HALT, release.end, time_s)
 

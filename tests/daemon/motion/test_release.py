@@ -10,9 +10,10 @@ from daemon.motion.limits import Limits
 from daemon.motion.release import DEBOUNCE_TICKS, SLACK_S, Release, ReleaseSettings
 
 DT = 0.01
-BOUNDS = ReleaseSettings(velocity=0.25, distance=0.3)
+BOUNDS = ReleaseSettings(velocity=0.25, distance=0.3, ahead=np.full(2, 0.15))
 LIMITS = Limits(np.full(2, -1.0), np.full(2, 1.0), np.array([1.0, 0.1]), np.full(2, 4.0), 0.025)
 PRESSED = np.array([2.0, 0.0])
+FOLLOWS = np.array([0.25, 0.0])  # how the motors move
 
 torques = st.lists(st.floats(-9.0, 9.0) | st.just(0.0), min_size=2, max_size=2).map(np.array)
 poses = st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=2).map(np.array)
@@ -27,7 +28,7 @@ def begun(q: Vector, thresholded: Vector) -> Release:
 def ends(release: Release, q: Vector, thresholded: Vector, *, sure: bool = True) -> int:
     """Ticks until it is over at that place and torque."""
     for tick in range(1, 1000):
-        release.step(q, thresholded, DT, sure=sure)
+        release.step(q, FOLLOWS, thresholded, DT, sure=sure)
         if release.end:
             return tick
     raise AssertionError("never")
@@ -41,7 +42,7 @@ def test_it_never_moves_against_the_push_nor_beyond_its_bounds(
     release, start, way = begun(q, torque), q.copy(), np.sign(torque)
     velocity, stopped = np.zeros(2), np.zeros(2, dtype=bool)
     for each in after * 5:
-        release.step(q, each, DT, sure=True)
+        release.step(q, velocity, each, DT, sure=True)
         if release.end:
             break
         wanted = release.velocity(q)
@@ -57,18 +58,29 @@ def test_it_never_moves_against_the_push_nor_beyond_its_bounds(
 
 def test_joints_that_feel_nothing_stand() -> None:
     release = begun(np.zeros(2), PRESSED)
-    release.step(np.zeros(2), PRESSED, DT, sure=True)
+    release.step(np.zeros(2), FOLLOWS, PRESSED, DT, sure=True)
     np.testing.assert_array_equal(release.velocity(np.zeros(2)), [BOUNDS.velocity, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("motor", "speed"), [(-0.5, 0.15), (0.0, 0.15), (0.05, 0.2), (0.2, 0.25), (9.0, 0.25)]
+)
+def test_it_is_not_far_ahead_of_a_motor_that_something_stiff_holds(
+    motor: float, speed: float
+) -> None:
+    release = begun(np.zeros(2), PRESSED)
+    release.step(np.zeros(2), np.array([motor, 0.0]), PRESSED, DT, sure=True)
+    assert release.velocity(np.zeros(2))[0] == pytest.approx(speed)
 
 
 def test_each_joint_stops_when_it_feels_no_more_and_the_last_one_ends_it() -> None:
     release = begun(np.zeros(2), np.array([2.0, -1.0]))
-    release.step(np.zeros(2), np.array([2.0, 0.0]), DT, sure=True)
+    release.step(np.zeros(2), FOLLOWS, np.array([2.0, 0.0]), DT, sure=True)
     assert release.velocity(np.zeros(2)).tolist() == [0.25, 0.0]
-    release.step(np.zeros(2), np.array([2.0, -1.0]), DT, sure=True)
+    release.step(np.zeros(2), FOLLOWS, np.array([2.0, -1.0]), DT, sure=True)
     assert release.velocity(np.zeros(2))[1] == 0.0
     assert not release.end
-    release.step(np.zeros(2), np.zeros(2), DT, sure=True)
+    release.step(np.zeros(2), FOLLOWS, np.zeros(2), DT, sure=True)
     assert (release.end, release.let_go, release.bounded) == ("let go", True, False)
 
 
@@ -78,7 +90,7 @@ def test_each_joint_stops_when_it_feels_no_more_and_the_last_one_ends_it() -> No
 def test_a_push_from_elsewhere_ends_it(felt: Vector) -> None:
     """From the other side, or at a joint that felt nothing."""
     release = begun(np.zeros(2), PRESSED)
-    release.step(np.zeros(2), PRESSED, DT, sure=True)
+    release.step(np.zeros(2), FOLLOWS, PRESSED, DT, sure=True)
     took = ends(release, np.zeros(2), felt)
     assert took <= DEBOUNCE_TICKS
     assert release.end == "pressed from elsewhere while it let go"
@@ -90,7 +102,7 @@ def test_a_single_tick_from_elsewhere_does_not() -> None:
     release = begun(np.zeros(2), PRESSED)
     for _ in range(10):
         for felt in ([2.0, 0.1], [2.0, 0.1], [2.0, 0.0]):
-            release.step(np.zeros(2), np.array(felt), DT, sure=True)
+            release.step(np.zeros(2), FOLLOWS, np.array(felt), DT, sure=True)
     assert not release.end
 
 

@@ -11,7 +11,6 @@ from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
-from daemon.motion.release import ReleaseSettings
 
 M, R = Mode, ContactReaction
 SPEED, DISTANCE = MANNER.release.velocity, MANNER.release.distance
@@ -219,7 +218,7 @@ def test_what_it_led_the_arm_is_counted_over_the_arming() -> None:
 
 @pytest.mark.parametrize("velocity", [0.1, 0.5])
 def test_it_brakes_before_the_end_of_its_distance(velocity: float) -> None:
-    bounds = ReleaseSettings(velocity=velocity, distance=0.1)
+    bounds = replace(MANNER.release, velocity=velocity, distance=0.1)
     arm = tracking(manner=replace(MANNER, release=bounds))
     start = arm.q[0]
     arm.hit(2.0)
