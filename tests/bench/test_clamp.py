@@ -60,7 +60,7 @@ def test_it_lets_go_of_what_it_ran_into(case: Case) -> None:
     "case",
     [
         replace(ELBOW_CASE, hand=150.0),
-        replace(ELBOW_CASE, stiffness=600.0, hand=150.0),
+        replace(ELBOW_CASE, stiffness=150.0, hand=600.0),
         replace(SHOULDER_CASE, hand=600.0),
         replace(COLUMN_CASE, stiffness=150.0, hand=600.0),
     ],

@@ -165,7 +165,7 @@ BROKEN: list[tuple[str, list[State]]] = [
         "a release goes the way of the push",
         [releasing(k, -0.02 * (k - 1)) for k in range(1, 4)],
     ),
-    ("a release is slow", [releasing(k, 0.04 * (k - 1)) for k in range(1, 10)]),
+    ("a release is slow", [releasing(k, 0.04 * (k - 1)) for k in range(1, 11)]),
     (
         "a release is bounded in distance",
         [releasing(1, 0.0), releasing(2, 0.04, C.reactions.release_distance + 0.006)],
