@@ -69,7 +69,8 @@ class Squeeze:
     half_s: float
     free_s: float  # below the contact level for good
     last: float
-    hand: float  # peak of the hand behind, less what the clamp hands on to it through the arm
+    behind: float  # peak of the hand behind
+    hand: float  # peak of it, less what the clamp hands on to it through the arm
     collided: bool  # a residual reached its collision level
     modes: tuple[str, ...]
 
@@ -171,6 +172,7 @@ def squeeze(
         half_s=last_above(0.5 * stood),
         free_s=last_above(contact),
         last=float(torque[-1]),
+        behind=max((felt[1] for _, felt in clamps.trace if len(felt) > 1), default=0.0),
         hand=max(pressed, default=0.0),
         collided=collided,
         modes=modes,
