@@ -9,6 +9,7 @@ the joint's motor first went no further into the clamp. Where two make a clamp, 
 behind the joint, which begins to press when the arm backs into it.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -199,7 +200,7 @@ def targets_of(rows: list[tuple[Case, Squeeze]]) -> list[Target]:
     return [
         Target(
             "clamps before which the arm never stood",
-            sum(np.isnan(f.stood) for f in alone),
+            sum(math.isnan(f.stood) for f in alone),
             0,
             "",
             "lower",

@@ -1,10 +1,12 @@
 """Clamps in lockstep: what the arm presses after it ran into something, and what it is refused."""
 
+import json
 from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from bench.clamp import (
     FALLS_AFTER_S,
@@ -14,9 +16,11 @@ from bench.clamp import (
     RIPPLE,
     Case,
     configured,
+    main,
     measure,
     meet,
     squeeze,
+    targets_of,
 )
 from bench.rigs.clamps import Clamps
 from bench.rigs.lockstep import lockstep_rig
@@ -164,3 +168,15 @@ def test_a_torque_that_rises_or_stays_is_told_from_one_that_falls() -> None:
         found = squeeze(clamps, 0.0, 0.4, True, ())
         assert found.rise == pytest.approx(rise, abs=0.01)
         assert found.half_s == pytest.approx(half_s, abs=0.01)
+
+
+def test_its_report_is_json(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bench.clamp.cases", lambda arms: iter([replace(ELBOW_CASE, hand=40.0)]))
+    shown = replace(ELBOW_CASE, hand=0.0)
+    found = [(shown, measure(shown)), (replace(shown, hand=40.0), measure(shown))]
+    assert all(target.met for target in targets_of(found))
+    monkeypatch.setattr("bench.clamp.targets_of", lambda rows: targets_of(found))
+    result = CliRunner().invoke(main, ["--json"], catch_exceptions=False)
+    report = json.loads(result.output)
+    assert report["data"]["rows"][0]["joint"] == "LElbowRoll"
+    assert len(report["targets"]) == 5
