@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from arrays import Vector
 from daemon.config.identified import objections
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row, sinusoids_of
@@ -16,6 +17,7 @@ from daemon.modes.contact_reactions import Reactions
 from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
 from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place
+from daemon.motion.release import ReleaseSettings
 from daemon.protocol.messages import Check
 from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.controller import Controller, ControllerSettings
@@ -30,6 +32,9 @@ from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
+
+# Share of what drives may differ from their setpoints that a release uses.
+AHEAD_SHARE = 0.75
 
 
 def build_tick(robot: Robot, wire: Wire, clock: Callable[[], float], identification: Check) -> Tick:
@@ -129,7 +134,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
         motor_scale_error=c.estimator.gap.velocity_scale_error,
     )
     following = FollowingSettings(
-        deviation=s.following_margin * row(c, lambda j: j.limits.velocity),
+        deviation=following_margin(c),
         current=bounds.current,
         lag_s=c.control.drive_lag_ms / 1000.0,
     )
@@ -141,6 +146,11 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
         Following(following, c.period_s),
         IgnoredSetpoints(bounds.current),
     )
+
+
+def following_margin(c: Configuration) -> Vector:
+    """By how much motors may differ from their setpoints (n,) [rad/s]."""
+    return c.supervisor.following_margin * row(c, lambda j: j.limits.velocity)
 
 
 def build_controller(robot: Robot, *, links_trusted: bool) -> Controller:
@@ -168,6 +178,11 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         return_velocity=c.admittance.return_velocity,
         retract_velocity=c.reactions.retract_velocity,
         retract_distance=c.reactions.retract_distance,
+        release=ReleaseSettings(
+            velocity=c.reactions.release_velocity,
+            distance=c.reactions.release_distance,
+            ahead=AHEAD_SHARE * following_margin(c),
+        ),
     )
     usual = c.admittance.virtual_mass_s
     law = AdmittanceLaw(

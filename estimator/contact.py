@@ -121,6 +121,17 @@ class ContactDetector:
         touched: NDArray[np.bool_] = np.abs(self.streak[0]) >= self._debounce
         return touched
 
+    def hit(self) -> NDArray[np.bool_]:
+        """Joints that are past their collision level now, debounced; shape (n,)."""
+        hit: NDArray[np.bool_] = np.abs(self.streak[1]) >= self._debounce
+        return hit
+
+    @property
+    def collision(self) -> Vector:
+        """Collision levels in force [Nm], shape (n,)."""
+        in_force: Vector = self._levels[1] + self._above
+        return in_force
+
     def reset(self) -> None:
         """Forget the raise and all contacts."""
         self.raised[:] = 0.0

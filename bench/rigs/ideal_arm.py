@@ -13,6 +13,7 @@ from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
 from daemon.motion.limits import Limits
 from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place, Sinusoids
+from daemon.motion.release import ReleaseSettings
 from daemon.tick.controller import ControlInput, Controller, ControllerSettings, Decision
 
 T = 0.01
@@ -28,7 +29,11 @@ TUNING = ControllerSettings(
     stop_timeout_s=3.0,
 )
 MANNER = MotionSettings(
-    position_gain=8.0, return_velocity=0.2, retract_velocity=0.4, retract_distance=0.1
+    position_gain=8.0,
+    return_velocity=0.2,
+    retract_velocity=0.4,
+    retract_distance=0.1,
+    release=ReleaseSettings(velocity=0.25, distance=0.3, ahead=np.full(2, 0.15)),
 )
 LIMITS = Limits(np.full(2, -1.0), np.full(2, 1.0), np.full(2, 1.0), np.full(2, 4.0), T)
 
@@ -98,13 +103,17 @@ class IdealArm:
         [Nm]."""
         return {"thresholded": np.array([torque, 0.0]), "touched": "a feels it"}
 
+    def press(self, torque: float) -> dict[str, Any]:
+        """Fields of ControlInput while a collision on joint a lasts."""
+        return {**self.push(torque), "hit": "a was hit"}
+
     def touch(self, torque: float = 0.4) -> None:
         """One tick of contact."""
         self.step(**self.push(torque))
 
     def hit(self, torque: float = 0.4) -> None:
         """One tick in which a collision begins."""
-        self.step(**self.push(torque), hit="a was hit")
+        self.step(**self.press(torque), struck=True)
 
 
 def ideal_arm(**changes: Any) -> IdealArm:

@@ -10,6 +10,7 @@ from daemon.assembly import build_transmission
 from daemon.config.motion import limits_of
 from daemon.config.schema import Configuration
 from daemon.modes.table import GUIDED, SENSING, TRANSITIONS, Mode
+from daemon.motion.release import SLACK_S
 from daemon.protocol.messages import State
 
 # Nearer to its limit than this, a joint has been led back to it [rad]...
@@ -43,6 +44,10 @@ class Watch:
         self._transmission = build_transmission(c)
         self._period_s = c.period_s
         self._names = c.joint_names
+        self._reactions = c.reactions
+        # Where the release that goes on began, and the way of the push.
+        self._let_go_from: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        self._let_go_since_s = 0.0
         self._before: State | None = None
         self._setpoint = np.zeros(len(c.joints))
         self._quiet_since_s = 0.0
@@ -89,6 +94,7 @@ class Watch:
             speed = np.array(state.motor_velocity) if motor_velocity is None else motor_velocity
             self._all("no motion while latched", np.abs(speed) < STANDS, now, speed, "rad/s")
         self._comes_back(state, mode, trouble)
+        self._lets_go(state, mode, setpoint, measured)
         contacts = [now for event in state.notices if event.kind == "contact"]
         self.contacts_s += contacts
         if contacts:
@@ -152,6 +158,34 @@ class Watch:
             check("armed no longer than the lease", late <= allowed_ticks, now, f"{late} ticks")
             check("not armed while latched", mode not in LATCHED, now, state.mode)
 
+    def _lets_go(
+        self,
+        state: State,
+        mode: Mode,
+        setpoint: NDArray[np.float64],
+        measured: NDArray[np.float64],
+    ) -> None:
+        """A release is slow, bounded, and goes the way it was pushed when it began; else it only
+        brakes."""
+        if mode is not Mode.RELEASING:
+            self._let_go_from = None
+            return
+        if self._let_go_from is None:
+            self._let_go_from = measured, np.sign(np.array(state.thresholded))
+            self._let_go_since_s = state.time_s
+        now, (start, way) = state.time_s, self._let_go_from
+        brakes = np.abs(setpoint) <= np.abs(self._setpoint) + 1e-9
+        there = np.where(way == 0.0, setpoint == 0.0, way * setpoint >= 0.0)
+        self._all("a release goes the way of the push", there | brakes, now, setpoint, "rad/s")
+        slow = np.abs(setpoint) <= self._reactions.release_velocity + 1e-9
+        self._all("a release is slow", slow | brakes, now, setpoint, "rad/s")
+        near = way * (measured - start) <= self._reactions.release_distance + AT_LIMIT
+        self._all("a release is bounded in distance", near | brakes, now, measured, "rad")
+        moves_s = self._reactions.release_distance / self._reactions.release_velocity
+        most_s = moves_s + SLACK_S + self._period_s
+        within = now - self._let_go_since_s <= most_s
+        self.ledger.check("a release is bounded in time", within, now, state.cause)
+
     def _comes_back(self, state: State, mode: Mode, trouble: bool) -> None:
         now = state.time_s
         if self._up_s is None or trouble or mode not in LATCHED:
@@ -169,7 +203,8 @@ class Watch:
         setpoint: NDArray[np.float64],
         measured: NDArray[np.float64],
     ) -> None:
-        """Acceleration: only the braking distance to a limit may ask for more, to brake."""
+        """Acceleration: only the braking distance to a limit may ask for more, to brake; and a
+        setpoint that a blocked motor did not reach is given up when the arm lets go."""
         if Mode(before.mode) not in SENSING or Mode(state.mode) not in SENSING:
             return
         limits = self._limits
@@ -180,10 +215,13 @@ class Watch:
         down, up = self._room(state, measured)
         room = np.where(self._setpoint > 0.0, up, down)
         forced = brakes & (np.abs(setpoint) >= limits.funnel(room) - 1e-6)
+        begins = state.mode == Mode.RELEASING != before.mode
+        most = np.maximum(np.abs(self._setpoint), limits.acceleration * dt + 1e-9)
+        given_up = begins & (np.abs(setpoint) <= most)
         at_age = ~np.array(state.fresh)  # where the arm is taken to be is not published then
         self._all(
             "velocity steps bounded",
-            gentle | forced | (brakes & at_age),
+            gentle | forced | given_up | (brakes & at_age),
             state.time_s,
             step,
             "rad/s",

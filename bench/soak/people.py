@@ -52,6 +52,7 @@ WISHES: dict[Mode, dict[str, float]] = {
     Mode.ADMITTANCE: {NOTHING: 12, "pause": 1, "disarm": 1, "stop": 0.5, "gain": 2, "stray": 0.5},
     Mode.RETRACTING: {NOTHING: 8, "stray": 1},
     Mode.RETURNING: {NOTHING: 8, "stray": 1},
+    Mode.RELEASING: {NOTHING: 8, "stop": 0.5, "stray": 1},
     Mode.STOPPING: {NOTHING: 8, "stray": 1},
     Mode.FAULTED: {"reset": 8, "stray": 1},
 }

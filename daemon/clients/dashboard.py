@@ -29,6 +29,7 @@ MODE_STYLES = {
     Mode.ADMITTANCE: "black on bright_cyan",
     Mode.RETRACTING: "black on bright_magenta",
     Mode.RETURNING: "white on dark_cyan",
+    Mode.RELEASING: "black on magenta",
     Mode.STOPPING: "black on yellow",
     Mode.FAULTED: "white on red",
 }

@@ -127,7 +127,8 @@ def pause(options: Options, no_wait: bool) -> None:
 @main.command()
 @click.pass_obj
 def disarm(options: Options) -> None:
-    """Stop yielding to contact. Contacts are still reported, and collisions stop the arm."""
+    """Stop yielding to contact. Contacts are still reported, and collisions still
+    reacted to."""
     carry_out(options, "disarm")
 
 

@@ -100,13 +100,15 @@ class Admittance(Settings, frozen=True):
 
 
 class ReactionSettings(Settings, frozen=True):
-    """Reactions of the armed arm to contact. While it is not armed, a contact is only reported
-    and a collision stops the arm, whatever is chosen here."""
+    """Reactions to contact and collision. While the arm is not armed, a contact is only reported,
+    and a collision stops it, unless `release` or `quick_stop` is chosen for it."""
 
     contact: ContactReaction = ContactReaction.ADMITTANCE  # beyond `thresholds.contact`
-    collision: ContactReaction = ContactReaction.ADMITTANCE  # beyond `thresholds.collision`
+    collision: ContactReaction = ContactReaction.RELEASE  # beyond `thresholds.collision`
     retract_distance: Annotated[float, Meta(gt=0, le=1)] = 0.15  # of the furthest joint [rad]
     retract_velocity: Speed = 0.4  # [rad/s]
+    release_distance: Annotated[float, Meta(gt=0, le=1)] = 0.3  # of each joint at most [rad]
+    release_velocity: Annotated[float, Meta(gt=0, le=0.5)] = 0.32  # of each joint [rad/s]
 
 
 class Sinusoid(Settings, frozen=True):

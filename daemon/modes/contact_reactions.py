@@ -8,11 +8,12 @@ from daemon.modes.table import Event, Mode
 
 
 class ContactReaction(StrEnum):
-    """Reaction of the armed arm to a contact."""
+    """Reaction to a contact or a collision."""
 
     REPORT = "report"  # nothing else
     ADMITTANCE = "admittance"  # yield, eq. (15)
     RETRACT = "retract"  # back away a fixed distance, the way it was pushed
+    RELEASE = "release"  # let go of it: slowly, the way it pushes, until it presses no more
     HOLD = "hold"  # decelerate and hold
     QUICK_STOP = "quick_stop"  # quick stop of all drives, latched until `reset`
 
@@ -29,13 +30,18 @@ EVENT_OF: dict[ContactReaction, Event | None] = {
     ContactReaction.REPORT: None,
     ContactReaction.ADMITTANCE: Event.TOUCH,
     ContactReaction.RETRACT: Event.RETRACT,
+    ContactReaction.RELEASE: Event.RELEASE,
     ContactReaction.HOLD: Event.HALT,
     ContactReaction.QUICK_STOP: Event.FAULT,
 }
 
-# Where a contact counts as long as it lasts; elsewhere one is being reacted to already, and only a
-# collision that begins is more than that.
+# Where contact and collision count as long as they last; elsewhere one is being reacted to already,
+# and only a collision that begins is more than that.
 ATTENTIVE = frozenset({Mode.HOLDING, Mode.TRACKING, Mode.RETURNING})
+
+
+# What a collision leads to without a permission, too.
+UNPERMITTED = frozenset({ContactReaction.RELEASE, ContactReaction.QUICK_STOP})
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,14 +49,14 @@ class Reactions:
     """Configured reaction to each level."""
 
     contact: ContactReaction = ContactReaction.ADMITTANCE
-    collision: ContactReaction = ContactReaction.ADMITTANCE
+    collision: ContactReaction = ContactReaction.RELEASE
 
     def to_contact(self, armed: bool) -> Event | None:
         """Event of a contact, as long as it lasts; None while the arm is not armed."""
         return EVENT_OF[self.contact] if armed else None
 
     def to_collision(self, armed: bool) -> Event | None:
-        """Event of a collision that begins; while not armed, the arm stops whatever is chosen."""
-        if armed or self.collision is ContactReaction.QUICK_STOP:
+        """Event of a collision; while not armed, one that asks for a permission stops the arm."""
+        if armed or self.collision in UNPERMITTED:
             return EVENT_OF[self.collision]
         return Event.HALT

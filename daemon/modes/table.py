@@ -31,6 +31,9 @@ class Mode(StrEnum):
     # Goes slowly, in a straight line through joint space, back to where a contact took it from its
     # trajectory.
     RETURNING = "returning"
+    # Lets go of what it collided with: the joints that feel it move slowly the way they are pushed,
+    # at `reactions.release_velocity`, by `reactions.release_distance` at most.
+    RELEASING = "releasing"
     # Decelerates within its limits.
     STOPPING = "stopping"
     # Quick stop of all drives, latched until `reset`.
@@ -52,7 +55,9 @@ class Event(StrEnum):
     END = "end"  # the trajectory came to its end
     TOUCH = "touch"  # a contact to yield to
     RETRACT = "retract"  # a contact to back away from
-    HALT = "halt"  # a contact to stop at; pushed against while retracting
+    RELEASE = "release"  # a collision to let go of
+    # a contact to stop at; pushed against while retracting; the end of a release
+    HALT = "halt"
     RESUME = "resume"  # quiet, and the trajectory fits from here
     RETURN = "return"  # quiet, and the trajectory goes on where it was left
     # quiet, and nothing to go on with, or it would leave the joint limits from here
@@ -85,6 +90,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.HOLDING, _E.DISABLE): _M.OFF,
     (_M.HOLDING, _E.TOUCH): _M.ADMITTANCE,
     (_M.HOLDING, _E.RETRACT): _M.RETRACTING,
+    (_M.HOLDING, _E.RELEASE): _M.RELEASING,
     (_M.HOLDING, _E.HALT): _M.HOLDING,
     (_M.HOLDING, _E.DOUBT): _M.HOLDING,
     (_M.HOLDING, _E.FAULT): _M.FAULTED,
@@ -95,6 +101,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.TRACKING, _E.DISABLE): _M.STOPPING,
     (_M.TRACKING, _E.TOUCH): _M.ADMITTANCE,
     (_M.TRACKING, _E.RETRACT): _M.RETRACTING,
+    (_M.TRACKING, _E.RELEASE): _M.RELEASING,
     (_M.TRACKING, _E.HALT): _M.STOPPING,
     (_M.TRACKING, _E.DOUBT): _M.STOPPING,
     (_M.TRACKING, _E.FAULT): _M.FAULTED,
@@ -116,6 +123,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.RETRACTING, _E.DISABLE): _M.STOPPING,
     (_M.RETRACTING, _E.TOUCH): _M.ADMITTANCE,
     (_M.RETRACTING, _E.RETRACT): _M.RETRACTING,
+    (_M.RETRACTING, _E.RELEASE): _M.RELEASING,
     (_M.RETRACTING, _E.HALT): _M.STOPPING,
     (_M.RETRACTING, _E.RESUME): _M.TRACKING,
     (_M.RETRACTING, _E.RETURN): _M.RETURNING,
@@ -129,14 +137,24 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.RETURNING, _E.DISABLE): _M.STOPPING,
     (_M.RETURNING, _E.TOUCH): _M.ADMITTANCE,
     (_M.RETURNING, _E.RETRACT): _M.RETRACTING,
+    (_M.RETURNING, _E.RELEASE): _M.RELEASING,
     (_M.RETURNING, _E.HALT): _M.STOPPING,
     (_M.RETURNING, _E.ARRIVED): _M.TRACKING,
     (_M.RETURNING, _E.TIMEOUT): _M.STOPPING,
     (_M.RETURNING, _E.DOUBT): _M.STOPPING,
     (_M.RETURNING, _E.FAULT): _M.FAULTED,
+    (_M.RELEASING, _E.PAUSE): _M.RELEASING,
+    (_M.RELEASING, _E.STOP): _M.STOPPING,
+    (_M.RELEASING, _E.DISARM): _M.RELEASING,
+    (_M.RELEASING, _E.DISABLE): _M.STOPPING,
+    (_M.RELEASING, _E.HALT): _M.STOPPING,
+    (_M.RELEASING, _E.BOUND): _M.STOPPING,
+    (_M.RELEASING, _E.DOUBT): _M.STOPPING,
+    (_M.RELEASING, _E.FAULT): _M.FAULTED,
     (_M.STOPPING, _E.STANDSTILL): _M.HOLDING,
     (_M.STOPPING, _E.TOUCH): _M.ADMITTANCE,
     (_M.STOPPING, _E.RETRACT): _M.RETRACTING,
+    (_M.STOPPING, _E.RELEASE): _M.RELEASING,
     (_M.STOPPING, _E.PAUSE): _M.STOPPING,
     (_M.STOPPING, _E.STOP): _M.STOPPING,
     (_M.STOPPING, _E.DISARM): _M.STOPPING,
@@ -152,7 +170,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
 # Modes that a contact leads to; a trajectory that it interrupted goes on after these.
 GUIDED = frozenset({_M.ADMITTANCE, _M.RETRACTING, _M.RETURNING})
 # Modes in which contacts are detected: in others the motor currents say nothing of contact.
-SENSING = frozenset({_M.HOLDING, _M.TRACKING, _M.STOPPING, *GUIDED})
+SENSING = frozenset({_M.HOLDING, _M.TRACKING, _M.STOPPING, _M.RELEASING, *GUIDED})
 ARMABLE = frozenset({_M.HOLDING, _M.TRACKING})
 ENERGISED = frozenset({_M.ENABLING, *SENSING})
 
@@ -162,7 +180,7 @@ DISARMING = frozenset(
 )
 
 # Events that halt a trajectory, which goes on with the next `start`...
-HALTING = frozenset({_E.PAUSE, _E.SETTLE, _E.HALT})
+HALTING = frozenset({_E.PAUSE, _E.SETTLE, _E.RELEASE, _E.HALT})
 # ...and events after which it begins anew.
 FORGETTING = frozenset({_E.STOP, _E.DISABLE, _E.TIMEOUT, _E.FAULT, _E.RESET})
 
@@ -175,6 +193,7 @@ REFUSALS: dict[Mode, str] = {
     _M.ADMITTANCE: "somebody is guiding the arm",
     _M.RETRACTING: "the arm is backing away from a contact",
     _M.RETURNING: "the arm is going back to its trajectory",
+    _M.RELEASING: "the arm is letting go of what it collided with",
     _M.STOPPING: "the arm is still stopping",
     _M.FAULTED: "a fault is latched",
 }

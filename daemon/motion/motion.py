@@ -11,6 +11,7 @@ from daemon.motion.admittance import AdmittanceLaw, Gains
 from daemon.motion.limits import Limits
 from daemon.motion.line import Line
 from daemon.motion.path import Follower
+from daemon.motion.release import Release, ReleaseSettings
 
 # A joint has arrived when it is as near as this to the line's end [rad].
 ARRIVED_RAD = 0.01
@@ -20,12 +21,13 @@ PLANNED_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True)
 class MotionSettings:
-    """Configured speeds, distance and gain of motion."""
+    """Configured speeds, distances and gain of motion."""
 
     position_gain: float  # [1/s]
     return_velocity: float  # [rad/s]
     retract_velocity: float  # [rad/s]
     retract_distance: float  # of the joint that goes furthest [rad]
+    release: ReleaseSettings
 
 
 class Motion:
@@ -50,6 +52,7 @@ class Motion:
         self.blind = blind
         self.limits, self.gains, self.follower = limits, gains, follower
         self._manner, self._law = manner, law
+        self.giving_way = Release(manner.release, limits)
         self._go(self.reference, self.reference, 1.0)
 
     # --- begin a mode, from the measured pose q within the limits ------------------------------
@@ -69,6 +72,24 @@ class Motion:
         furthest = float(np.abs(pushed).max())
         share = self._manner.retract_distance / furthest if furthest > 0.0 else 0.0
         self._go(q, q + share * pushed, self._manner.retract_velocity)
+
+    def release(self, q: Vector, thresholded: Vector, motor_velocity: Vector) -> None:
+        """Let go of what presses, from q [rad], the way the thresholded residual [Nm] points.
+
+        A setpoint that a blocked motor does not reach only presses: it is taken back at once to
+        `motor_velocity` [rad/s], from which the ramp begins.
+        """
+        self.hold(q)
+        self.giving_way.begin(q, thresholded)
+        reached = np.minimum(
+            np.maximum(motor_velocity, -np.abs(self.velocity)), np.abs(self.velocity)
+        )
+        reached *= motor_velocity * self.velocity > 0.0
+        self.velocity = np.where(thresholded * self.velocity < 0.0, reached, self.velocity)
+
+    def can_release(self, q: Vector, thresholded: Vector) -> bool:
+        """True if the arm can let go: links are trusted, and a joint that is pressed has room."""
+        return not self.blind and self.giving_way.possible(q, thresholded)
 
     def go_back(self, q: Vector, home: Vector) -> None:
         """Go slowly from q to `home` [rad]."""
@@ -144,6 +165,10 @@ class Motion:
             case Mode.ADMITTANCE:
                 pushed = self._law.velocity_after(self.velocity, self.gains.value, push, dt)
                 return self.limits.soft_stop(q, pushed, gain, play)
+            case Mode.RELEASING:
+                # Joints that feel nothing stand by their drives alone: a loop might pull them back.
+                self.hold(q)
+                return self.giving_way.velocity(q)
             case Mode.TRACKING:
                 wanted = self.follower.step(dt)
                 if self.follower.place.path.motors_only:

@@ -12,7 +12,7 @@ import numpy as np
 from arrays import Vector
 from daemon.faults.finding import Finding, strongest
 from daemon.faults.plausibility import STANDSTILL_SPEED
-from daemon.faults.table import Condition
+from daemon.faults.table import Condition, Response
 from daemon.modes.contact_reactions import ATTENTIVE, AfterQuiet, Reactions
 from daemon.modes.quiet_timer import QuietTimer
 from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, ModeMachine, refusal
@@ -34,11 +34,13 @@ class ControlInput:
     motor_velocity: Vector
     thresholded: Vector  # thresholded residual [Nm]
     touched: str  # the contact that lasts, in words; empty without one
-    hit: str  # the collision that began in this tick, likewise
+    hit: str  # the collision that lasts, likewise
     operating: tuple[bool, ...]  # which drives are in operation enabled
     statuswords: tuple[int, ...]
     findings: tuple[Finding, ...]
     age_s: Vector | None = None  # of q; None where every sample came in time
+    struck: bool = False  # a collision began in this tick
+    sure: bool = True  # all samples came, and the estimate has no flag
     play: Vector | float = 0.0  # how far links may fall down and up in their gaps, (2, n) [rad]
 
 
@@ -78,6 +80,8 @@ class Controller:
         self._allowance = Allowance(tuning.bounds, len(tuning.joints))
         self._reset_until_s = -1.0
         self._observed: ControlInput | None = None
+        self._released = False  # from a contact that still lasts
+        self._let_go = False  # of a contact, and now it stops
         self._finding: Finding | None = None  # the last one that changed the mode
 
     @property
@@ -160,10 +164,14 @@ class Controller:
             ]
         joints, limits = self._tuning.joints, self.motion.limits
         if event is Event.START and observed is not None:
-            return not_startable(joints, observed.q, limits, place)
+            return self._pressed(observed) or not_startable(joints, observed.q, limits, place)
         if event is Event.ENABLE and observed is not None:
             return not_energisable(joints, self._tuning.ends, limits, observed)
         return []
+
+    def _pressed(self, observed: ControlInput) -> list[str]:
+        """Reason against `start`: a collision that lasts. Links that are not trusted show none."""
+        return [f"{observed.hit}: free it first"] if observed.hit and not self.motion.blind else []
 
     # --- one tick ---------------------------------------------------------------------------
 
@@ -201,15 +209,27 @@ class Controller:
         mode, armed, reactions = self.machine.mode, self.machine.armed, self._tuning.reactions
         retracting = mode is Mode.RETRACTING and self.motion.under_way
         backed_away = mode is Mode.RETRACTING and not retracting
-        if observed.hit and (event := reactions.to_collision(armed)):
-            if not (retracting and event is Event.RETRACT):
+        attentive = mode in ATTENTIVE or backed_away
+        if attentive and not observed.touched:
+            self._released = False
+        counts = observed.struck or (attentive and not self.motion.blind)
+        if observed.hit and counts and (event := self._able(reactions.to_collision(armed))):
+            if not (retracting and event in (Event.RETRACT, Event.RELEASE)):
                 self._apply(event, observed.hit, time_s)
-        elif (
-            observed.touched
-            and (mode in ATTENTIVE or backed_away)
-            and (event := reactions.to_contact(armed))
-        ):
+        elif observed.touched and attentive and (event := self._able(reactions.to_contact(armed))):
             self._apply(event, observed.touched, time_s)
+
+    def _able(self, event: Event | None) -> Event | None:
+        """Event of a contact as far as the arm can follow it: where it must not let go it halts,
+        and where it holds it has halted."""
+        mode, observed = self.machine.mode, self._observed
+        if event is Event.RELEASE and self.machine.can(event) and observed is not None:
+            sure = observed.sure and all(f.response is Response.CONTINUE for f in observed.findings)
+            possible = self.motion.can_release(observed.q, observed.thresholded)
+            # Once from each contact: between two obstacles the arm does not go to and fro.
+            if self._released or not (sure and possible):
+                event = Event.HALT
+        return None if event is Event.HALT and mode is Mode.HOLDING else event
 
     def _progress(self, time_s: float, dt: float, observed: ControlInput) -> None:
         """Apply the arm's own events: energised, at rest, quiet, at a bound, arrived, too late."""
@@ -219,7 +239,9 @@ class Controller:
             self._progress_yielding(time_s, observed)
             return
         self._allowance.recover(dt)
-        if mode is Mode.ENABLING:
+        if mode is Mode.RELEASING:
+            self._progress_releasing(time_s, dt, observed)
+        elif mode is Mode.ENABLING:
             if all(observed.operating):
                 self._apply(Event.ENERGISED, "drives enabled", time_s)
             elif elapsed > self._tuning.enable_timeout_s:
@@ -233,10 +255,9 @@ class Controller:
             elif elapsed > self._tuning.stop_timeout_s:
                 text = f"the arm did not stop within {self._tuning.stop_timeout_s:g} s"
                 self._apply(Event.TIMEOUT, text, time_s)
-        elif mode is Mode.TRACKING:
-            if self.motion.follower.finished:
-                text = f"{self.motion.follower.place.path.name} came to its end"
-                self._apply(Event.END, text, time_s)
+        elif mode is Mode.TRACKING and self.motion.follower.finished:
+            text = f"{self.motion.follower.place.path.name} came to its end"
+            self._apply(Event.END, text, time_s)
         elif mode is Mode.RETURNING:
             if self.motion.arrived(observed.q):
                 self._apply(Event.ARRIVED, "back where the trajectory was left", time_s)
@@ -247,6 +268,13 @@ class Controller:
     def _not_enabled(self, observed: ControlInput) -> str:
         drives = zip(self._tuning.joints, observed.operating, observed.statuswords, strict=True)
         return ", ".join(f"{name} is in {in_words(word)}" for name, on, word in drives if not on)
+
+    def _progress_releasing(self, time_s: float, dt: float, observed: ControlInput) -> None:
+        release = self.motion.giving_way
+        felt = observed.thresholded
+        release.step(observed.q, observed.motor_velocity, felt, dt, sure=observed.sure)
+        if release.end:
+            self._apply(Event.BOUND if release.bounded else Event.HALT, release.end, time_s)
 
     def _progress_yielding(self, time_s: float, observed: ControlInput) -> None:
         if bound := self._allowance.bound_reached(observed.q):
@@ -277,29 +305,38 @@ class Controller:
         if event is Event.RESET:
             self._reset_until_s = time_s + RESET_PATIENCE_S
         if self.machine.mode is not before:
-            self._set_up(event, self._observed, time_s)
+            self._set_up(before, event, self._observed, time_s)
         elif event is Event.RETRACT:
             # From its reference: where it can get no further away, it stands stiff.
             self.motion.retract(self.motion.reference, self._observed.thresholded)
 
-    def _set_up(self, event: Event, observed: ControlInput, time_s: float) -> None:
+    def _set_up(self, before: Mode, event: Event, observed: ControlInput, time_s: float) -> None:
         motion, allowance, mode = self.motion, self._allowance, self.machine.mode
         if mode in GUIDED:
             allowance.take(motion.reference)
             if self._tuning.after_quiet is AfterQuiet.HOLD and self.machine.moving:
                 self.machine.moving, self.machine.paused = False, True
             self.quiet.restart(time_s)
+        elif mode is Mode.RELEASING:
+            allowance.take(motion.reference)
+            self._released = True
         home = motion.reference if allowance.home is None else allowance.home
         if mode is Mode.RETRACTING:
             motion.retract(observed.q, observed.thresholded)
+        elif mode is Mode.RELEASING:
+            motion.release(observed.q, observed.thresholded, observed.motor_velocity)
         elif mode is Mode.RETURNING:
             motion.go_back(observed.q, home)
         elif mode is Mode.TRACKING:
             motion.follow(home if event is Event.ARRIVED else observed.q)
+        elif before is Mode.STOPPING and self._let_go:
+            push = observed.thresholded
+            motion.hold(motion.giving_way.rest(observed.q, motion.reference, push))
         else:
             # At its end the arm stands where it was going.
             motion.hold(motion.reference if event is Event.END else observed.q)
-        if mode not in GUIDED and mode is not Mode.STOPPING:
+        self._let_go = before is Mode.RELEASING and event is Event.HALT and motion.giving_way.let_go
+        if mode not in GUIDED and mode not in (Mode.RELEASING, Mode.STOPPING):
             allowance.leave(motion.reference)
 
     def _power(self) -> tuple[PowerTarget, ...]:

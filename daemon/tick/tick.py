@@ -154,22 +154,33 @@ class Tick:
         updated: bool,
     ) -> ControlInput:
         touched = hit = ""
-        # A touch counts as long as it lasts: one that began while the arm was stopping still
-        # makes it yield. A blow counts once.
+        # Both count as long as they last: a contact that began while the arm was stopping still
+        # makes it yield, and what was run into is not over because the arm stands.
         if np.count_nonzero(estimate.thresholded):
-            joints = self.estimator.detector.touched().tolist()
+            detector, names, residual = (
+                self.estimator.detector,
+                self.drives.names,
+                estimate.residual,
+            )
+            joints = detector.touched().tolist()
             if any(joints):
                 i = joints.index(True)
-                touched = f"{self.drives.names[i]} feels {estimate.residual[i]:+.2f} Nm"
-        for contact in estimate.contacts if updated else ():
-            if contact.level == "collision":
-                hit = f"{contact.joint} feels {contact.torque:+.2f} Nm, beyond its collision level"
+                touched = f"{names[i]} feels {residual[i]:+.2f} Nm"
+            joints = detector.hit().tolist()
+            if any(joints):
+                i = joints.index(True)
+                hit = (
+                    f"{names[i]} feels {residual[i]:+.2f} Nm, beyond its collision level of "
+                    f"{detector.collision[i]:.2f} Nm"
+                )
         return ControlInput(
             q=samples.link_position,
             motor_velocity=samples.motor_velocity,
             thresholded=estimate.thresholded,
             touched=touched,
             hit=hit,
+            struck=updated and any(one.level == "collision" for one in estimate.contacts),
+            sure=updated and not estimate.flags,
             operating=tuple(state is DriveState.OPERATION_ENABLED for state in samples.states),
             statuswords=samples.statuswords,
             findings=findings,

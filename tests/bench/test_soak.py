@@ -119,6 +119,13 @@ def notices(text: str) -> list[Notice]:
     return [Notice(kind="mode", text=text)]
 
 
+def releasing(tick: int, velocity: float, way: float = 0.0) -> State:
+    """A joint that is pressed upwards, and what it is told."""
+    felt, there = first(1.0), first(MIDDLE[0] + way, MIDDLE)
+    changes = {"thresholded": felt, "link_position": there, "setpoint": first(velocity)}
+    return state(tick, mode="releasing", **changes)
+
+
 UPPER = C.joints[0].limits.upper
 GIVES_WAY = 0.02
 BROKEN: list[tuple[str, list[State]]] = [
@@ -155,6 +162,16 @@ BROKEN: list[tuple[str, list[State]]] = [
         [state(1), state(2, mode="admittance", notices=notices("holding -> admittance: x"))],
     ),
     (
+        "a release goes the way of the push",
+        [releasing(k, -0.02 * (k - 1)) for k in range(1, 4)],
+    ),
+    ("a release is slow", [releasing(k, 0.04 * (k - 1)) for k in range(1, 11)]),
+    (
+        "a release is bounded in distance",
+        [releasing(1, 0.0), releasing(2, 0.04, C.reactions.release_distance + 0.006)],
+    ),
+    ("a release is bounded in time", [releasing(k, 0.0) for k in (1, 300)]),
+    (
         "no motion while latched",
         [state(k, mode="faulted", motor_velocity=first(0.1)) for k in range(1, 130)],
     ),
@@ -183,8 +200,17 @@ def test_what_is_right_breaks_no_rule() -> None:
         state(3, mode="tracking", armed=True, setpoint=first(0.04)),
         # The joint is at its limit: its speed is taken away at once.
         state(4, mode="tracking", armed=True, link_position=at_limit),
+        # It lets go: what a blocked motor did not reach is given up at once.
+        state(5, mode="tracking", armed=True, setpoint=first(-0.04)),
+        state(6, mode="tracking", armed=True, setpoint=first(-0.08)),
+        msgspec.structs.replace(
+            releasing(7, 0.04), armed=True, notices=notices("tracking -> releasing: z")
+        ),
+        msgspec.structs.replace(releasing(8, 0.08), armed=True),
         state(
-            5, mode="faulted", notices=[*notices("disarmed: z"), *notices("tracking -> faulted: z")]
+            9,
+            mode="faulted",
+            notices=[*notices("disarmed: z"), *notices("releasing -> faulted: z")],
         ),
     ):
         watch.see(each, lease_until_s=0.5, lease_ticks=1, touched=False, trouble=False)

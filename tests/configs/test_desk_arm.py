@@ -175,7 +175,7 @@ def test_while_it_waits_for_drives_the_watchdog_is_fed_and_nobody_else_is_missed
     served, monkeypatch
 ):
     rig = served.rig
-    rig.enable()
+    rig.run(0.5)  # off: without torque they stand, and go on counting as standing
     gone = rig.arm.drives[0]
     gone.tick = gone.transmit = gone.on_sdo = lambda *_: None
     rig.run(0.5)

@@ -127,7 +127,7 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "contact: hug,",
         "contact: hug,",
         "reactions.contact",
-        ("'hug'", "(allowed: report, admittance, retract, hold, quick_stop)"),
+        ("'hug'", "(allowed: report, admittance, retract, release, hold, quick_stop)"),
     ),
     "not a number": (
         "acceleration: 5.0",

@@ -14,6 +14,7 @@ AFTER = {
     R.REPORT: M.TRACKING,
     R.ADMITTANCE: M.ADMITTANCE,
     R.RETRACT: M.RETRACTING,
+    R.RELEASE: M.RELEASING,
     R.HOLD: M.STOPPING,
     R.QUICK_STOP: M.FAULTED,
 }
@@ -56,13 +57,14 @@ def test_unarmed_a_contact_is_reported_whatever_was_chosen(
 
 
 @pytest.mark.parametrize("reaction", ContactReaction)
-def test_unarmed_a_collision_stops_whatever_was_chosen(
+def test_unarmed_a_collision_stops_unless_it_is_let_go_of(
     tracking: Make, reaction: ContactReaction
 ) -> None:
     arm = tracking(collision=reaction)
     arm.request(Event.DISARM)
     arm.hit()
-    assert arm.mode is (M.FAULTED if reaction is R.QUICK_STOP else M.STOPPING)
+    unpermitted = {R.QUICK_STOP: M.FAULTED, R.RELEASE: M.RELEASING}
+    assert arm.mode is unpermitted.get(reaction, M.STOPPING)
     assert arm.cause == "a was hit"
 
 
@@ -85,6 +87,7 @@ def test_to_hold_means_to_stay_where_it_stopped(tracking: Make) -> None:
         (R.REPORT, M.ADMITTANCE),
         (R.ADMITTANCE, M.ADMITTANCE),
         (R.RETRACT, M.RETRACTING),
+        (R.RELEASE, M.ADMITTANCE),  # it yields already
         (R.HOLD, M.STOPPING),
         (R.QUICK_STOP, M.FAULTED),
     ],

@@ -111,7 +111,7 @@ def test_disable_is_heard_everywhere_but_in_a_fault(mode: Mode) -> None:
     assert next_mode(mode, Event.DISABLE) in (Mode.OFF, Mode.STOPPING)
 
 
-@pytest.mark.parametrize("mode", [Mode.TRACKING, *sorted(GUIDED)])
+@pytest.mark.parametrize("mode", [Mode.TRACKING, Mode.RELEASING, *sorted(GUIDED)])
 def test_doubt_stops_whatever_moves(mode: Mode) -> None:
     assert next_mode(mode, Event.DOUBT) is Mode.STOPPING
 
@@ -152,10 +152,28 @@ def test_only_a_contact_of_an_energised_arm_makes_it_yield(
     mode: Mode, guided: Mode, event: Event
 ) -> None:
     into = [event for event in Event if next_mode(mode, event) is guided]
-    # It backs away anew; to yield anew is nothing.
-    felt = mode in SENSING and not mode is guided is Mode.ADMITTANCE
+    # It backs away anew; to yield anew is nothing, and to let go comes first.
+    felt = mode in SENSING - {Mode.RELEASING} and not mode is guided is Mode.ADMITTANCE
     paused = [Event.PAUSE] if mode is guided else []
     assert into == paused + ([event] if felt else [])
+
+
+@pytest.mark.parametrize("mode", sorted(set(Mode) - {Mode.RELEASING}))
+def test_only_a_collision_makes_it_let_go(mode: Mode) -> None:
+    into = [event for event in Event if next_mode(mode, event) is Mode.RELEASING]
+    felt = mode in SENSING - {Mode.ADMITTANCE}  # where it yields already
+    assert into == ([Event.RELEASE] if felt else [])
+
+
+def test_what_a_collision_interrupts_takes_a_new_start() -> None:
+    machine = machine_in(Mode.TRACKING, moving=True)
+    machine.apply(Event.RELEASE, "hit", 2.0)
+    assert machine.trajectory == "paused"
+    machine.apply(Event.DISARM, "a program", 2.1)  # it was no matter of permission
+    assert machine.mode is Mode.RELEASING
+    machine.apply(Event.HALT, "let go", 2.5)
+    machine.apply(Event.STANDSTILL, "stands", 2.6)
+    assert (machine.mode, machine.trajectory) == (Mode.HOLDING, "paused")
 
 
 @pytest.mark.parametrize("mode", Mode)

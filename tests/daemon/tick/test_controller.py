@@ -8,6 +8,7 @@ import pytest
 from bench.rigs.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
+from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.sampled_path import PathBuilder, SampledPath
@@ -57,17 +58,15 @@ def test_unarmed_a_contact_is_only_reported(unarmed: IdealArm) -> None:
     assert unarmed.mode is Mode.TRACKING
 
 
-def test_unarmed_a_collision_stops(unarmed: IdealArm) -> None:
-    unarmed.hit(3.0)
-    assert unarmed.mode is Mode.STOPPING
-    assert unarmed.cause == "a was hit"
-    unarmed.run(0.5)
-    assert unarmed.mode is Mode.HOLDING
-
-
-def test_armed_a_collision_is_a_contact(tracking: IdealArm) -> None:
-    tracking.hit(3.0)
-    assert tracking.mode is Mode.ADMITTANCE
+def test_unarmed_a_collision_to_hold_at_stops() -> None:
+    arm = tracking_arm(reactions=Reactions(collision=ContactReaction.HOLD))
+    arm.request(Event.DISARM)
+    arm.hit(3.0)
+    assert arm.mode is Mode.STOPPING
+    assert arm.cause == "a was hit"
+    arm.run(0.5)
+    assert arm.mode is Mode.HOLDING
+    assert never_jumped(arm)
 
 
 def test_after_two_quiet_seconds_it_goes_on_from_where_it_was_left(tracking: IdealArm) -> None:

@@ -22,8 +22,10 @@ def holding() -> IdealArm:
 
 def arm_in(mode: Mode) -> IdealArm:
     """Brought there by what a person does and the arm feels."""
-    backing = Reactions(ContactReaction.ADMITTANCE, ContactReaction.RETRACT)
-    arm = ideal_arm(reactions=backing, after_quiet=AfterQuiet.RETURN)
+    letting_go = mode is Mode.RELEASING
+    collision = ContactReaction.RELEASE if letting_go else ContactReaction.RETRACT
+    reactions = Reactions(ContactReaction.ADMITTANCE, collision)
+    arm = ideal_arm(reactions=reactions, after_quiet=AfterQuiet.RETURN)
     arm.step()
     if mode is Mode.OFF:
         return arm
@@ -41,7 +43,7 @@ def arm_in(mode: Mode) -> IdealArm:
         arm.request(Event.PAUSE)
     elif mode is Mode.FAULTED:
         arm.step(findings=(Finding(Condition.DRIVE_FAULT, "b"),))
-    elif mode is Mode.RETRACTING:
+    elif mode in (Mode.RETRACTING, Mode.RELEASING):
         arm.hit()
     elif mode is not Mode.TRACKING:
         arm.touch(0.6)

@@ -1,0 +1,182 @@
+"""Clamps in lockstep: what the arm presses after it ran into something, and what it is refused."""
+
+import json
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from bench.clamp import (
+    FALLS_AFTER_S,
+    FREE_S,
+    HALF_S,
+    MARGIN,
+    RIPPLE,
+    Case,
+    configured,
+    main,
+    measure,
+    meet,
+    squeeze,
+    targets_of,
+)
+from bench.rigs.clamps import Clamps
+from bench.rigs.lockstep import lockstep_rig
+from daemon.config.schema import Configuration
+from daemon.modes.contact_reactions import ContactReaction
+from daemon.modes.table import Event, Mode
+
+ELBOW, SHOULDER = 2, 0
+ELBOW_CASE = Case(arm="romeo", joint="LElbowRoll", stiffness=40.0, speed=0.33)
+SHOULDER_CASE = replace(ELBOW_CASE, joint="LShoulderPitch")
+COLUMN_CASE = replace(ELBOW_CASE, arm="desk arm", joint="column")
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        ELBOW_CASE,
+        replace(ELBOW_CASE, stiffness=4000.0),
+        replace(ELBOW_CASE, armed=True, contact=ContactReaction.REPORT),
+        replace(SHOULDER_CASE, speed=0.6),
+        replace(SHOULDER_CASE, stiffness=150.0, started=True),  # its own weight lies on the clamp
+        replace(SHOULDER_CASE, stiffness=4000.0),
+        replace(COLUMN_CASE, speed=0.6),
+        replace(COLUMN_CASE, stiffness=600.0, speed=0.6),  # at its current limit
+        replace(COLUMN_CASE, joint="swing", stiffness=4000.0, speed=0.6),
+        replace(COLUMN_CASE, joint="swing", stiffness=600.0, started=True),
+    ],
+    ids=str,
+)
+def test_it_lets_go_of_what_it_ran_into(case: Case) -> None:
+    found = measure(case)
+    assert found.modes == (Mode.TRACKING, Mode.RELEASING, Mode.STOPPING, Mode.HOLDING)
+    assert found.peak >= found.stood > 2.0 * found.contact
+    assert found.rise <= RIPPLE
+    assert found.half_s <= HALF_S
+    assert found.free_s <= FREE_S
+    assert found.last < found.contact
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        replace(ELBOW_CASE, hand=150.0),
+        replace(ELBOW_CASE, stiffness=150.0, hand=600.0),
+        replace(SHOULDER_CASE, hand=600.0),
+        replace(COLUMN_CASE, stiffness=150.0, hand=600.0),
+    ],
+    ids=str,
+)
+def test_on_a_person_behind_it_it_presses_no_more_than_the_clamp_and_a_contact(case: Case) -> None:
+    found = measure(case)
+    assert found.modes[-2:] == (Mode.STOPPING, Mode.HOLDING)
+    assert found.modes.count(Mode.RELEASING) == 1
+    assert found.behind > 1.0
+    assert found.hand <= found.contact + MARGIN
+
+
+@pytest.mark.parametrize("torque", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("joint", [ELBOW, SHOULDER])
+def test_a_person_who_presses_against_the_release_ends_it(joint: int, torque: float) -> None:
+    """On the other side of the elbow that lets go, or at the shoulder."""
+    with lockstep_rig(configure=lambda c: configured(c, "LElbowRoll", 0.33, R.REPORT)) as rig:
+        clamps = Clamps(rig)
+        clamp = meet(rig, clamps, ELBOW_CASE)
+        while rig.mode is not Mode.RELEASING:
+            rig.step()
+        rig.run(0.2)
+        held = clamps.felt(clamp)
+        assert rig.mode is Mode.RELEASING
+        # More than the clamp: what the elbow feels turns round.
+        behind = held + torque if joint == ELBOW else torque
+        rig.arm.external_torque[joint] = clamp.side * behind
+        pressed_s = rig.time_s
+        rig.run(0.3)
+        # What turns round at one joint passes through zero.
+        ends = {ELBOW: "let go", SHOULDER: "pressed from elsewhere while it let go"}
+        assert rig.last.cause == ends[joint]
+        stopped = [rig.mode]
+        rig.run(0.5, lambda: stopped.append(rig.mode))
+        assert rig.time_s - pressed_s < 1.0
+        assert stopped[-1] is Mode.HOLDING
+        assert Mode.RELEASING not in stopped
+
+
+R = ContactReaction
+
+
+def to_hold(c: Configuration) -> Configuration:
+    c = configured(c, "LElbowRoll", 0.33, R.REPORT)
+    reactions = msgspec.structs.replace(c.reactions, collision=R.HOLD)
+    return msgspec.structs.replace(c, reactions=reactions)
+
+
+def test_configured_to_hold_at_a_clamp_it_does_not_start_against_it() -> None:
+    """Unarmed before a clamp of 40 Nm/rad it used to accept `start`, and to press on."""
+    with lockstep_rig(configure=to_hold) as rig:
+        clamps = Clamps(rig)
+        clamp = meet(rig, clamps, ELBOW_CASE)
+        while rig.mode is not Mode.HOLDING:
+            rig.step()
+        held = clamps.felt(clamp)
+        assert held > 3.0
+        reasons = rig.tick.controller.request(Event.START, "me", rig.time_s)
+        felt = rig.estimate.residual[ELBOW]
+        level = rig.tick.estimator.detector.collision[ELBOW]
+        assert reasons == [
+            f"LElbowRoll feels {felt:+.2f} Nm, beyond its collision level of {level:.2f} Nm: "
+            "free it first"
+        ]
+        rig.run(2.0)
+        assert rig.mode is Mode.HOLDING
+        assert clamps.felt(clamp) < held + RIPPLE
+
+
+def test_the_reproduced_clamp_is_let_go_of_and_started_anew_it_is_again() -> None:
+    """Unarmed, 40 Nm/rad: never again beyond what the first blow was."""
+    with lockstep_rig(configure=lambda c: configured(c, "LElbowRoll", 0.33, R.ADMITTANCE)) as rig:
+        clamps = Clamps(rig)
+        clamp = meet(rig, clamps, ELBOW_CASE)
+        peaks, modes = [], [rig.mode]
+        for _ in range(2):
+            begun = len(clamps.trace)
+            for _ in range(300):
+                rig.step()
+                if rig.mode is not modes[-1]:
+                    modes.append(rig.mode)
+            peaks.append(max(felt[0] for _, felt in clamps.trace[begun:]))
+            assert clamps.felt(clamp) < 0.4
+            assert rig.tick.controller.request(Event.START, "me", rig.time_s) == []
+    assert modes.count(Mode.RELEASING) == 2
+    assert 3.0 < max(peaks) < 4.5
+
+
+def test_a_torque_that_rises_or_stays_is_told_from_one_that_falls() -> None:
+    """The figures of the bench, on made-up torques."""
+    with lockstep_rig() as rig:
+        clamps = Clamps(rig)
+    time_s = np.arange(0.0, 2.0, 0.001)
+    for torque, rise, half_s in (
+        (8.0 * np.exp(-5.0 * time_s), 0.0, np.log(2.0) / 5.0),
+        (np.full_like(time_s, 8.0), 0.0, 2.0),
+        (4.0 + 2.0 * time_s, 2.0 * (1.999 - FALLS_AFTER_S), 2.0),
+    ):
+        clamps.trace[:] = [(t, [each]) for t, each in zip(time_s, torque, strict=True)]
+        found = squeeze(clamps, 0.0, 0.4, True, ())
+        assert found.rise == pytest.approx(rise, abs=0.01)
+        assert found.half_s == pytest.approx(half_s, abs=0.01)
+
+
+def test_its_report_is_json(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bench.clamp.cases", lambda arms: iter([replace(ELBOW_CASE, hand=40.0)]))
+    shown = replace(ELBOW_CASE, hand=0.0)
+    found = [(shown, measure(shown)), (replace(shown, hand=40.0), measure(shown))]
+    assert all(target.met for target in targets_of(found))
+    monkeypatch.setattr("bench.clamp.targets_of", lambda rows: targets_of(found))
+    result = CliRunner().invoke(main, ["--json"], catch_exceptions=False)
+    report = json.loads(result.output)
+    assert report["data"]["rows"][0]["joint"] == "LElbowRoll"
+    assert len(report["targets"]) == 5
