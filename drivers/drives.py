@@ -5,23 +5,19 @@ much of its deadline is left. What happens beside the samples comes back as even
 arrives, and no failure of the bus, is an exception.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Final
-
-import numpy as np
 
 from arrays import Vector
 from drivers.answers import Answers, Counters, Samples
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.wire import ERROR, Frame, Wire
-from drivers.cia402 import DriveState, PowerTarget
+from drivers.cia402 import PowerTarget
 from drivers.drive import Drive
 from drivers.events import (
     COMMUNICATION_ERROR,
     PROTOCOL_ERROR,
-    UNKNOWN_CODE,
     Absent,
     BadSetpoint,
     BusEvent,
@@ -32,7 +28,6 @@ from drivers.events import (
     error_frame,
 )
 from drivers.expedited_stop import expedited_quick_stops
-from drivers.heartbeat_watch import HEARTBEATS_MISSED, HeartbeatWatch
 from drivers.ids import (
     EMERGENCY,
     ENTER_PRE_OPERATIONAL,
@@ -44,6 +39,8 @@ from drivers.ids import (
     START_NODE,
     SYNC,
 )
+from drivers.node_watches import NodeWatches
+from drivers.presence import Presence
 from drivers.setpoints import Setpoints
 from drivers.stop_stages import least_patience_s
 from drivers.stops import Stops
@@ -53,12 +50,6 @@ SYNC_FRAME: Final[Frame] = (SYNC, b"")
 #: Bounds of one tick: a flooded bus must not hold the loop, nor its memory.
 FRAMES_PER_PASS: Final = 512
 EVENTS_PER_TICK: Final = 32
-
-
-@dataclass(slots=True)
-class _WatchedDrive:
-    watch: HeartbeatWatch
-    emergency: int = 0  # code of the last one, 0 when it is over
 
 
 class Drives:
@@ -87,23 +78,14 @@ class Drives:
         self._stops = self._new_stops()
         self._stops_by_sdo = expedited_quick_stops(drives)
         self._all_on = [PowerTarget.ON] * len(drives)
-        self._heartbeat_timeouts_s = [
-            HEARTBEATS_MISSED * (drive.profile.heartbeat_ms / 1e3) for drive in drives
-        ]
         self._now = 0.0
-        self._drives = [self._watched(joint) for joint in range(len(drives))]
-        self._joint_of = {node: joint for joint, node in enumerate(self.nodes)}
+        self._nodes = NodeWatches(drives, self.counters)
+        self._presence = Presence(least_patience_s(drives), period_s)
+        self._to_be_stopped = False  # all drives: absence has just begun
         self._backlog = False
         self._heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
         setpoint_ids = {cob_id for cob_id, _ in self._setpoints.frames}
         self._masters_own = {NMT, SYNC, HEARTBEAT + master_node} | setpoint_ids
-        patience_s = least_patience_s(drives)
-        # Sent when the tick after this one would be too late for a third of the drives' patience.
-        self._heartbeat_every_s = max(patience_s / 3.0 - period_s, 0.0)
-        self._heartbeat_at = -np.inf
-        # After as long a drive may have stopped by itself, and would run on at the next SYNC.
-        self._absence_s = patience_s - 0.5 * period_s
-        self._absent = self._to_be_stopped = False
         self._events: list[BusEvent] = []
 
     @property
@@ -123,30 +105,27 @@ class Drives:
         the next samples; of the other drives all is known that was known before.
         """
         self._now = now
-        if renewed is None or len(renewed) == len(self._drives) or not self._stops.silent:
-            self._heartbeat_at = now
-            self._stops, self._absent = self._new_stops(), False
+        if renewed is None or len(renewed) == len(self.names) or not self._stops.silent:
+            self._presence.begin(now)
+            self._stops = self._new_stops()
         self._answers.start_anew()
         if renewed is None:
             self._receive_queued()
             self._events.clear()
-        for i, drive in enumerate(self._drives):
-            drive.watch.excuse(now)
-            if renewed is None or i in renewed:
-                self._drives[i] = self._watched(i)
+        self._nodes.start(now, renewed)
         self._hear(heard, renewed or ())
         self._receive_queued()
         self._address()
         if self._stops.silent:
             return  # until all drives are set up again
-        fit = [drive.watch.node for drive in self._drives if not drive.watch.forgot]
-        self._send([self._heartbeat, *((NMT, bytes([START_NODE, node])) for node in fit)])
+        fit = [node for node, fit in zip(self.nodes, self._nodes.set_up, strict=True) if fit]
+        self._send([self._heartbeat, *_nmt(START_NODE, fit)])
 
     def _hear(self, heard: Sequence[Frame], renewed: Sequence[int]) -> None:
         """Take what came while drives were set up again, but for what these said of that: their
         boot-up, their heartbeats of before, their emergencies of communication."""
         for can_id, data in heard:
-            service, joint = can_id & ~NODE, self._joint_of.get(can_id & NODE)
+            service, joint = can_id & ~NODE, self._nodes.joint_of.get(can_id & NODE)
             kind = data[1] << 8 if len(data) > 1 else 0
             over = service == HEARTBEAT or (
                 service == EMERGENCY and kind in (COMMUNICATION_ERROR, PROTOCOL_ERROR)
@@ -154,31 +133,22 @@ class Drives:
             if not (joint in renewed and over):
                 self._take_other(can_id, data)
 
-    def _watched(self, joint: int) -> _WatchedDrive:
-        """A drive that has just been set up."""
-        node, timeout_s = self.nodes[joint], self._heartbeat_timeouts_s[joint]
-        return _WatchedDrive(HeartbeatWatch(node, timeout_s, self._now))
-
     def _address(self) -> None:
-        self._setpoints.address(i for i, d in enumerate(self._drives) if not d.watch.forgot)
+        """Let setpoints go to the drives that are set up, and to no others."""
+        self._setpoints.address(i for i, fit in enumerate(self._nodes.set_up) if fit)
 
     def distrust(self, joints: Sequence[int]) -> None:
         """Take the drives of these joints for not set up, until they are."""
-        for i in joints:
-            self._drives[i].watch.forgot = True
+        self._nodes.distrust(joints)
         self._address()
 
     def unfit(self) -> list[int]:
-        """Joints whose drives must be set up again before a reset can help: silent, restarted, no
-        longer operational, or in fault with an error of communication (0x81xx, CiA 301)."""
-        return [
-            i
-            for i, (drive, state) in enumerate(zip(self._drives, self.samples.states, strict=True))
-            if drive.watch.forgot
-            or drive.watch.lost
-            or self._stops.silent
-            or (state is DriveState.FAULT and drive.emergency & 0xFF00 == COMMUNICATION_ERROR)
-        ]
+        """Joints whose drives must be set up again before a reset can help: all, once they were
+        left to themselves; else those that are silent, restarted, no longer operational, or in
+        fault with an error of communication (0x81xx, CiA 301)."""
+        if self._stops.silent:
+            return list(range(len(self.names)))
+        return self._nodes.unfit(self.samples.states)
 
     def sync(self, now: float) -> None:
         """Begin a tick: read what came since the last, beat if it is time, then send SYNC.
@@ -188,37 +158,38 @@ class Drives:
         execute a setpoint of before. In the last stage of a stop nothing goes out.
         """
         self._now = now
-        unheard_s = now - self._heartbeat_at
-        if unheard_s >= self._absence_s and not (self._absent or self._stops.silent):
+        presence, stops = self._presence, self._stops
+        gap_s = presence.gap_s(now)
+        if gap_s is not None and not stops.silent:
             # Before what the drives have to say of it: it is the cause.
-            self._tell(Absent(unheard_s))
-            self._absent = self._to_be_stopped = True
+            self._tell(Absent(gap_s))
+            presence.absent = self._to_be_stopped = True
         # A TPDO that is here before its SYNC is a late answer to the one before.
         self._answers.expect_none()
         self._backlog = not self._receive_queued()
-        for drive in self._drives:
-            self._tell(drive.watch.check(now))
-        if self._stops.silent:
+        for event in self._nodes.check(now):
+            self._tell(event)
+        if stops.silent:
             self._backlog = True  # what comes is no answer
             return
-        frames = self._frames_after_absence() if self._absent else []
-        beats = unheard_s >= self._heartbeat_every_s
+        frames = self._frames_after_absence() if presence.absent else []
+        beats = presence.beats(now)
         if beats:
             frames.append(self._heartbeat)
-        if self._absent:
+        if presence.absent:
             self._backlog = True
         else:
             self._answers.expect_all()
             frames.append(SYNC_FRAME)
         if self._send(frames) and beats:
-            self._heartbeat_at = now
+            presence.beaten(now)
 
     def _frames_after_absence(self) -> list[Frame]:
         """Stop commands until they are confirmed: over what the drives have pending, and by SDO."""
         if self._to_be_stopped:
             self._to_be_stopped = False
             return [*self._setpoints.quick_stops, *self._stops.begin_all(self._now, self.samples)]
-        self._absent = not self._stops.confirmed
+        self._presence.absent = not self._stops.confirmed
         return []
 
     def collect(self, deadline: float) -> Samples:
@@ -260,8 +231,8 @@ class Drives:
         velocity: (n,) rad/s at the link. A drive that is not in operation, or not wanted there,
         gets zero. A velocity that is not finite stops all drives and is an event.
         """
-        targets = [power] * len(self._drives) if isinstance(power, PowerTarget) else list(power)
-        if self._absent:
+        targets = [power] * len(self.names) if isinstance(power, PowerTarget) else list(power)
+        if self._presence.absent:
             on, stop = PowerTarget.ON, PowerTarget.QUICK_STOP
             targets = [stop if target is on else target for target in targets]
         if self._stops.busy or targets != self._all_on:
@@ -276,8 +247,7 @@ class Drives:
 
     def _stop(self, targets: Sequence[PowerTarget]) -> None:
         """See that every drive that is told to stop does."""
-        reached = [not drive.watch.forgot for drive in self._drives]
-        frames, events = self._stops.step(self._now, targets, self.samples, reached)
+        frames, events = self._stops.step(self._now, targets, self.samples, self._nodes.set_up)
         if frames:
             self._send(frames)
         for event in events:
@@ -304,24 +274,17 @@ class Drives:
         The drives notice the silence after that and stop by themselves (0x6007), which asks
         nothing more of one that is off or holds in quick stop.
         """
-        self._send([*self._nmt(ENTER_PRE_OPERATIONAL), self._heartbeat])
+        self._send([*_nmt(ENTER_PRE_OPERATIONAL, self.nodes), self._heartbeat])
 
     def restarted(self) -> tuple[str, ...]:
         """Joints whose drives restarted and have not been set up again since."""
-        return tuple(
-            name for name, drive in zip(self.names, self._drives, strict=True) if drive.watch.forgot
-        )
+        fit = zip(self.names, self._nodes.set_up, strict=True)
+        return tuple(name for name, set_up in fit if not set_up)
 
     def silent(self) -> tuple[str, ...]:
         """Joints whose drive sends no heartbeat, or one that says it is not operational."""
-        return tuple(
-            name
-            for name, drive in zip(self.names, self._drives, strict=True)
-            if drive.watch.lost or not drive.watch.operational
-        )
-
-    def _nmt(self, command: int) -> list[Frame]:
-        return [(NMT, bytes([command, node])) for node in self.nodes]
+        beats = zip(self.names, self._nodes.heard, strict=True)
+        return tuple(name for name, heard in beats if not heard)
 
     def _send(self, frames: Sequence[Frame]) -> bool:
         """Send; False, and an event, if the bus does not take them all."""
@@ -348,36 +311,22 @@ class Drives:
         return False
 
     def _take_other(self, can_id: int, data: bytes | bytearray) -> None:
-        joint = self._joint_of.get(can_id & NODE)
-        drive = None if joint is None else self._drives[joint]
-        service = can_id & ~NODE  # 11-bit identifiers only: a flag makes it another number
         if can_id & ERROR:
             self.counters.error_frames += 1
             self._take_error(error_frame(can_id & ~ERROR, data))
-        elif service == SDO_ANSWER:
+        elif can_id & ~NODE == SDO_ANSWER:  # 11-bit identifiers: a flag makes it another number
             self._stops.hear(can_id & NODE, data)
         elif can_id in self._masters_own:
             self._tell(ForeignMaster(can_id))
-        elif drive is None or service not in (HEARTBEAT, EMERGENCY):
-            self.counters.unknown_frames += 1
-        elif service == HEARTBEAT and not data:
-            self.counters.short_frames += 1
-        elif service == HEARTBEAT:
-            event = drive.watch.hear(data[0], self._now)
-            if event is not None:
+        elif event := self._nodes.hear(can_id, data, self._now):
+            if not isinstance(event, Emergency):
                 self._address()
             self._tell(event)
-        else:
-            if len(data) < 3:
-                self.counters.short_frames += 1
-            code = data[0] | data[1] << 8 if len(data) > 1 else UNKNOWN_CODE
-            drive.emergency = code
-            self._tell(Emergency(drive.watch.node, code, data[2] if len(data) > 2 else 0))
 
     def _take_error(self, event: BusEvent) -> None:
-        if isinstance(event, BusOff) and not self._absent:
+        if isinstance(event, BusOff) and not self._presence.absent:
             # What was sent last may have got stuck, and goes out when the bus is back.
-            self._absent = self._to_be_stopped = True
+            self._presence.absent = self._to_be_stopped = True
         self._tell(event)
 
     def _tell(self, event: BusEvent | None) -> None:
@@ -388,3 +337,7 @@ class Drives:
             self._events.append(event)
         else:
             self.counters.dropped_events += 1
+
+
+def _nmt(command: int, nodes: Iterable[int]) -> list[Frame]:
+    return [(NMT, bytes([command, node])) for node in nodes]

@@ -1,0 +1,87 @@
+"""Watches on all nodes of an arm: heartbeats, NMT states, emergencies, and who is set up.
+
+From frames to facts; what they mean is judged elsewhere. Time is an argument.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from drivers.answers import Counters
+from drivers.cia402 import DriveState
+from drivers.drive import Drive
+from drivers.events import COMMUNICATION_ERROR, UNKNOWN_CODE, BusEvent, Emergency
+from drivers.heartbeat_watch import HEARTBEATS_MISSED, HeartbeatWatch
+from drivers.ids import EMERGENCY, HEARTBEAT, NODE
+
+
+@dataclass(slots=True)
+class _Node:
+    beat: HeartbeatWatch
+    emergency: int = 0  # code of the last one, 0 when it is over
+
+
+class NodeWatches:
+    """One watch for each drive, in the order of the joints."""
+
+    def __init__(self, drives: Sequence[Drive], counters: Counters) -> None:
+        self._drives, self._counters = tuple(drives), counters
+        self.joint_of = {drive.node: joint for joint, drive in enumerate(drives)}
+        self._nodes = [self._watched(drive, 0.0) for drive in drives]
+
+    def _watched(self, drive: Drive, now: float) -> _Node:
+        timeout_s = HEARTBEATS_MISSED * (drive.profile.heartbeat_ms / 1e3)
+        return _Node(HeartbeatWatch(drive.node, timeout_s, now))
+
+    def start(self, now: float, renewed: Iterable[int] | None) -> None:
+        """Expect heartbeats from `now` on; `renewed` were just set up (None: all), of the others
+        all is known that was known before."""
+        for node in self._nodes:
+            node.beat.excuse(now)
+        for i in range(len(self._nodes)) if renewed is None else renewed:
+            self._nodes[i] = self._watched(self._drives[i], now)
+
+    def hear(self, can_id: int, data: bytes | bytearray, now: float) -> BusEvent | None:
+        """Take a heartbeat or an emergency; any other frame is counted."""
+        joint, service = self.joint_of.get(can_id & NODE), can_id & ~NODE
+        if joint is None or service not in (HEARTBEAT, EMERGENCY):
+            self._counters.unknown_frames += 1
+            return None
+        if len(data) < (1 if service == HEARTBEAT else 3):
+            self._counters.short_frames += 1
+        node = self._nodes[joint]
+        if service == HEARTBEAT:
+            return node.beat.hear(data[0], now) if data else None
+        node.emergency = data[0] | data[1] << 8 if len(data) > 1 else UNKNOWN_CODE
+        return Emergency(node.beat.node, node.emergency, data[2] if len(data) > 2 else 0)
+
+    def check(self, now: float) -> Iterator[BusEvent]:
+        """Every heartbeat that has just become overdue."""
+        for node in self._nodes:
+            if event := node.beat.check(now):
+                yield event
+
+    def distrust(self, joints: Iterable[int]) -> None:
+        """Take the drives of these joints for not set up, until they are."""
+        for i in joints:
+            self._nodes[i].beat.forgot = True
+
+    @property
+    def set_up(self) -> list[bool]:
+        """Of each drive, whether it holds what it was told, as far as is known."""
+        return [not node.beat.forgot for node in self._nodes]
+
+    @property
+    def heard(self) -> list[bool]:
+        """Of each drive, whether its heartbeat comes and says that it is operational."""
+        return [node.beat.operational and not node.beat.lost for node in self._nodes]
+
+    def unfit(self, states: Sequence[DriveState]) -> list[int]:
+        """Joints whose drives are silent, restarted, no longer operational, or in fault with an
+        error of communication (0x81xx, CiA 301)."""
+        return [
+            i
+            for i, (node, state) in enumerate(zip(self._nodes, states, strict=True))
+            if node.beat.forgot
+            or node.beat.lost
+            or (state is DriveState.FAULT and node.emergency & 0xFF00 == COMMUNICATION_ERROR)
+        ]
