@@ -7,7 +7,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.cia402 import UNPOWERED, DriveState, PowerTarget
-from drivers.stop_stages import BRAKE_S, SWINGS_S, Seen, Stage, StopBounds, StopWatch
+from drivers.stop_stages import (
+    BRAKE_S,
+    SWINGS_S,
+    Seen,
+    Stage,
+    StopBounds,
+    StopWatch,
+    least_patience_s,
+    stage_ticks,
+    worst_travel,
+)
 from tests.examples import scaled
 
 T = 0.01
@@ -107,7 +117,7 @@ def test_it_must_fall_along_the_ramp() -> None:
     runs_on = follow(lambda t: 1.0)
     stronger = [Stage.SDO, Stage.NMT, Stage.SILENCE]
     assert list(runs_on.values()) == stronger, "it says that it stops, and runs on"
-    assert min(runs_on) < 8
+    assert min(runs_on) == 6, "seen in tick 1; 20 ms later the ramp must show, for three ticks"
 
 
 def test_who_pushes_harder_than_it_brakes_is_no_disobedience() -> None:
@@ -144,6 +154,64 @@ def test_it_is_free_again_when_it_may_run() -> None:
     watch = told(stage=Stage.NMT)
     watch.release()
     assert (watch.stage, watch.unproved) == (Stage.NONE, False)
+
+
+def test_the_travel_of_a_joint(joint_drives) -> None:
+    travel = worst_travel(joint_drives, T, noticing_ticks=3)[0]
+    assert travel.noticing == pytest.approx(0.03)  # 1 rad/s for three ticks of 10 ms
+    assert travel.stages == pytest.approx(0.09)  # three ticks each
+    assert travel.patience == 0.1  # 100 ms
+    assert travel.braking == 0.05  # 1 / (2 * 10)
+    assert travel.total == pytest.approx(0.27)
+    assert least_patience_s(joint_drives) == 0.1
+
+
+@pytest.mark.parametrize(
+    ("patience_s", "period_s", "ticks"),
+    [(0.1, 0.01, 3), (0.12, 0.01, 4), (0.1, 0.001, 33), (0.03, 0.01, 3), (0.09, 0.01, 3)],
+)
+def test_the_stages_take_the_drives_patience_and_leave_them_time_to_answer(
+    patience_s: float, period_s: float, ticks: int
+) -> None:
+    assert stage_ticks(patience_s, period_s) == ticks
+
+
+@pytest.mark.parametrize(
+    ("pattern", "begins"), [("w", 3), ("wwo", 5), ("wo", None), ("wooo", None), ("o", None)]
+)
+def test_one_good_tick_takes_one_bad_tick_away_and_no_more(
+    pattern: str, begins: int | None
+) -> None:
+    wrong, right = Seen(ON, 0.0, 0.0, 0.0), Seen(STOPS, 0.05, 0.0, 0.0)
+    watch = told(0.05)
+    begun = [
+        k
+        for k in range(1, 60)
+        if watch.step(k * T, STOP, wrong if (pattern * 60)[k - 1] == "w" else right)
+    ]
+    assert (begun[0] if begun else None) == begins
+
+
+def test_a_reading_holds_for_two_ticks() -> None:
+    watch = told(0.05)
+    assert watch.step(T, STOP, Seen(STOPS, 0.05)) is None
+    silent = {k: stage for k in range(2, 9) if (stage := watch.step(k * T, STOP, None))}
+    assert min(silent) == 1 + 2 + 3
+
+
+def test_a_late_tick_is_no_more_than_two_bad_ones() -> None:
+    watch = told()
+    assert watch.step(0.5, STOP, None) is None
+    assert watch.step(0.51, STOP, None) is Stage.SDO
+
+
+def test_what_was_proved_begins_with_nothing_against_it() -> None:
+    watch = told()
+    for k in (1, 2):
+        watch.step(k * T, STOP, RUNS)
+    watch.step(3 * T, STOP, Seen(STOPS, 0.0))
+    begun = {k: s for k in range(4, 12) if (s := watch.step(k * T, STOP, Seen(ON, 0.0, 0, 0)))}
+    assert min(begun) == 4 + 2, "three ticks, the first of which says so"
 
 
 SEEN = st.none() | st.builds(

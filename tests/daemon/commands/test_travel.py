@@ -8,29 +8,9 @@ from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
 from daemon.commands.check import print_check
 from daemon.config.load import load_robot
 from drivers.cia402 import PowerTarget
-from drivers.stop_stages import stage_ticks, worst_travel
+from drivers.stop_stages import worst_travel
 
 MASTERS_HEARTBEAT = 0x77F
-
-
-def test_the_travel_of_a_joint() -> None:
-    c = load_robot(ROMEO).configuration
-    travel = worst_travel(c.joint_drives, c.period_s, noticing_ticks=3)[0]
-    assert travel.noticing == pytest.approx(0.03)  # 1 rad/s for three ticks of 10 ms
-    assert travel.stages == pytest.approx(0.09)  # three ticks each
-    assert travel.patience == 0.1  # 100 ms
-    assert travel.braking == 0.05  # 1 / (2 * 10)
-    assert travel.total == pytest.approx(0.27)
-
-
-@pytest.mark.parametrize(
-    ("patience_s", "period_s", "ticks"),
-    [(0.1, 0.01, 3), (0.12, 0.01, 4), (0.1, 0.001, 33), (0.03, 0.01, 3), (0.09, 0.01, 3)],
-)
-def test_the_stages_take_the_drives_patience_and_leave_them_time_to_answer(
-    patience_s: float, period_s: float, ticks: int
-) -> None:
-    assert stage_ticks(patience_s, period_s) == ticks
 
 
 @pytest.mark.parametrize("folder", [ROMEO, ROMEO.parent / "desk_arm", SINGLE_JOINT])
