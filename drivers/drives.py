@@ -58,7 +58,7 @@ EVENTS_PER_TICK: Final = 32
 @dataclass(slots=True)
 class _WatchedDrive:
     watch: HeartbeatWatch
-    emergency: int = 0  # code of the last one, 0 when it is over
+    complained: bool = False  # of communication (0x81xx), since it was set up
 
 
 class Drives:
@@ -170,14 +170,15 @@ class Drives:
 
     def unfit(self) -> list[int]:
         """Joints whose drives must be set up again before a reset can help: silent, restarted, no
-        longer operational, or in fault with an error of communication (0x81xx, CiA 301)."""
+        longer operational, or in fault after an error of communication (0x81xx, CiA 301): another
+        error may hide that one, which only a reset of its communication ends."""
         return [
             i
             for i, (drive, state) in enumerate(zip(self._drives, self.samples.states, strict=True))
             if drive.watch.forgot
             or drive.watch.lost
             or self._stops.silent
-            or (state is DriveState.FAULT and drive.emergency & 0xFF00 == COMMUNICATION_ERROR)
+            or (state is DriveState.FAULT and drive.complained)
         ]
 
     def sync(self, now: float) -> None:
@@ -371,7 +372,7 @@ class Drives:
             if len(data) < 3:
                 self.counters.short_frames += 1
             code = data[0] | data[1] << 8 if len(data) > 1 else UNKNOWN_CODE
-            drive.emergency = code
+            drive.complained |= code & 0xFF00 == COMMUNICATION_ERROR
             self._tell(Emergency(drive.watch.node, code, data[2] if len(data) > 2 else 0))
 
     def _take_error(self, event: BusEvent) -> None:

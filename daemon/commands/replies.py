@@ -72,9 +72,9 @@ def answer(options: Options, reply: "Reply") -> None:
 def wait_for(
     client: "Client", first: "Reply", goal: frozenset[str], *, yields: bool = False
 ) -> "Reply":
-    """Poll until the mode is in `goal` and every joint that was told to stop was seen to stand, the
-    mode comes to rest elsewhere, or WAIT_S have passed; with `yields` also while a person guides the
-    arm, perhaps for minutes."""
+    """Poll until the mode is in `goal` and every joint that was told to stop was seen to stand,
+    until the mode comes to rest elsewhere, or WAIT_S have passed; with `yields` also while a person
+    guides the arm, perhaps for minutes."""
     from daemon.protocol.messages import Reply
 
     deadline = time.monotonic() + WAIT_S
