@@ -144,8 +144,7 @@ class Drives:
 
     def unfit(self) -> list[int]:
         """Joints whose drives must be set up again before a reset can help: all, once they were
-        left to themselves; else those that are silent, restarted, no longer operational, or in
-        fault with an error of communication (0x81xx, CiA 301)."""
+        left to themselves; else those that their `NodeWatches` find unfit."""
         if self._stops.silent:
             return list(range(len(self.names)))
         return self._nodes.unfit(self.samples.states)

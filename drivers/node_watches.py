@@ -17,7 +17,7 @@ from drivers.ids import EMERGENCY, HEARTBEAT, NODE
 @dataclass(slots=True)
 class _Node:
     beat: HeartbeatWatch
-    emergency: int = 0  # code of the last one, 0 when it is over
+    complained: bool = False  # of communication (0x81xx), since it was set up
 
 
 class NodeWatches:
@@ -51,8 +51,9 @@ class NodeWatches:
         node = self._nodes[joint]
         if service == HEARTBEAT:
             return node.beat.hear(data[0], now) if data else None
-        node.emergency = data[0] | data[1] << 8 if len(data) > 1 else UNKNOWN_CODE
-        return Emergency(node.beat.node, node.emergency, data[2] if len(data) > 2 else 0)
+        code = data[0] | data[1] << 8 if len(data) > 1 else UNKNOWN_CODE
+        node.complained |= code & 0xFF00 == COMMUNICATION_ERROR
+        return Emergency(node.beat.node, code, data[2] if len(data) > 2 else 0)
 
     def check(self, now: float) -> Iterator[BusEvent]:
         """Every heartbeat that has just become overdue."""
@@ -76,12 +77,11 @@ class NodeWatches:
         return [node.beat.operational and not node.beat.lost for node in self._nodes]
 
     def unfit(self, states: Sequence[DriveState]) -> list[int]:
-        """Joints whose drives are silent, restarted, no longer operational, or in fault with an
-        error of communication (0x81xx, CiA 301)."""
+        """Joints whose drives are silent, restarted, no longer operational, or in fault after an
+        error of communication (0x81xx, CiA 301): another error may hide that one, which only a
+        reset of its communication ends."""
         return [
             i
             for i, (node, state) in enumerate(zip(self._nodes, states, strict=True))
-            if node.beat.forgot
-            or node.beat.lost
-            or (state is DriveState.FAULT and node.emergency & 0xFF00 == COMMUNICATION_ERROR)
+            if node.beat.forgot or node.beat.lost or (state is DriveState.FAULT and node.complained)
         ]

@@ -1,12 +1,11 @@
 """Faults of one drive: what it says, does and hears."""
 
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
+from bench.rigs import foreign_tool
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
-from drivers.codec import receive_pdos
 from drivers.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT, START_NODE
 from simulator.state_machine import Trigger
 
@@ -57,25 +56,20 @@ def restarts_unheard(on: BreakableArm) -> Iterator[None]:
     with on.losing(HEARTBEAT + on.drive.node):
         on.simulated.boot()
         on.simulated.on_nmt(START_NODE)
-        _write(on, 0x1017, 0x2B, on.drive.profile.heartbeat_ms)
+        on.simulated.on_sdo(foreign_tool.download(0x1017, on.drive.profile.heartbeat_ms, 2))
         yield
     yield from for_ever()
 
 
 def mode_changed(on: BreakableArm) -> Iterator[None]:
     """Somebody else's tool chooses another mode of operation."""
-    _write(on, 0x6060, 0x2F, OTHER_MODE[on.make.name])
+    on.simulated.on_sdo(foreign_tool.mode_changed(OTHER_MODE[on.make.name]))
     yield from for_ever()
 
 
 def rpdo_off(on: BreakableArm) -> Iterator[None]:
     """Somebody else's tool turns the RPDO off that brings the target velocity."""
-    (pdo,) = [
-        pdo
-        for pdo in receive_pdos(on.drive)
-        if any(field.entry == "target_velocity" for field in pdo.fields)
-    ]
-    _write(on, 0x1400 + pdo.number - 1, 0x23, 1 << 31 | pdo.cob_id, 1)
+    on.simulated.on_sdo(foreign_tool.rpdo_off(on.drive))
     yield from for_ever()
 
 
@@ -102,11 +96,6 @@ def another_product(on: BreakableArm) -> Iterator[None]:
     finally:
         on.simulated.boot()
         on.simulated.put(0x1018, 2, right)
-
-
-def _write(on: BreakableArm, index: int, size: int, value: int, subindex: int = 0) -> None:
-    """Expedited download by somebody else; `size` is its command specifier."""
-    on.simulated.on_sdo(struct.pack("<BHBI", size, index, subindex, value))
 
 
 def runaway(on: BreakableArm) -> Iterator[None]:
@@ -158,7 +147,7 @@ def deaf_to_sync(on: BreakableArm) -> Iterator[None]:
 
 def sync_moved(on: BreakableArm) -> Iterator[None]:
     """Somebody's tool gives SYNC another identifier in this drive (0x1005)."""
-    _write(on, 0x1005, 0x23, 0x81)
+    on.simulated.on_sdo(foreign_tool.sync_moved())
     yield from for_ever()
 
 

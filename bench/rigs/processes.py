@@ -29,12 +29,13 @@ class Pair:
     log: Path  # what the daemon says
     events: Path  # lines of JSON: what happens to the simulated arm
 
-    def subscribed(self) -> tuple[Client, Snapshot, Iterator[State]]:
-        """A connection that gets every State, once the daemon serves. Raises ContactdError."""
+    def subscribed(self, timeout_s: float = 2.0) -> tuple[Client, Snapshot, Iterator[State]]:
+        """A connection that gets every State, once the daemon serves; it may be silent for
+        `timeout_s`. Raises ContactdError."""
         deadline = time.monotonic() + PATIENCE_S
         while True:
             try:
-                client = Client(self.door)
+                client = Client(self.door, timeout_s)
                 return client, *client.subscribe()
             except ContactdError:
                 if time.monotonic() > deadline or self.daemon.poll() is not None:

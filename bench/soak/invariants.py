@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.soak.record import Ledger
+from bench.soak.stop_rules import StopRules
 from daemon.assembly import build_transmission
 from daemon.config.motion import limits_of
 from daemon.config.schema import Configuration
@@ -38,6 +39,7 @@ class Watch:
         """gives_way (n,) [rad]: how far a hand may press the drives beyond a joint limit."""
         self.ledger = ledger
         self._gives_way = gives_way
+        self._stops = StopRules(c, ledger)
         self.contacts_s: list[float] = []
         """When a contact or a collision was reported."""
         self._limits = limits_of(c)
@@ -63,13 +65,15 @@ class Watch:
         touched: bool,
         trouble: bool,
         q: NDArray[np.float64] | None = None,
+        theta: NDArray[np.float64] | None = None,
         motor_velocity: NDArray[np.float64] | None = None,
     ) -> None:
         """Check one State.
 
         lease_until_s: until when a client may have the arm armed (State.time_s), and lease_ticks:
         for how many ticks after that. touched: a hand is on the arm. trouble: a fault is being
-        made. q (n,) [rad] and motor_velocity (n,) [rad/s]: the true ones, where they are known.
+        made. q and theta (n,) [rad], motor_velocity (n,) [rad/s]: the true ones, where they are
+        known.
         """
         mode, now = Mode(state.mode), state.time_s
         setpoint = np.array(state.setpoint)
@@ -95,6 +99,15 @@ class Watch:
             self._all("no motion while latched", np.abs(speed) < STANDS, now, speed, "rad/s")
         self._comes_back(state, mode, trouble)
         self._lets_go(state, mode, setpoint, measured)
+        unknown = np.where(fresh, 0.0, np.nan)
+        seen = np.array(state.motor_velocity) + unknown
+        self._stops.see(
+            state,
+            joints=np.array([measured + unknown] if q is None or theta is None else [q, theta]),
+            speed=seen if motor_velocity is None else motor_velocity,
+            touched=touched,
+            trouble=trouble,
+        )
         contacts = [now for event in state.notices if event.kind == "contact"]
         self.contacts_s += contacts
         if contacts:

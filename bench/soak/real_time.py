@@ -31,10 +31,12 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import State
+from drivers.drive import Drive
 from errors import ContactdError
 
 MEAN_PAUSE_S = 25.0  # between two faults, two rude clients, two recordings
 RUDE_S = 2.0
+LONGEST_SILENCE_S = 10.0  # of a daemon that is held up
 SETTLES_S = 1.0  # after a fault's cause is gone
 SAMPLES = 240
 
@@ -71,7 +73,7 @@ def run_real_time(seed: int, seconds: float, report: Report = lambda share: None
         script.write_bytes(msgspec.yaml.encode(hand_script(Random(seed), c, seconds)))
         with pair(robot, script) as both:
             shared = Shared(both, part)
-            client, _, states = both.subscribed()
+            client, _, states = both.subscribed(timeout_s=LONGEST_SILENCE_S)
             with (
                 client,
                 contextlib.closing(Onlooker(both.events)) as onlooker,
@@ -105,7 +107,7 @@ def _inhabited(shared: Shared, rng: Random, c: Configuration) -> Iterator[None]:
     work: list[tuple[object, ...]] = [
         (_live, operator(Random(rng.random()), c)),
         (_live, program(Random(rng.random()), c)),
-        (_make_trouble, Random(rng.random()), [joint.wiring.node for joint in c.joints]),
+        (_make_trouble, Random(rng.random()), c.joint_drives),
         (_be_rude, Random(rng.random())),
         (_record, Random(rng.random())),
     ]
@@ -152,12 +154,12 @@ def _live(shared: Shared, person: Person) -> None:
         client.close()
 
 
-def _make_trouble(shared: Shared, rng: Random, nodes: Sequence[int]) -> None:
+def _make_trouble(shared: Shared, rng: Random, drives: Sequence[Drive]) -> None:
     while shared.pause(1.0 + rng.expovariate(1 / MEAN_PAUSE_S)):
         fault = rng.choice(FAULTS)
         shared.part.counts[f"fault: {fault.__name__.replace('_', ' ')}"] += 1
         began, shared.trouble = time.monotonic(), True
-        fault(shared.both, rng, nodes)
+        fault(shared.both, rng, drives)
         shared.disturbed.append((began, time.monotonic() + SETTLES_S))
         shared.pause(0.2)
         shared.trouble = False

@@ -46,7 +46,7 @@ from errors import ContactdError
 UNFIT = {
     "adapter gone",
     "drive deaf to setpoints",
-    "... and to quick stops",
+    "... and to SDO",
     "... and to NMT",
     "drive stone-deaf",
     "drive runs away",
@@ -58,7 +58,7 @@ UNFIT = {
     "hit of 9 Nm",
 }
 FAULTS = tuple(case for case in CASES if case.name not in UNFIT)
-MEAN_PAUSE_S = 40.0  # between two faults
+MEAN_PAUSE_S = 20.0  # between two faults
 SAMPLES = 240
 
 
@@ -201,6 +201,7 @@ def _soak(
             touched=touched,
             trouble=trouble.active,
             q=plant.q,
+            theta=plant.theta,
             motor_velocity=plant.theta_dot,
         )
         for visitor in visitors:

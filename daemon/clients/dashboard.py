@@ -87,12 +87,15 @@ class Dashboard:
         wide = options.max_width >= WIDE
         state = self.state
         yield _headline(state)
+        doubt = not_seen_to_stand(state, " ")
+        doubt_lines = list(doubt.wrap(console, options.max_width)) if doubt else []
+        yield from doubt_lines
         yield Text(f" {state.cause}", no_wrap=True, overflow="crop")
         yield Text()
         yield self._joints(wide, options.ascii_only)
         yield Text()
         yield self._loop()
-        rows_left = (options.height or console.height) - len(state.setpoint) - 7
+        rows_left = (options.height or console.height) - len(state.setpoint) - 7 - len(doubt_lines)
         if state.flags:
             flags = f" estimator: {'; '.join(state.flags)}"
             yield Text(flags, "yellow", no_wrap=True, overflow="crop")
@@ -149,6 +152,16 @@ class Dashboard:
         return line.append(str(timing.missed), "red" if timing.missed else "")
 
 
+def not_seen_to_stand(shown: State | Status, indent: str = "") -> Text:
+    """Joints of a faulted arm that were told to stop and not seen to stand; empty without any."""
+    lines = []
+    if shown.mode == Mode.FAULTED and shown.unproved:
+        lines.append(f"{indent}not seen to stand: {', '.join(shown.unproved)}")
+    if shown.mode == Mode.FAULTED and shown.silenced:
+        lines.append(f"{indent}silent until reset: the drives hear nothing of contactd")
+    return Text("\n".join(lines), "bold red")
+
+
 def gap_bar(phi: float, half_gap: float, half_width: int) -> Text:
     """Picture `[--o--|-----]` of phi between the borders of its gap; o on a border if beyond it."""
     if half_gap <= 0.0:
@@ -190,6 +203,8 @@ def status_view(status: Status) -> RenderableType:
     permission = _permission(status)
     mode = Text(f" {status.mode.upper()} ", MODE_STYLES.get(status.mode, ""))
     table.add_row("mode", Text.assemble(mode, "  ", permission))
+    if doubt := not_seen_to_stand(status):
+        table.add_row("", doubt)
     table.add_row("cause", Text(status.cause))  # Text: brackets in it are no rich markup
     if status.advice:
         table.add_row("to do", Text(status.advice, "yellow"))

@@ -39,6 +39,12 @@ def main(ctx: click.Context, socket: Path | None, as_json: bool) -> None:
 
 
 _no_wait = click.option("--no-wait", is_flag=True, help="Return at once, before it is done.")
+_no_wait_to_stand = click.option(
+    "--no-wait",
+    is_flag=True,
+    help="Return at once, before it is done; with 1 if a joint that was told to stop has not been "
+    "seen to stand yet.",
+)
 
 
 @main.command()
@@ -125,26 +131,36 @@ def pause(options: Options, no_wait: bool) -> None:
 
 
 @main.command()
+@_no_wait_to_stand
 @click.pass_obj
-def disarm(options: Options) -> None:
-    """Stop yielding to contact. Contacts are still reported, and collisions still
-    reacted to."""
-    carry_out(options, "disarm")
+def disarm(options: Options, no_wait: bool) -> None:
+    """Stop yielding to contact. Contacts are still reported, and collisions still reacted to.
+
+    An arm that is being guided stops. Exit status 1 if it does not, or is not seen to stand.
+    """
+    carry_out(options, "disarm", wait=not no_wait)
 
 
 @main.command()
-@_no_wait
+@_no_wait_to_stand
 @click.pass_obj
 def stop(options: Options, no_wait: bool) -> None:
-    """Stop the arm at once, and disarm it. Works in every mode."""
+    """Stop the arm at once, and disarm it. Works in every mode.
+
+    Exit status 1, and the joints, if nobody has seen them stand: press the emergency stop if
+    anything moves.
+    """
     carry_out(options, "stop", wait=not no_wait)
 
 
 @main.command()
-@_no_wait
+@_no_wait_to_stand
 @click.pass_obj
 def disable(options: Options, no_wait: bool) -> None:
-    """Let the joints end as configured: held by their drives, braked, or limp."""
+    """Let the joints end as configured: held by their drives, braked, or limp.
+
+    Exit status 1, and the joints, if nobody has seen them stand.
+    """
     carry_out(options, "disable", wait=not no_wait)
 
 

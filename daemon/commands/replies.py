@@ -23,19 +23,34 @@ GOALS: dict[str, frozenset[str]] = {
     "pause": frozenset({Mode.HOLDING}),
     "stop": frozenset({Mode.HOLDING, Mode.OFF, Mode.FAULTED}),
     "disable": frozenset({Mode.OFF}),
+    "disarm": frozenset(Mode) - {Mode.STOPPING},  # which it leads to while somebody guides the arm
 }
 RESTING = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})  # nothing leaves these by itself
 YIELDING = frozenset({Mode.ADMITTANCE, Mode.RETRACTING})  # until the person lets go of the arm
 
 
 def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
-    """Send `command`, wait if it takes a while, and print where it ended; exit 1 on failure. With
-    nothing to wait for, the daemon's reply is printed."""
+    """Send `command`, wait if it takes a while, and print where it ended; exit 1 on failure, also
+    while a joint that was told to stop is not seen to stand. With nothing to wait for, the daemon's
+    reply is printed."""
     with options.connect() as client:
         reply = client.request(command)
-        if wait and reply.ok and reply.mode not in GOALS[command]:
+        if reply.ok and wait and (reply.unproved or reply.mode not in GOALS[command]):
             reply = wait_for(client, reply, GOALS[command], yields=command == "pause")
+        elif reply.ok and reply.unproved:
+            reply = _not_seen_to_stand(reply, reply.unproved, client.ask_status().silenced)
     answer(options, reply)
+
+
+def _not_seen_to_stand(reply: "Reply", unproved: list[str], silenced: bool) -> "Reply":
+    """The reply as a failure: nobody has seen these joints stand."""
+    from msgspec.structs import replace
+
+    reasons = [reply.message, *reply.reasons]
+    if silenced:
+        reasons.append("the drives hear nothing of contactd until `reset`")
+    text = f"not seen to stand: {', '.join(unproved)}; press the emergency stop if it moves"
+    return replace(reply, ok=False, message=text, reasons=reasons, unproved=unproved)
 
 
 def answer(options: Options, reply: "Reply") -> None:
@@ -57,8 +72,9 @@ def answer(options: Options, reply: "Reply") -> None:
 def wait_for(
     client: "Client", first: "Reply", goal: frozenset[str], *, yields: bool = False
 ) -> "Reply":
-    """Poll until the mode is in `goal`, comes to rest elsewhere, or WAIT_S have passed; with
-    `yields` also while a person guides the arm, perhaps for minutes."""
+    """Poll until the mode is in `goal` and every joint that was told to stop was seen to stand,
+    until the mode comes to rest elsewhere, or WAIT_S have passed; with `yields` also while a person
+    guides the arm, perhaps for minutes."""
     from daemon.protocol.messages import Reply
 
     deadline = time.monotonic() + WAIT_S
@@ -68,7 +84,8 @@ def wait_for(
         left = left or now.mode != first.mode
         late = time.monotonic() > deadline
         guided = yields and now.mode in YIELDING
-        if now.mode in goal or guided or late or (left and now.mode in RESTING):
+        elsewhere = left and now.mode in RESTING and now.mode not in goal
+        if (now.mode in goal and not now.unproved) or guided or late or elsewhere:
             break
         time.sleep(POLL_S)
     text = f"{now.mode}{', armed' if now.armed else ''}: {now.cause}"
@@ -79,7 +96,10 @@ def wait_for(
     elif now.mode not in goal:
         expected = "holding" if "holding" in goal else Mode.OFF
         text = f"not {expected} {f'after {WAIT_S:.0f} s' if late else 'but'} {text}"
-    return Reply(ok=guided or now.mode in goal, message=text, mode=now.mode, armed=now.armed)
+    reply = Reply(ok=guided or now.mode in goal, message=text, mode=now.mode, armed=now.armed)
+    if not now.unproved:
+        return reply
+    return _not_seen_to_stand(reply, now.unproved, now.silenced)
 
 
 def print_json(message: Any) -> None:

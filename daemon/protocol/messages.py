@@ -102,6 +102,7 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     armed: bool = False
     checks: list[Check] = []  # of `arm`
     row: int | None = None  # of a trajectory: the first that was refused, from 0
+    unproved: list[str] = []  # joints that are told to stop and not seen to stand
     status: "Status | None" = None
     snapshot: "Snapshot | None" = None
 
@@ -179,6 +180,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     notices: list[Notice]
     timing: Timing
     unproved: list[str] = []  # joints that were told to stop and not seen to stand
+    silenced: bool = False  # the drives hear nothing of the daemon until `reset`
 
 
 STATE_FORMAT = 1

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 
 from daemon.config.load import Robot
+from daemon.faults.table import TABLE, Condition
 from daemon.protocol.messages import STATE_FORMAT, Grant, Permit, Snapshot, Status, Trajectory
 from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
@@ -40,7 +41,7 @@ def status_of(
     c, tick, last = process.robot.configuration, loop.tick, loop.tick.last
     samples, estimate = (last.samples, last.estimate) if last else (None, None)
     zeros = [0.0] * len(c.joints)
-    machine, finding = tick.controller.machine, tick.controller.finding
+    machine, unproved = tick.controller.machine, tick.unproved()
     return Status(
         name=c.name,
         configuration=process.place,
@@ -50,7 +51,7 @@ def status_of(
         armed=machine.armed,
         permit=permit,
         cause=machine.cause,
-        advice=finding.advice if finding and not machine.armed else "",
+        advice=_advice(tick, unproved),
         trajectory=_trajectory(tick.controller),
         checks=list(tick.check_arming(loop.time_s).checks),
         ticks=tick.number + 1,
@@ -69,9 +70,22 @@ def status_of(
         gain=tick.controller.motion.gains.goal.tolist(),
         age_ticks=samples.age_ticks.tolist() if samples else [],
         serials=process.serials,
-        unproved=list(tick.drives.unproved()),
+        unproved=list(unproved),
         silenced=tick.drives.silenced,
     )
+
+
+def _advice(tick: Tick, unproved: Sequence[str]) -> str:
+    """What to do about the latched fault, a line for each: about a joint that is not seen to stand
+    first, then about the cause."""
+    machine, finding = tick.controller.machine, tick.controller.finding
+    advice = []
+    if unproved and tick.controller.faulted:
+        not_stopped = Condition.UNPROVED if tick.drives.silenced else Condition.NOT_SEEN_TO_STOP
+        advice.append(TABLE[not_stopped].advice)
+    if finding and not machine.armed:
+        advice.append(finding.advice)
+    return "\n".join(dict.fromkeys(advice))
 
 
 def _trajectory(controller: Controller) -> Trajectory:

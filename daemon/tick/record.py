@@ -49,4 +49,5 @@ class TickRecord:
     moving: bool  # a trajectory runs, or goes on after this contact
     quiet_s: float  # since the last tick with a non-zero thresholded residual
     unproved: tuple[str, ...]  # joints that were told to stop and not seen to stand
+    silenced: bool  # the last stage of a stop: the drives hear nothing of us
     notices: tuple[Notice, ...]  # news of this tick, and of the requests before it

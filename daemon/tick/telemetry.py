@@ -48,6 +48,7 @@ def state_of(record: TickRecord) -> State:
         setpoint=decision.velocity.tolist(),
         quiet_s=record.quiet_s,
         unproved=list(record.unproved),
+        silenced=record.silenced,
         notices=list(record.notices),
         timing=Timing(
             wall_s=wakeup.wall_s,

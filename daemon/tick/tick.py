@@ -11,7 +11,7 @@ import numpy as np
 from daemon.faults.detector import FaultDetector
 from daemon.faults.finding import Finding
 from daemon.faults.table import Response
-from daemon.modes.table import SENSING, Mode
+from daemon.modes.table import ENERGISED, SENSING, Mode
 from daemon.motion.limits import all_finite
 from daemon.protocol.messages import Notice
 from daemon.tick.arming_checks import ArmingChecks, ArmingResult
@@ -107,6 +107,7 @@ class Tick:
             moving=machine.moving,
             quiet_s=self.controller.quiet.quiet_s,
             unproved=(unproved := self.drives.unproved()),
+            silenced=self.drives.silenced,
             notices=self._notices(findings, news, unproved),
         )
 
@@ -214,6 +215,13 @@ class Tick:
         return tuple(notices)
 
     # --- asked between two ticks ------------------------------------------------------------
+
+    def unproved(self) -> tuple[str, ...]:
+        """Joints that are to stand and were not seen to: all, until the next tick tells them."""
+        to_stand = self.controller.machine.mode not in ENERGISED
+        if to_stand and self.last is not None and self.last.mode in ENERGISED:
+            return self.drives.names
+        return self.drives.unproved()
 
     def check_arming(self, time_s: float) -> ArmingResult:
         """Run all arming checks at `time_s`, on the last tick and on what the drives are now."""

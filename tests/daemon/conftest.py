@@ -126,6 +126,9 @@ class FakeDaemon:
     states: Callable[[int], State | None] = state_at  # None: publishes nothing in that tick
     snapshot_ahead: int = 0  # ticks between the last State and what a snapshot says
     mode: str = "off"
+    unproved: list[str] = field(default_factory=list)
+    proves_after: int = 0  # times that the status is asked for, if there are unproved joints
+    silenced: bool = False
     trajectory: Any = "ready"
     tick: int = 0
     seen: list[tuple[str, Peer]] = field(default_factory=list)
@@ -143,9 +146,14 @@ class FakeDaemon:
         if command == "status":
             if self._ahead:
                 self.mode = self._ahead.pop(0)
+            self.proves_after -= 1
+            if self.proves_after == 0:
+                self.unproved = []
             return Reply(ok=True, status=self.status(), mode=self.mode)
         self._ahead = list(self.modes.get(command, []))
-        return Reply(ok=True, message=f"{command} done", mode=self.mode)
+        return Reply(
+            ok=True, message=f"{command} done", mode=self.mode, unproved=list(self.unproved)
+        )
 
     def status(self) -> Status:
         state = state_at(self.tick)
@@ -183,6 +191,8 @@ class FakeDaemon:
             side=state.side,
             gain=[0.1 * (i + 1) for i in range(len(JOINTS))],
             age_ticks=[0] * len(JOINTS),
+            unproved=list(self.unproved),
+            silenced=self.silenced,
         )
 
     def run(self) -> None:

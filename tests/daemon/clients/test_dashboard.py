@@ -14,6 +14,7 @@ from daemon.clients.dashboard import (
     History,
     Summary,
     gap_bar,
+    not_seen_to_stand,
     residual_bar,
     status_view,
 )
@@ -191,6 +192,35 @@ def test_status_report_says_what_to_do_about_a_fault(fake_daemon: Any) -> None:
         "check the cable, then `contactctl reset`"
     )
     assert not [line for line in report("") if line.startswith("to do")]
+
+
+DOUBT = {"mode": "faulted", "unproved": ["LElbowRoll", "LWristYaw"], "silenced": True}
+
+
+@pytest.mark.parametrize("width", [40, 80, 100])
+def test_what_is_not_seen_to_stand_is_in_the_headline(
+    dashboard: Any, fake_daemon: Any, width: int
+) -> None:
+    frame = dashboard(range(0, 131), armed=False, cause="why", **DOUBT)
+    status = msgspec.structs.replace(fake_daemon.status(), **DOUBT)
+    for shown, most in ((frame, 23), (status_view(status), 100)):
+        lines = text_of(shown, width, 24)
+        assert len(lines) <= most
+        assert max(map(len, lines)) <= width
+        told = " ".join(word for line in lines[:9] for word in line.split())
+        assert "not seen to stand: LElbowRoll, LWristYaw" in told
+        assert "silent until reset: the drives hear nothing of contactd" in told
+        assert told.index("FAULTED") < told.index("not seen to stand")
+
+
+def test_a_doubt_is_red_and_gone_when_every_joint_stands(dashboard: Any) -> None:
+    assert "bold red" in str(not_seen_to_stand(dashboard(range(0, 3), **DOUBT).state).style)
+    proved = {**DOUBT, "unproved": [], "silenced": False}
+    # Off, its brakes may take a moment: nothing to be red about.
+    for changes in (proved, {**DOUBT, "mode": "off"}):
+        frame = dashboard(range(0, 3), **changes)
+        assert not not_seen_to_stand(frame.state)
+        assert text_of(frame, 80, 24)[1] == " start"
 
 
 def test_status_report_before_the_first_samples(fake_daemon: Any) -> None:

@@ -66,6 +66,8 @@ def test_refusal_lists_every_reason(run: Run, fake_daemon: Any, command: str) ->
         ("pause", "retracting", ["retracting"], 0, "retracting: the trajectory is paused; the arm"),
         ("pause", "tracking", ["stopping", "admittance"], 0, "paused; the arm holds once nobody"),
         ("stop", "admittance", ["stopping", "admittance"], 1, "not holding after 0 s admittance"),
+        ("disarm", "stopping", ["stopping", "holding"], 0, "holding: because of holding"),
+        ("disarm", "stopping", ["stopping"], 1, "not holding after 0 s stopping"),
     ],
 )
 def test_waits_until_it_is_done(
@@ -94,7 +96,50 @@ def test_pause_while_guided_without_a_trajectory(run: Run, fake_daemon: Any) -> 
     )
 
 
-@pytest.mark.parametrize("command", ["enable", "pause", "stop", "disable"])
+@pytest.mark.parametrize(
+    ("command", "mode"),
+    [("stop", "faulted"), ("disarm", "faulted"), ("disable", "off"), ("stop", "off")],
+)
+def test_a_stop_is_done_when_every_joint_is_seen_to_stand(
+    run: Run, fake_daemon: Any, command: str, mode: str
+) -> None:
+    fake_daemon.mode, fake_daemon.unproved = mode, ["LElbowRoll", "LWristYaw"]
+    fake_daemon.proves_after = 3
+    result = run(command)
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout == f"{mode}: because of {mode}\n"
+    assert [name for name, _ in fake_daemon.seen] == [command, "status", "status", "status"]
+
+
+@pytest.mark.parametrize("silenced", [False, True])
+@pytest.mark.parametrize("no_wait", [(), ("--no-wait",)])
+@pytest.mark.parametrize(
+    ("command", "mode"), [("stop", "faulted"), ("disarm", "faulted"), ("disable", "off")]
+)
+def test_a_stop_that_nobody_has_seen_is_a_failure(
+    run: Run,
+    fake_daemon: Any,
+    command: str,
+    mode: str,
+    no_wait: tuple[str, ...],
+    silenced: bool,
+) -> None:
+    fake_daemon.mode, fake_daemon.unproved = mode, ["LElbowRoll", "LWristYaw"]
+    fake_daemon.silenced = silenced
+    result = run(command, *no_wait)
+    assert (result.exit_code, result.stdout) == (1, "")
+    first, *others = result.stderr.splitlines()
+    assert first == (
+        "contactctl: not seen to stand: LElbowRoll, LWristYaw; press the emergency stop if it moves"
+    )
+    where = f"  - {command} done" if no_wait else f"  - {mode}: because of {mode}"
+    silent = ["  - the drives hear nothing of contactd until `reset`"] if silenced else []
+    assert others == [where, *silent]
+    answer = json.loads(run("--json", command, *no_wait).stdout)
+    assert (answer["ok"], answer["unproved"]) == (False, ["LElbowRoll", "LWristYaw"])
+
+
+@pytest.mark.parametrize("command", ["enable", "pause", "stop", "disable", "disarm"])
 def test_no_wait(run: Run, fake_daemon: Any, command: str) -> None:
     result = run(command, "--no-wait")
     assert (result.exit_code, result.stdout) == (0, f"{command} done\n")
