@@ -196,8 +196,8 @@ BROKEN += [
     ("a stop is proved or the arm silent", DOUBTED),
     ("one reset is enough", [faulted(1), reset(2), again(52)]),
 ]
-Seen = tuple[State, bool, bool]  # with a hand, with a fault being made
-KEPT: dict[str, list[Seen]] = {
+Scene = tuple[State, bool, bool]  # with a hand, with a fault being made
+KEPT: dict[str, list[Scene]] = {
     "it brakes for a moment": [(each, False, False) for each in MOVES[:-1]],
     "a hand moves it": [(each, each.tick == 4, False) for each in MOVES],
     "a hand drags it": [(each, each.tick == 2, False) for each in GOES_ON],
@@ -438,7 +438,10 @@ def believes(watch: StopWatch, now: float, target: PowerTarget, seen: Seen | Non
         # What was told to stop is taken for standing a tick later.
         (
             "SYNC moved by a tool (0x1005)",
-            {"drivers.stop_stages.StopWatch.step": believes},
+            {
+                "drivers.stop_stages.StopWatch.step": believes,
+                "drivers.expedited_stop.ExpeditedStop.request": lambda self, target: None,
+            },
             {"no motion after a proved stop", "no joint goes further than is printed"},
         ),
         # A drive that stays in its fault is not set up anew.
