@@ -10,11 +10,13 @@ programs arm, start, pause, stop, upload trajectories, change gains, let leases 
 
 In every tick it is checked that no setpoint leads a joint out of its limits, that none is further
 out than the hand can press its drive, and is led back; that setpoints and their steps are bounded,
-that nothing moves while it is latched, that it is not armed longer than the lease, that every
-change of mode is one of the table and reported with its cause, that contacts are reported only in
-modes that detect them, and that it comes back after each fault. Memory, descriptors, helpers,
-theta's uncertainty, lateness and the time of a tick must not grow: Theil-Sen's slope over the
-second half, 95 % sure, against a stated tolerance.
+that nothing moves while it is latched, that after a fault every stop is proved within 1 s or the
+arm silent, that no motor moves 300 ms after the proof, that no joint goes further than `contactd
+check` prints unless a hand moves it, that one reset ends a fault whose cause is gone, that it is
+not armed longer than the lease, that every change of mode is one of the table and reported with its
+cause, that contacts are reported only in modes that detect them, and that it comes back after each
+fault. Memory, descriptors, helpers, theta's uncertainty, lateness and the time of a tick must not
+grow: Theil-Sen's slope over the second half, 95 % sure, against a stated tolerance.
 
 Writes bench/out/soak.png and soak.json. Exit status 1 when a rule was broken, or when memory,
 descriptors, helpers or (in 15 minutes or more) uncertainty grow; lateness and times are reported

@@ -7,6 +7,7 @@ from bench.soak.record import Ledger
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import State
+from daemon.tick.controller import RESET_PATIENCE_S
 from daemon.tick.tick import STOP_PROVED
 from drivers.stop_stages import worst_travel
 
@@ -17,8 +18,8 @@ STANDS = 0.05
 PROVED_S = 1.0
 # However long a tick took, the drives had one chance to be seen [s].
 LONGEST_TICK_S = 0.1
-# After a reset nothing old comes back for [s].
-RESET_HOLDS_S = 0.5
+# After a reset nothing old comes back for [s]: a drive has RESET_PATIENCE_S to leave its fault.
+RESET_HOLDS_S = RESET_PATIENCE_S + 0.1
 # Arm and drives still give way so long after a hand is off [s].
 HAND_S = 1.0
 

@@ -11,7 +11,9 @@ import msgspec
 import numpy as np
 import pytest
 
+from bench.rigs.faults import CASES
 from bench.rigs.lockstep import ROMEO, lockstep_rig
+from bench.soak import outside_faults
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.onlooker import Onlooker
 from bench.soak.people import (
@@ -28,12 +30,15 @@ from bench.soak.people import (
 from bench.soak.record import Ledger, Part
 from bench.soak.report import failures
 from bench.soak.robot import gives_way, hand_script, strongest, write_robot
-from bench.soak.simulated import FAULTS, run_lockstep
+from bench.soak.simulated import FAULTS, UNFIT, run_lockstep
 from bench.soak.trend import Bound, trend
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Notice, Reply, Request, State, Timing
+from daemon.tick.tick import STOP_PROVED
+from drivers.cia402 import PowerTarget
+from drivers.stop_stages import Seen, StopWatch, worst_travel
 from simulator.hand import Hand, Push
 
 C = load_robot(ROMEO).configuration
@@ -178,6 +183,70 @@ BROKEN: list[tuple[str, list[State]]] = [
 ]
 
 
+PROVED = Notice(kind="mode", text=STOP_PROVED)
+TRAVEL = worst_travel(C.joint_drives, C.period_s, C.supervisor.stale_ticks)[0].total
+
+
+def faulted(tick: int, **changes: Any) -> State:
+    return state(tick, **{"mode": "faulted", "cause": "why", **changes})
+
+
+def fault(tick: int, **changes: Any) -> State:
+    return faulted(tick, notices=notices("holding -> faulted: why"), **changes)
+
+
+def reset(tick: int) -> State:
+    return state(tick, mode="off", notices=notices("faulted -> off: reset"))
+
+
+def again(tick: int, **changes: Any) -> State:
+    return faulted(tick, notices=notices("off -> faulted: why"), **changes)
+
+
+DOUBTED = [state(1), *(fault(2) if k == 2 else faulted(k, unproved=["x"]) for k in range(2, 104))]
+MOVES = [state(1), fault(2), faulted(3, notices=[PROVED]), faulted(4)]
+MOVES += [faulted(k, motor_velocity=first(0.06)) for k in (32, 34)]
+GOES_ON = [state(1), fault(2), faulted(3, link_position=first(MIDDLE[0] + TRAVEL + 0.01, MIDDLE))]
+BROKEN += [
+    ("no motion after a proved stop", MOVES),
+    ("no joint goes further than is printed", GOES_ON),
+    ("a stop is proved or the arm silent", DOUBTED),
+    ("one reset is enough", [faulted(1), reset(2), again(52)]),
+]
+Scene = tuple[State, bool, bool]  # with a hand, with a fault being made
+KEPT: dict[str, list[Scene]] = {
+    "it brakes for a moment": [(each, False, False) for each in MOVES[:-1]],
+    "a hand moves it": [(each, each.tick == 4, False) for each in MOVES],
+    "a hand drags it": [(each, each.tick == 2, False) for each in GOES_ON],
+    "as far as is printed": [
+        (each, False, False)
+        for each in (*GOES_ON[:2], faulted(3, link_position=first(MIDDLE[0] + TRAVEL, MIDDLE)))
+    ],
+    "not fresh": [
+        (each, False, False)
+        for each in (
+            *GOES_ON[:2],
+            faulted(3, link_position=[9.0] * 7, motor_velocity=[9.0] * 7, fresh=[False] * 7),
+        )
+    ],
+    "in time": [(each, False, False) for each in DOUBTED[:-1]],
+    "silent": [(msgspec.structs.replace(s, silenced=s.tick > 50), False, False) for s in DOUBTED],
+    "suspended": [(state(1), False, False), (fault(2), False, False)]
+    + [(faulted(k, unproved=["x"]), False, False) for k in (3, 303, 304)],
+    "it holds": [(each, False, False) for each in (faulted(1), reset(2), state(63, mode="off"))],
+    "a new cause": [(faulted(1), False, False), (reset(2), False, False), (again(52), False, True)],
+}
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_what_a_stop_may_do_breaks_no_rule(name: str) -> None:
+    ledger = Ledger()
+    watch = Watch(C, ledger, GIVES_WAY)
+    for each, touched, trouble in KEPT[name]:
+        watch.see(each, lease_until_s=0.5, lease_ticks=1, touched=touched, trouble=trouble)
+    assert not ledger.broken, ledger.cases
+
+
 @pytest.mark.parametrize(("rule", "states"), BROKEN, ids=[rule for rule, _ in BROKEN])
 def test_each_rule_can_be_broken(rule: str, states: list[State]) -> None:
     ledger = Ledger()
@@ -208,9 +277,16 @@ def test_what_is_right_breaks_no_rule() -> None:
         ),
         msgspec.structs.replace(releasing(8, 0.08), armed=True),
         state(
+<<<<<<< HEAD
             9,
             mode="faulted",
             notices=[*notices("disarmed: z"), *notices("releasing -> faulted: z")],
+=======
+            5,
+            mode="faulted",
+            link_position=at_limit,
+            notices=[*notices("disarmed: z"), *notices("tracking -> faulted: z")],
+>>>>>>> w-show
         ),
     ):
         watch.see(each, lease_until_s=0.5, lease_ticks=1, touched=False, trouble=False)
@@ -368,6 +444,69 @@ def test_a_hand_that_begins_within_a_tick_has_moved_the_arm_already(
     part = run_lockstep(9, 4.0 / 3600.0)  # whose only fault comes after a second
     assert part.counts["ticks faulted"] > 280, part.counts
     assert not part.ledger.broken, part.ledger.cases
+
+
+def test_what_is_no_part_of_the_soak_is_a_fault_nevertheless() -> None:
+    assert {case.name for case in CASES} >= UNFIT
+    outside = {fault.__name__ for fault in outside_faults.FAULTS}
+    assert outside >= {"sync_moved", "sync_lost", "mode_changed", "rpdo_off", "drive_restarts"}
+
+
+def believes(watch: StopWatch, now: float, target: PowerTarget, seen: Seen | None) -> None:
+    watch.proved = now > watch._now_s
+
+
+@pytest.mark.parametrize(
+    ("case", "broken", "rules"),
+    [
+        # Nothing but the setpoint, which a drive without SYNC never takes.
+        (
+            "SYNC moved by a tool (0x1005)",
+            {"drivers.stop_stages.StopWatch.step": lambda self, now, target, seen: None},
+            {"a stop is proved or the arm silent"},
+        ),
+        # What was told to stop is taken for standing a tick later.
+        (
+            "SYNC moved by a tool (0x1005)",
+            {
+                "drivers.stop_stages.StopWatch.step": believes,
+                "drivers.expedited_stop.ExpeditedStop.request": lambda self, target: None,
+            },
+            {"no motion after a proved stop", "no joint goes further than is printed"},
+        ),
+        # A drive that stays in its fault is not set up anew.
+        (
+            "drive locked in 0x8130",
+            {"daemon.service.set_up.SetUp.prove": lambda self: []},
+            {"one reset is enough"},
+        ),
+    ],
+)
+def test_a_program_that_is_broken_breaks_a_rule(
+    monkeypatch: pytest.MonkeyPatch, case: str, broken: dict[str, Any], rules: set[str]
+) -> None:
+    def resets(rng: Random, c: Configuration) -> Person:
+        yield Step()
+        while True:
+            for command, wait_s in (("enable", 0.5), ("start", 4.5), ("reset", 1.0)):
+                yield Step((Request(command),), wait_s=wait_s)
+
+    def nobody(rng: Random, c: Configuration) -> Person:
+        while True:
+            yield Step()
+
+    only = tuple(each for each in CASES if each.name == case)
+    monkeypatch.setattr("bench.soak.simulated.FAULTS", only)
+    monkeypatch.setattr("bench.soak.simulated.MEAN_PAUSE_S", 6.0)
+    monkeypatch.setattr("bench.soak.simulated.hand_script", lambda *_: ())
+    monkeypatch.setattr("bench.soak.simulated.operator", resets)
+    monkeypatch.setattr("bench.soak.simulated.program", nobody)
+    part = run_lockstep(9, 6.0 / 3600.0)
+    assert not part.ledger.broken, part.ledger.cases
+    for what, instead in broken.items():
+        monkeypatch.setattr(what, instead)
+    part = run_lockstep(9, 6.0 / 3600.0)
+    assert rules <= set(part.ledger.broken), part.ledger.cases
 
 
 def test_an_operator_has_wishes_in_every_mode() -> None:

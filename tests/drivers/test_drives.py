@@ -350,6 +350,10 @@ def test_a_drive_is_unfit_for_a_reset_when_it_forgot_is_silent_or_locked(scripte
     lost = [frame(0x80 + 4, struct.pack("<HB", 0x8130, 0x11)), frame(0x702, b"\5")]
     tick(drives, scripted, [*lost, *everything(0x08)], 0.02)
     assert drives.unfit() == [3], "in fault for the loss of its master"
+    for code in (0, 0x2310):
+        other = frame(0x80 + 4, struct.pack("<HB", code, 1))
+        tick(drives, scripted, [other, *everything(0x08)], 0.02)
+        assert drives.unfit() == [3], "the loss of its master may last behind what it says since"
     tick(drives, scripted, [frame(0x702, b"\x7f"), *everything(0x08)], 0.03)
     assert drives.unfit() == [1, 3], "no longer operational"
     over = [frame(0x80 + 4, struct.pack("<HB", 0, 0)), frame(0x702, b"\5")]

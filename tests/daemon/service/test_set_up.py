@@ -18,6 +18,7 @@ from bench.rigs.breakable_arm import (
 )
 from bench.rigs.drive_faults import (
     another_product,
+    fault_bit,
     left_operational,
     locked,
     locked_and_slow,
@@ -96,6 +97,18 @@ def test_one_reset_is_enough(on: BreakableArm, fault: Fault) -> None:
     goes_wrong(on, fault)
     on.rig.reset()
     assert not [state for state in on.rig.samples.states if state in FAULT_STATES]
+    enable(on)
+
+
+@pytest.mark.parametrize("make", [ROMEO_ARM, DESK], ids=lambda make: make.name)
+def test_one_reset_is_enough_where_another_error_hides_that_a_drive_is_locked(
+    on: BreakableArm,
+) -> None:
+    begin(on)
+    goes_wrong(on, locked)
+    next(fault_bit(on))
+    on.run(0.1)
+    on.rig.reset()
     enable(on)
 
 
