@@ -277,16 +277,14 @@ def test_what_is_right_breaks_no_rule() -> None:
         ),
         msgspec.structs.replace(releasing(8, 0.08), armed=True),
         state(
-<<<<<<< HEAD
             9,
             mode="faulted",
             notices=[*notices("disarmed: z"), *notices("releasing -> faulted: z")],
-=======
+
             5,
             mode="faulted",
             link_position=at_limit,
             notices=[*notices("disarmed: z"), *notices("tracking -> faulted: z")],
->>>>>>> w-show
         ),
     ):
         watch.see(each, lease_until_s=0.5, lease_ticks=1, touched=False, trouble=False)
