@@ -279,12 +279,8 @@ def test_what_is_right_breaks_no_rule() -> None:
         state(
             9,
             mode="faulted",
-            notices=[*notices("disarmed: z"), *notices("releasing -> faulted: z")],
-
-            5,
-            mode="faulted",
             link_position=at_limit,
-            notices=[*notices("disarmed: z"), *notices("tracking -> faulted: z")],
+            notices=[*notices("disarmed: z"), *notices("releasing -> faulted: z")],
         ),
     ):
         watch.see(each, lease_until_s=0.5, lease_ticks=1, touched=False, trouble=False)
