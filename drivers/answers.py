@@ -14,6 +14,9 @@ from drivers.drive import Drive
 from drivers.events import BusEvent, LateAnswer
 from drivers.ids import NODE
 
+#: A drive may take so many ticks from NMT start to its first answer.
+START_TICKS = 30
+
 T = TypeVar("T", bound=np.generic)
 
 
@@ -77,6 +80,8 @@ class Answers:
         self._answered = 0
         n = len(drives)
         self._every_fresh = _frozen(np.ones(n, dtype=np.bool_))
+        self._started = np.zeros(n, dtype=np.bool_)
+        self._starting = 0  # ticks left in which a drive may still be on its way to operational
         self._no_age = self._age_ticks = _frozen(np.zeros(n, dtype=np.int64))
         self.samples = self._samples(_frozen(np.zeros(n, dtype=np.bool_)), ())
         """Samples of the last tick; before the first, NaN and unknown states."""
@@ -86,6 +91,7 @@ class Answers:
         comes before it for no answer."""
         self._age_ticks = self._no_age
         self._answered = self.missing = 0
+        self._starting, self._started[:] = START_TICKS, False
 
     def expect_none(self) -> None:
         """Until the next SYNC, whatever comes is late."""
@@ -122,9 +128,14 @@ class Answers:
         if missing:
             self._counters.missing_frames += missing.bit_count()
             fresh = _frozen(np.array([not missing & bits for bits in self._joint_bits]))
-            self._age_ticks = _frozen(np.where(fresh, 0, self._age_ticks + 1))
+            ages = np.where(fresh, 0, self._age_ticks + 1)
+            if self._starting:
+                self._starting -= 1
+                self._started |= fresh
+                ages = np.where(self._started, ages, 0)
+            self._age_ticks = _frozen(ages)
         else:
-            self._age_ticks = self._no_age
+            self._age_ticks, self._starting = self._no_age, 0
         self.samples = self._samples(fresh, events)
         return self.samples
 

@@ -156,21 +156,21 @@ class Drives:
         have taken that: they may have stopped by themselves meanwhile, and a SYNC would have them
         execute a setpoint of before. In the last stage of a stop nothing goes out.
         """
+        entered_s = self._clock()
         self._now = now
-        presence, stops = self._presence, self._stops
-        gap_s = presence.gap_s(now)
-        if gap_s is not None and not stops.silent:
-            # Before what the drives have to say of it: it is the cause.
-            self._tell(Absent(gap_s))
-            presence.absent = self._to_be_stopped = True
+        # Before what the drives have to say of it: it is the cause.
+        self._notice_absence(now)
         # A TPDO that is here before its SYNC is a late answer to the one before.
         self._answers.expect_none()
         self._backlog = not self._receive_queued()
         for event in self._nodes.check(now):
             self._tell(event)
-        if stops.silent:
+        if self._stops.silent:
             self._backlog = True  # what comes is no answer
             return
+        # Reading may have taken long, or the process have been held up in it.
+        self._notice_absence(now + self._clock() - entered_s)
+        presence = self._presence
         frames = self._frames_after_absence() if presence.absent else []
         beats = presence.beats(now)
         if beats:
@@ -182,6 +182,12 @@ class Drives:
             frames.append(SYNC_FRAME)
         if self._send(frames) and beats:
             presence.beaten(now)
+
+    def _notice_absence(self, now: float) -> None:
+        gap_s = self._presence.gap_s(now)
+        if gap_s is not None and not self._stops.silent:
+            self._tell(Absent(gap_s))
+            self._presence.absent = self._to_be_stopped = True
 
     def _frames_after_absence(self) -> list[Frame]:
         """Stop commands until they are confirmed: over what the drives have pending, and by SDO."""

@@ -57,13 +57,14 @@ class NotOperational:
 
 @dataclass(frozen=True, slots=True)
 class NotSeenToStop:
-    """Drives are told to stop, by setpoint and by SDO, and nothing says that they do; they get an
-    NMT stop."""
+    """Drives are told to stop, by setpoint and by SDO, and nothing says that they do: they get an
+    NMT stop; or they say so, and move as if they did not."""
 
     nodes: tuple[int, ...]
+    says_so: bool = False
 
     def __str__(self) -> str:
-        return "NMT stop sent"
+        return "it says that it stops, and moves on" if self.says_so else "NMT stop sent"
 
 
 @dataclass(frozen=True, slots=True)

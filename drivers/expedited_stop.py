@@ -5,7 +5,6 @@ it stops drives that no setpoint reaches, and sees them stand. An answer has eig
 its object, so that one to somebody else is told from it (CiA 301, 7.2.4.3).
 """
 
-import math
 import struct
 from collections.abc import Sequence
 from typing import Final
@@ -15,10 +14,10 @@ from drivers.cia402 import DISABLE_VOLTAGE, QUICK_STOP, PowerTarget, drive_state
 from drivers.codec import STRUCT_CODES, WORDS, link_side, quantity
 from drivers.drive import Drive
 from drivers.ids import SDO_REQUEST
-from drivers.stop_stages import AT_REST, Seen
+from drivers.stop_stages import OBEYING, Seen
 
-#: Without an answer for so many ticks the drive is told, and asked, anew.
-ANSWER_TICKS: Final = 3
+#: Without an answer for so many ticks the question is sent again; a late answer still counts.
+ANSWER_TICKS: Final = 5
 
 # First byte of a request and of its answer. In that of a value, bits 2 and 3 say how many of its
 # four bytes do not count, bit 0 whether they say so.
@@ -70,8 +69,6 @@ class ExpeditedStop:
         if self._ticks_left > 1:
             self._ticks_left -= 1
             return None
-        if self._ticks_left:
-            self._step = _TELL
         self._ticks_left = ANSWER_TICKS
         data = _TELL_FRAMES[target] if self._step == _TELL else self._ask[self._step]
         return self._cob_id, data
@@ -87,15 +84,16 @@ class ExpeditedStop:
             # A drive that refuses is asked what it does all the same.
             self.confirmed = self.confirmed or data[0] == _WRITTEN
             self._step = _STATUSWORD
-        elif step == _STATUSWORD and value:
+        elif not value:
+            # A drive that does not say how it is was not seen.
+            self._step = _TELL
+        elif step == _STATUSWORD:
             self._statusword = data[4] | data[5] << 8
             self._step = _VELOCITY
         else:
-            velocity = math.nan
-            if value:
-                velocity = self._gain * self._layout.unpack_from(data, 4)[0] + self._bias
+            velocity = self._gain * self._layout.unpack_from(data, 4)[0] + self._bias
             self._seen = Seen(drive_state(self._statusword), velocity)
-            self._step = _STATUSWORD if self._seen.state in AT_REST else _TELL
+            self._step = _STATUSWORD if self._seen.state in OBEYING else _TELL
 
     @property
     def _place(self) -> tuple[int, int]:

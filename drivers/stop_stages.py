@@ -23,8 +23,13 @@ from drivers.drive import Drive
 
 #: A drive needs two ticks to take a quick stop from its RPDO and to say so.
 FEWEST_TICKS: Final = 3
-#: Slower than this a motor stands [rad/s at the link]: a few counts of a coarse velocity.
+#: Slower than this a motor stands [rad/s at the link]: a few counts of a coarse velocity...
 STANDS: Final = 0.02
+#: ...and this is how far one creeps at most in `STILL_S`; some velocities have a bias.
+STILL_S: Final = 0.2
+STILL_RAD: Final = STANDS * STILL_S
+#: Readings in a row, so that noise proves nothing.
+STILL_READINGS: Final = 2
 #: A quick stop may take so much longer than its ramp: the load pulls, the loop lags...
 RAMP_SHARE: Final = 0.5
 #: ...and so long until it begins [s].
@@ -35,16 +40,19 @@ SWINGS: Final = 0.1
 SWINGS_S: Final = 1.0
 #: Ticks are quotients of times, travels products.
 ROUNDING: Final = 0.01
-#: A reading holds for so many ticks: one by SDO takes two, and a sample may be lost.
-READING_TICKS: Final = 2
+#: A drive that was seen to obey needs to be seen again so many ticks later: slow ones take three to
+#: answer one SDO, and samples are lost in bursts.
+READING_TICKS: Final = 10
 #: A motor that was knocked off its ramp slows down by this share from one reading to the next.
 FALLING_SHARE: Final = 0.03
 #: A motor that gives this share of its current limit against its motion does what it can.
 RESISTING_SHARE: Final = 0.5
+#: After so many readings in a row that say otherwise it runs on, and what was proved is void.
+VOID_READINGS: Final = 20
 #: A drive that is to be without power may wait so long for its brake [s].
 BRAKE_S: Final = 1.0
 #: States of a drive that does what a stop asks: without power, or stopping and holding by itself.
-AT_REST: Final = UNPOWERED | {DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE}
+OBEYING: Final = UNPOWERED | {DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE}
 
 
 class Stage(IntEnum):
@@ -121,7 +129,12 @@ class StopBounds:
 
 
 class StopWatch:
-    """Watch on one drive: does it do what it was told, where it was told to stop?"""
+    """Watch on one drive: does it do what it was told, where it was told to stop?
+
+    Stronger stages are for a drive that is in operation, or unheard. One that says it stops gets
+    none for being moved: NMT stop and silence ask of it what it does already, and would cost the
+    others their master. It counts as standing only when it is seen to.
+    """
 
     def __init__(self, bounds: StopBounds) -> None:
         self._bounds = bounds
@@ -133,14 +146,22 @@ class StopWatch:
         self._from = math.nan  # position at which it was told [rad]
         self._gone = 0.0  # travel since [rad]
         self._speed = 0.0  # last known [rad/s]
+        self._obeyed_s = -math.inf
         self._left_s = math.nan  # when it was seen to have left operation, and its speed then
         self._left_speed = 0.0
-        self._obeyed_s = -math.inf
+        self._still = 0  # readings in a row that say so
+        self._moving = 0  # readings in a row that say otherwise
+        self._here, self._here_s = math.nan, 0.0  # where it has not moved from [rad], since when
 
     @property
     def unproved(self) -> bool:
         """True while it is to stand and was not seen to."""
         return self.stage is not Stage.NONE and not self.proved
+
+    @property
+    def runs_on(self) -> bool:
+        """True while it says that it stops, and moves as if it did not."""
+        return self._moving >= VOID_READINGS
 
     def begin(self, now: float, stage: Stage, speed: float, position: float) -> None:
         """It is told to stop, in this stage, at `position` [rad] with `speed` [rad/s], the last
@@ -150,8 +171,10 @@ class StopWatch:
         self._from, self._gone = position, 0.0
         self._speed = 0.0 if math.isnan(speed) else abs(speed)
         self._left_s, self._obeyed_s = math.nan, -math.inf
+        self._still = self._moving = 0
+        self._here = math.nan
 
-    def release(self) -> None:
+    def allow(self) -> None:
         """It may run."""
         self.stage, self.proved = Stage.NONE, False
 
@@ -159,18 +182,13 @@ class StopWatch:
         """Judge what was seen since the last tick (None: nothing fresh), after `begin`. Returns the
         stage that begins, None while none does."""
         dt, self._now_s = now - self._now_s, now
-        if seen is not None and self._stands(seen):
-            self.proved, self._wrong = True, 0.0
-        elif seen is not None and self.proved and seen.state not in AT_REST:
-            self.begin(now, Stage.SETPOINT, seen.velocity, seen.position)
+        if seen is not None:
+            self._judge(now, seen)
         if self.proved or self.stage is Stage.SILENCE:
             return None
-        if seen is not None and self._obeys(now, seen):
+        if seen is not None and seen.state in OBEYING:
             self._wrong, self._obeyed_s = max(self._wrong - 1.0, 0.0), now
-        elif (
-            seen is not None
-            or now - self._obeyed_s > (READING_TICKS + ROUNDING) * self._bounds.period_s
-        ):
+        elif seen is not None or not self._lately_obeyed(now):
             # However late a tick is, it is one chance that the drive was not given.
             self._wrong += min(dt / self._bounds.period_s, 2.0)
         self._follow(seen, dt)
@@ -179,26 +197,43 @@ class StopWatch:
         self.stage, self._wrong = Stage(self.stage + 1), 0.0
         return self.stage
 
+    def _lately_obeyed(self, now: float) -> bool:
+        return now - self._obeyed_s <= (READING_TICKS + ROUNDING) * self._bounds.period_s
+
     def _patience_ticks(self, target: PowerTarget) -> float:
-        if target is PowerTarget.OFF and self.stage is Stage.SETPOINT:
+        if target is PowerTarget.OFF and self.stage <= Stage.SDO:
             return BRAKE_S / self._bounds.period_s
         # To tell a drive by SDO and to read what it does takes an answer in each of three ticks.
         return self._bounds.ticks * self.stage
 
-    def _stands(self, seen: Seen) -> bool:
-        """Without power the motor moves nothing; with it, only a velocity says that it stands."""
-        if seen.state in UNPOWERED:
-            return True
-        return seen.state is DriveState.QUICK_STOP_ACTIVE and abs(seen.velocity) < STANDS
+    # --- what a reading proves ---------------------------------------------------------------
 
-    def _obeys(self, now: float, seen: Seen) -> bool:
-        """True if it has left operation, and slows down along the ramp, or at least does what it
-        can: somebody may push harder than it brakes."""
-        if seen.state not in AT_REST:
-            self._left_s = math.nan
-            return False
+    def _judge(self, now: float, seen: Seen) -> None:
+        """Keep whether it is proved to stand."""
+        if seen.state not in OBEYING:
+            if self.proved:
+                self.begin(now, Stage.SETPOINT, seen.velocity, seen.position)
+            self._left_s, self._still, self._moving = math.nan, 0, 0
+            return
         if math.isnan(self._left_s):
             self._left_s, self._left_speed = now, abs(seen.velocity)
+        still = self._is_still(now, seen)
+        self._still = self._still + 1 if still else 0
+        self._moving = 0 if still or self._stops(now, seen) else self._moving + 1
+        if self._still >= STILL_READINGS:
+            self.proved, self._wrong = True, 0.0
+        elif self.runs_on:
+            self.proved = False
+
+    def _is_still(self, now: float, seen: Seen) -> bool:
+        if math.isnan(self._here) or not abs(seen.position - self._here) <= STILL_RAD:
+            self._here, self._here_s = seen.position, now
+        rests = not math.isnan(self._here) and now - self._here_s >= STILL_S
+        return abs(seen.velocity) < STANDS or rests
+
+    def _stops(self, now: float, seen: Seen) -> bool:
+        """True if it slows down along the ramp, or at least does what it can: somebody may push
+        harder than it brakes."""
         deceleration = RAMP_SHARE * self._bounds.deceleration
         ramp_s = now - self._left_s - RAMP_LAG_S
         bound = self._left_speed - deceleration * max(ramp_s, 0.0)
@@ -210,10 +245,15 @@ class StopWatch:
             or resists >= RESISTING_SHARE * self._bounds.current
         )
 
+    # --- how far it goes ---------------------------------------------------------------------
+
     def _follow(self, seen: Seen | None, dt: float) -> None:
-        """Keep how far it has gone: as measured, else at its last known speed."""
+        """Keep how far it has gone: as measured; else at its last known speed, which sinks along
+        the ramp where it was seen to obey."""
         if seen is not None and not math.isnan(seen.velocity):
             self._speed = abs(seen.velocity)
+        elif self._lately_obeyed(self._now_s):
+            self._speed = max(self._speed - RAMP_SHARE * self._bounds.deceleration * dt, 0.0)
         position = math.nan if seen is None else seen.position
         if math.isnan(position) or math.isnan(self._from):
             self._gone += self._speed * dt

@@ -62,8 +62,9 @@ class Stops:
 
     @property
     def confirmed(self) -> bool:
-        """True when every drive has taken the command of `begin_all`."""
-        return all(expedited.confirmed for expedited in self._expedited)
+        """True when every drive has taken the command of `begin_all`, or was seen to stand."""
+        both = zip(self._expedited, self._watches, strict=True)
+        return all(expedited.confirmed or watch.proved for expedited, watch in both)
 
     def hear(self, node: int, data: bytes | bytearray) -> None:
         """Take a frame of a drive's SDO server."""
@@ -85,13 +86,13 @@ class Stops:
         targets: Sequence[PowerTarget],
         samples: Samples,
         reached: Sequence[bool],
-    ) -> tuple[list[Frame], list[BusEvent]]:
+    ) -> tuple[list[Frame], Sequence[BusEvent]]:
         """Judge every drive that is told to stop; `reached`: whether setpoints are sent to it."""
         frames = self._wake()
-        doubted, lost = [], []
+        doubted, lost, running = [], [], []
         for i, (watch, target) in enumerate(zip(self._watches, targets, strict=True)):
             if target is PowerTarget.ON:
-                watch.release()
+                watch.allow()
                 continue
             seen = self._seen(i, samples)
             if watch.stage is Stage.NONE:
@@ -99,7 +100,13 @@ class Stops:
                 velocity, position = samples.motor_velocity[i], samples.link_position[i]
                 watch.begin(now, told, float(velocity), float(position))
                 self._expedited[i].begin()
-            match watch.step(now, target, seen):
+            if self.silent:
+                watch.stage = Stage.SILENCE  # whatever it was in: nobody is told anything else
+            ran_on = watch.runs_on
+            begun = watch.step(now, target, seen)
+            if watch.runs_on and not ran_on:
+                running.append(self._nodes[i])
+            match begun:
                 case Stage.SDO:
                     self._expedited[i].begin()
                 case Stage.NMT:
@@ -110,10 +117,20 @@ class Stops:
                     lost.append(self._nodes[i])
                     self._expedited[i].begin()
         self.busy = any(watch.stage is not Stage.NONE for watch in self._watches)
-        self.silent = self.silent or bool(lost)
+        if lost:
+            self.silent = True
+            frames.clear()
         frames += self._requests(targets)
-        events: list[BusEvent] = [NotSeenToStop(tuple(doubted))] if doubted else []
-        return frames, [*events, Unproved(tuple(lost))] if lost else events
+        events = [
+            event
+            for event in (
+                NotSeenToStop(tuple(doubted)),
+                NotSeenToStop(tuple(running), says_so=True),
+                Unproved(tuple(lost)),
+            )
+            if event.nodes
+        ]
+        return frames, events
 
     def _seen(self, joint: int, samples: Samples) -> Seen | None:
         """Newest fresh reading of a drive; a sample tells more than what was asked for."""
@@ -131,7 +148,7 @@ class Stops:
         """NMT pre-operational for drives that have had a tick to lose their connection: stopped,
         they answer no SDO."""
         frames: list[Frame] = []
-        for i in sorted(self._asleep):
+        for i in sorted(self._asleep) if not self.silent else ():
             frames.append((NMT, bytes([ENTER_PRE_OPERATIONAL, self._nodes[i]])))
             self._expedited[i].begin()
         self._asleep.clear()

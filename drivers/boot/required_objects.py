@@ -18,7 +18,9 @@ from errors import ConfigurationError
 CYCLIC_SYNCHRONOUS_VELOCITY: Final = 9
 #: Some drives show a mode only when they are in operation: 0 until then.
 MODES_SHOWN: Final = (0, CYCLIC_SYNCHRONOUS_VELOCITY)
-STAY_OPERATIONAL: Final = 1  # 0x1029:1, so that PDOs tell what the drive does after our silence
+#: 0x1029:1: a drive that has missed its master leaves operational, so that no setpoint and SYNC of
+#: before, which a bus gives out when it comes back, moves it again.
+LEAVE_OPERATIONAL: Final = 0
 STOP_ON_SILENCE: Final = 3  # 0x6007: quick stop; at 0 a drive moves on when its master has died
 RAMP_THEN_HOLD: Final = 6  # 0x605A: decelerate by 0x6085, stay in quick stop active
 #: The drive's own speed limit over what the daemon commands at most: its loop overshoots a little.
@@ -96,8 +98,8 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
                "emergencies are taken to be on 0x080 + node"),
         Wanted("communication", 0x1016, 1, watched, "watch the master's heartbeat"),
         Wanted("communication", 0x1017, 0, profile.heartbeat_ms, "heartbeat"),
-        Wanted("communication", 0x1029, 1, STAY_OPERATIONAL, "go on telling after an error",
-               "its samples cease when it has lost its master"),
+        Wanted("communication", 0x1029, 1, LEAVE_OPERATIONAL, "take no setpoint without a master",
+               "what it does with setpoints when it has missed its master is its maker's choice"),
         Wanted("stopping", 0x6007, 0, STOP_ON_SILENCE, "quick stop when the master falls silent"),
         Wanted("stopping", 0x605A, 0, RAMP_THEN_HOLD, "quick stop: ramp, then hold"),
         Wanted("stopping", 0x605E, 0, profile.fault_reaction, "reaction to a fault",

@@ -18,7 +18,7 @@ def test_reading_ends_with_the_last_tpdo(scripted, drives):
 
 
 def test_reading_waits_until_the_deadline_and_no_longer(scripted, joint_drives):
-    times = iter([0.0, 0.001, 0.004, 0.0, 0.0])
+    times = iter([0.0, 0.0, 0.0, 0.001, 0.004])
     drives = Drives(scripted, joint_drives, PERIOD_S, lambda: next(times))
     drives.start(0.0)
     drives.sync(0.0)

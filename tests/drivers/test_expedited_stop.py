@@ -64,12 +64,14 @@ def test_a_drive_that_runs_on_is_told_again(stop) -> None:
     assert stop.request(OFF) == (0x603, TELL_OFF)
 
 
-def test_nothing_is_asked_while_an_answer_is_awaited_and_then_it_is_told_anew(stop) -> None:
+def test_nothing_is_asked_while_an_answer_is_awaited_and_a_late_one_still_counts(stop) -> None:
     stop.request(STOP)
     stop.hear(TOLD)
     assert stop.request(STOP) == (0x603, ASK_STATUSWORD)
     assert [stop.request(STOP) for _ in range(ANSWER_TICKS - 1)] == [None] * (ANSWER_TICKS - 1)
-    assert stop.request(STOP) == (0x603, TELL_STOP)
+    assert stop.request(STOP) == (0x603, ASK_STATUSWORD), "asked again"
+    stop.hear(statusword(0x0207))
+    assert stop.request(STOP) == (0x603, ASK_VELOCITY)
 
 
 def test_a_drive_that_refuses_is_asked_all_the_same(stop) -> None:
@@ -80,9 +82,24 @@ def test_a_drive_that_refuses_is_asked_all_the_same(stop) -> None:
     stop.hear(statusword(0x0240))
     stop.request(STOP)
     stop.hear(struct.pack("<BHBI", 0x80, 0x606C, 0, 0x06020000))
-    seen = stop.take()
-    assert seen.state is DriveState.SWITCH_ON_DISABLED
-    assert math.isnan(seen.velocity)
+    assert stop.take() is None, "of its velocity nothing is known"
+    assert stop.request(STOP) == (0x603, TELL_STOP)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        struct.pack("<BHBI", 0x80, 0x6041, 0, 0x08000022),  # refused
+        struct.pack("<BHBI", 0x41, 0x6041, 0, 4),  # in segments
+        struct.pack("<BHBI", 0x60, 0x6041, 0, 0),
+    ],
+)
+def test_what_is_no_statusword_proves_nothing(stop, answer: bytes) -> None:
+    for told in (TOLD, answer):
+        stop.request(STOP)
+        stop.hear(told)
+    assert stop.take() is None
+    assert stop.request(STOP) == (0x603, TELL_STOP), "told anew"
 
 
 @pytest.mark.parametrize(

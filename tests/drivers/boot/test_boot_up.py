@@ -59,7 +59,7 @@ def test_every_drive_holds_what_it_was_told(bench, setups):
     wanted = {
         (0x1016, 1): 127 << 16 | 100,
         (0x1017, 0): 50,
-        (0x1029, 1): 1,
+        (0x1029, 1): 0,
         (0x6007, 0): 3,
         (0x605A, 0): 6,
         (0x605E, 0): 2,

@@ -136,8 +136,8 @@ def test_what_a_drive_may_lack(setups):
         0x1005, 0x1014, 0x1029, 0x605E, 0x60C2, 0x6072, 0x6073, 0x6061, 0x6502, 0x6075,
     ]  # fmt: skip
     assert lines[2] == (
-        "without object 0x1029:01 (go on telling after an error): its samples cease when it has "
-        "lost its master"
+        "without object 0x1029:01 (take no setpoint without a master): what it does with setpoints "
+        "when it has missed its master is its maker's choice"
     )
     assert lacks(setups[2], 10, 127) == []
 
@@ -169,7 +169,7 @@ def test_the_safety_of_what_is_written(setups):
     held = {(row.index, row.subindex): row.value for row in wanted(setups[0], 10, 126)}
     assert held[0x6007, 0] == 3, "a drive whose master is silent stops"
     assert held[0x605A, 0] == 6, "and holds"
-    assert held[0x1029, 1] == 1, "and goes on telling"
+    assert held[0x1029, 1] == 0, "and takes no setpoint any more"
     assert held[0x1016, 1] == 126 << 16 | 100
     assert held[0x6072, 0] == held[0x6073, 0] == 2000
     # 1 rad/s at the link and a tenth, behind a gear of 150, in rpm.
