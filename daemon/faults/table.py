@@ -162,10 +162,11 @@ TABLE: Final[dict[Condition, Row]] = {
         _R.QUICK_STOP,
         "drives",
         "a drive was told to stop, by its setpoint and by SDO, and for some ticks no fresh "
-        "statusword says that it has left operation, or its velocity does not fall along the quick "
-        "stop's ramp; to be without power it may take 1 s, for its brake",
-        "it gets an NMT stop, at which a drive stops by itself (0x6007), and is then asked by SDO",
-        "keep away from the arm; check supply and CAN cable of the drive, close other tools on the "
+        "statusword says that it has left operation (to be without power it may take 1 s, for its "
+        "brake); or it says so, and moves on as if it did not",
+        "it gets an NMT stop, at which a drive stops by itself (0x6007), and is then asked by SDO; "
+        "one that says that it stops can only be looked at",
+        "keep away from the arm, and press the emergency stop if it moves; check supply and CAN cable of the drive, close other tools on the "
         "bus, then `contactctl reset`",
         source=events.NotSeenToStop,
     ),

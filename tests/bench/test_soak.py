@@ -279,7 +279,6 @@ def test_what_is_right_breaks_no_rule() -> None:
         state(
             9,
             mode="faulted",
-            link_position=at_limit,
             notices=[*notices("disarmed: z"), *notices("releasing -> faulted: z")],
         ),
     ):
