@@ -26,7 +26,7 @@ from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.frame_ring import FrameRing
-from drivers.can.wire import OpenBus, Wire
+from drivers.can.wire import Wire
 from drivers.drives import Drives
 from estimator.estimator import Estimator
 from estimator.model import Model
@@ -61,11 +61,11 @@ def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:
     return Check(name="identification", passed=not against, text=text)
 
 
-def build_boot(robot: Robot, bus: OpenBus, ring: FrameRing | None = None) -> DriveBoot:
-    """Boot-up of the drives over an open bus; `ring` keeps its frames. Raises
+def build_boot(robot: Robot, wire: Wire, ring: FrameRing | None = None) -> DriveBoot:
+    """Boot-up of the drives over the wire of an open bus; `ring` keeps its frames. Raises
     ConfigurationError."""
     c = robot.configuration
-    return DriveBoot(bus, build_setups(robot), c.period_ms, c.bus.master_node, ring)
+    return DriveBoot(wire, build_setups(robot), c.period_ms, c.bus.master_node, ring)
 
 
 def build_setups(robot: Robot) -> list[DriveSetup]:

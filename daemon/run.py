@@ -58,7 +58,7 @@ def _serve(
     black_box: BlackBox,
 ) -> None:
     c = robot.configuration
-    boot = build_boot(robot, bus, black_box.ring)
+    boot = build_boot(robot, bus.wire, black_box.ring)
 
     def progress(line: str) -> None:
         _log.info(line)

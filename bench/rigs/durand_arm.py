@@ -141,13 +141,13 @@ def durand_rig(
         drive = DurandDrive(bus.far, c.joint_drives[0].node, load_of(robot))
         eds = Path(folder) / "drive.eds"
         eds.write_text(drive.eds)
-        boot = replace(build_boot(robot, bus.near), listen_s=0.0, sleep=drive.let_pass)
+        boot = replace(build_boot(robot, bus.near.wire), listen_s=0.0, sleep=drive.let_pass)
         sheet = load_data_sheet(eds)
         boot.setups = [replace(setup, data_sheet=sheet) for setup in boot.setups]
         with drive.serving():
             boot.boot_up()
         bus.hand_over()
-        tick = build_tick(robot, between(bus.near.wire), lambda: 0.0, TRUSTED)
+        tick = build_tick(robot, between(bus.wire), lambda: 0.0, TRUSTED)
         tick.drives.start(0.0)
         arm = DurandArm(drive, c.period_s)
         arm.pump()

@@ -8,14 +8,13 @@ import errno
 import itertools
 import os
 import re
-import select
 import socket
 import tty
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from queue import Empty
 from typing import Protocol
 from unittest.mock import patch
@@ -23,16 +22,14 @@ from unittest.mock import patch
 import can
 from can.interfaces.virtual import VirtualBus
 
+from bench.rigs.line_ends import MARK, READ_SIZE, AwaitedWire, InterfaceEnd, PatientWire, TextEnd
 from drivers.can.bus import open_bus
 from drivers.can.virtual import open_end
-from drivers.can.wire import Frame, OpenBus, Wire
+from drivers.can.wire import OpenBus, Wire
 from drivers.settings import BusSettings
 from simulator.socketcand import HELLO, Conversation, frame_line
 
-PATIENCE_S = 20.0  # with this machine: whatever is waited for so long is lost
 _SLCAN = re.compile(rb"t([0-9A-Fa-f]{3})[0-8]((?:[0-9A-Fa-f]{2})*)\r")
-_READ_SIZE = 65_536
-_MARK = 0x7FF  # an identifier that nobody uses
 _SO_RCVBUFFORCE = 33  # asm-generic/socket.h; not in Python's socket module
 
 INTERFACES = deque(os.environ.get("CONTACTD_VCAN", "").split())
@@ -56,12 +53,15 @@ class Line:
     """A bus in lockstep. `full` is what the daemon's wire raises that takes no more frames."""
 
     near: OpenBus
+    """The daemon's end, as it is: for SDO, whose answers are waited for anyway."""
+    wire: Wire
+    """The same for the tick, which waits for what is on its way."""
     far: FarEnd
     full: Exception
     unplug: Callable[[], None] | None = None
     """Takes the adapter away; None where there is none."""
     hand_over: Callable[[], None] = lambda: None
-    """To be called when the wire takes over from python-can, with nothing on the line."""
+    """To be called when the tick takes over from SDO."""
     channel: str = ""
     """Of a virtual bus, for whoever wants to listen."""
 
@@ -94,7 +94,8 @@ def virtual_line() -> Iterator[Line]:
     full = can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
     channel = f"lockstep-{next(_channels)}"
     with LockstepBus(channel) as far, LockstepBus(channel) as near:
-        yield Line(open_end(near), far, full, channel=channel)
+        bus = open_end(near)
+        yield Line(bus, bus.wire, far, full, channel=channel)
 
 
 @contextmanager
@@ -115,7 +116,7 @@ def socketcand_line() -> Iterator[Line]:
         return frame_line(message, 0.0)
 
     full = BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
-    far = _TextEnd(connection.detach(), encode, decode)
+    far = TextEnd(connection.detach(), encode, decode)
     yield from _awaited_line(near, far, full)
 
 
@@ -147,7 +148,7 @@ def slcan_line() -> Iterator[Line]:
         return b"t%03X%d%s\r" % (message.arbitration_id, len(message.data), data)
 
     full = can.CanOperationError("the adapter does not keep up")
-    yield from _awaited_line(near, _TextEnd(adapter, encode, decode), full)
+    yield from _awaited_line(near, TextEnd(adapter, encode, decode), full)
 
 
 @contextmanager
@@ -161,7 +162,7 @@ def socketcan_line() -> Iterator[Line]:
             for end in (bus, near.python_can):
                 # The usual buffer holds fewer frames than a pass reads, and drops what is more.
                 end.socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, 4 << 20)  # type: ignore[attr-defined]
-            yield from _awaited_line(near, _InterfaceEnd(bus), full)
+            yield from _awaited_line(near, InterfaceEnd(bus), full)
     finally:
         INTERFACES.append(channel)
 
@@ -178,108 +179,25 @@ if INTERFACES:
 # --- lines whose frames take their time -----------------------------------------------------------
 
 
-class _InterfaceEnd:
-    """The drives' end of a CAN interface."""
-
-    def __init__(self, bus: can.BusABC) -> None:
-        self._bus = bus
-        self.to_daemon = self.to_drives = 0
-        """Frames on their way."""
-
-    def send(self, msg: can.Message) -> None:
-        self._bus.send(msg)
-        self.to_daemon += 1
-
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        message = self._bus.recv(PATIENCE_S if self.to_drives else timeout)
-        assert message or not self.to_drives, "the daemon's frames are lost on the line"
-        self.to_drives = max(self.to_drives - 1, 0)
-        return message
-
-    def hand_over(self) -> None:
-        self.to_daemon = self.to_drives = 0
-
-
-class _TextEnd:
-    """The drives' end of a line of text."""
-
-    def __init__(
-        self,
-        port: int,
-        encode: Callable[[can.Message], bytes],
-        decode: Callable[[bytes], list[can.Message]],
-    ) -> None:
-        self._port: int | None = port
-        self._encode, self._decode = encode, decode
-        self._heard: deque[can.Message] = deque()
-        self.to_daemon = self.to_drives = 0
-        """Frames on their way."""
-
-    def send(self, msg: can.Message) -> None:
-        if self._port is None:
-            return
-        text = self._encode(msg)
-        while text:
-            text = text[os.write(self._port, text) :]
-        self.to_daemon += 1
-
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        while not self._heard:
-            if self._port is None:
-                return None
-            wait = PATIENCE_S if self.to_drives else timeout
-            if not select.select([self._port], [], [], wait)[0]:
-                assert not self.to_drives, "the daemon's frames are lost on the line"
-                return None
-            self._heard += self._decode(os.read(self._port, _READ_SIZE))
-        self.to_drives = max(self.to_drives - 1, 0)
-        return self._heard.popleft()
-
-    def hand_over(self) -> None:
-        self.to_daemon = self.to_drives = 0
-
-    def unplug(self) -> None:
-        if self._port is not None:
-            os.close(self._port)
-            self._port = None
-            self.hand_over()
-
-
-class _AwaitedWire:
-    """The daemon's wire of such a line."""
-
-    def __init__(self, wire: Wire, far: _TextEnd | _InterfaceEnd) -> None:
-        self._wire, self._far = wire, far
-
-    def receive(self, timeout: float) -> Frame | None:
-        frame = self._wire.receive(timeout)
-        if frame is None and self._far.to_daemon:
-            frame = self._wire.receive(PATIENCE_S)
-            assert frame is not None, "the drives' frames are lost on the line"
-        if frame is not None:
-            self._far.to_daemon = max(self._far.to_daemon - 1, 0)
-        return frame
-
-    def send(self, frames: Sequence[Frame]) -> None:
-        self._wire.send(frames)
-        self._far.to_drives += len(frames)
-
-
-def _awaited_line(near: OpenBus, far: _TextEnd | _InterfaceEnd, full: Exception) -> Iterator[Line]:
-    awaited = OpenBus(near.python_can, _AwaitedWire(near.wire, far), near.connection_lost)
-    unplug = far.unplug if isinstance(far, _TextEnd) else None
+def _awaited_line(opened: OpenBus, far: TextEnd | InterfaceEnd, full: Exception) -> Iterator[Line]:
+    patient = PatientWire(opened.wire)
+    near = replace(opened, wire=patient)
+    unplug = far.unplug if isinstance(far, TextEnd) else None
 
     def hand_over() -> None:
-        """What python-can sent last may still be on its way: the drives' end reads up to a mark."""
-        near.python_can.send(can.Message(arbitration_id=_MARK, is_extended_id=False))
+        """What SDO has left on the line is not counted: both ends read up to a mark. The drives
+        have done with what came before it; the daemon has not."""
+        near.wire.send([(MARK, b"")])
         found = None
-        while found is None or found.arbitration_id != _MARK:
+        while found is None or found.arbitration_id != MARK:
             far.to_drives = 1
             found = far.recv()
-        far.hand_over()
+        far.send(can.Message(arbitration_id=MARK, is_extended_id=False))
+        left = patient.take_in()
+        far.to_daemon, far.to_drives = left, 0
 
     try:
-        yield Line(awaited, far, full, unplug, hand_over)
+        yield Line(near, AwaitedWire(patient, far), far, full, unplug, hand_over)
     finally:
         with suppress(OSError, can.CanError):
             near.python_can.shutdown()
@@ -294,7 +212,7 @@ def _greet(listener: socket.socket) -> tuple[socket.socket, Conversation]:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.sendall(HELLO)
         conversation = Conversation()
-        while data := connection.recv(_READ_SIZE):
+        while data := connection.recv(READ_SIZE):
             for answer in conversation.feed(data):
                 assert not isinstance(answer, can.Message)
                 connection.sendall(answer.data)

@@ -32,7 +32,7 @@ from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Clock, Loop
-from drivers.can.virtual import QueueWire, open_end
+from drivers.can.virtual import QueueWire
 from drivers.ids import HEARTBEAT, NEXT_PDO, NODE, SYNC, TPDO
 
 TPDOS: Final = set(range(TPDO, TPDO + 4 * NEXT_PDO, NEXT_PDO))
@@ -166,7 +166,8 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
         clock = Clock(time.monotonic, sleep_until, time.time) if waits else in_a_row()
         drives = RecordedDrives(near, answers, round(STEADY_S * hz), 1.0 / hz, clock.now)
         near.channel.append(drives)  # type: ignore[arg-type]  # a queue, as far as it is used
-        tick = build_tick(robot, QueueWire(near), clock.now, TRUSTED)
+        wire = QueueWire(near)
+        tick = build_tick(robot, wire, clock.now, TRUSTED)
         if load:
             stack.enter_context(hogs(2 * (os.cpu_count() or 1)))
         cyclictest = Cyclictest(hz, seconds, folder / "cyclictest.json")
@@ -174,7 +175,7 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
             stack.enter_context(cyclictest)
         realtime = go_realtime()
         loop = Loop(tick, clock, 1.0 / hz)
-        boot = build_boot(robot, open_end(near))  # of no use: nothing is asked of the drives
+        boot = build_boot(robot, wire)  # of no use: nothing is asked of the drives
         service = Service(Process(robot, os.getpid(), realtime), loop, control, Notifier(), boot)
         figures = np.zeros((ticks, 3))  # lateness, CPU time, work [s]
         begun = time.thread_time()

@@ -11,18 +11,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-import can
 import canopen
 
 from drivers.boot.heard_frames import HeardFrames
 from drivers.boot.identity import DriveIdentity
 from drivers.boot.required_objects import DriveSetup, check_drive, lacks, wanted
-from drivers.boot.sdo import ObjectAccess, sdo_network
+from drivers.boot.sdo import ObjectAccess
+from drivers.boot.sdo_network import sdo_network
 from drivers.boot.steps import SET_UP, TOGETHER, WAKE, BootingDrive, Step
 from drivers.boot.verification import all_wanted, deviations
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.frame_ring import FrameRing
-from drivers.can.wire import OpenBus
+from drivers.can.wire import REMOTE, Wire
 from drivers.ids import HEARTBEAT, OPERATIONAL, SYNC
 from errors import BusError, DriveError, SilentDriveError
 
@@ -45,7 +45,8 @@ class DriveBoot:
     """All drives of one arm, in the order of its joints: set up at the start, again after a fault,
     let go at the end."""
 
-    bus: OpenBus
+    wire: Wire
+    """that of the tick"""
     setups: Sequence[DriveSetup]
     period_ms: int
     master_node: int = 127
@@ -70,8 +71,8 @@ class DriveBoot:
         """
         for setup in self.setups:
             check_drive(setup, self.period_ms, self.master_node)
-        refuse_other_master(self.bus.python_can, self.master_node, self.listen_s)
-        with sdo_network(self.bus.python_can, self.ring) as network:
+        refuse_other_master(self.wire, self.master_node, self.listen_s)
+        with sdo_network(self.wire, self.ring) as network:
             self.identities = self._bring_up(network, self.setups, progress)
 
     def verify(
@@ -84,7 +85,7 @@ class DriveBoot:
         hold it. Raises BusError.
         """
         found: dict[int, list[str]] = {}
-        with sdo_network(self.bus.python_can, self.ring, self.heard) as network:
+        with sdo_network(self.wire, self.ring, self.heard) as network:
             beat = self._beat(network, meanwhile)
             for i in joints:
                 setup = self.setups[i]
@@ -112,7 +113,7 @@ class DriveBoot:
         """
         begun = time.monotonic()
         chosen = [self.setups[i] for i in joints]
-        with sdo_network(self.bus.python_can, self.ring, self.heard) as network:
+        with sdo_network(self.wire, self.ring, self.heard) as network:
             beat = self._beat(network, meanwhile)
             found = self._bring_up(network, chosen, progress, AGAIN_SHARE, beat)
         for i, identity in zip(joints, found, strict=True):
@@ -137,7 +138,7 @@ class DriveBoot:
         Every drive is told; then the first DriveError is raised, if there was one.
         """
         errors = []
-        with sdo_network(self.bus.python_can, self.ring) as network:
+        with sdo_network(self.wire, self.ring) as network:
             for setup in self.setups:
                 timeout_s = setup.drive.profile.sdo_timeout_ms / 1000.0
                 access = self._access(network, setup, timeout_s)
@@ -155,7 +156,7 @@ class DriveBoot:
         timeout_s: float,
         meanwhile: Meanwhile = lambda: None,
     ) -> ObjectAccess:
-        return ObjectAccess(network, setup, timeout_s, meanwhile, self.bus.connection_lost)
+        return ObjectAccess(network, setup, timeout_s, meanwhile)
 
     def _bring_up(
         self,
@@ -192,19 +193,20 @@ class DriveBoot:
         return tuple(drive.identity for drive in drives if drive.identity is not None)
 
 
-def refuse_other_master(bus: can.BusABC, master_node: int, listen_s: float) -> None:
+def refuse_other_master(wire: Wire, master_node: int, listen_s: float) -> None:
     """Listen for what only a master sends; raises BusError if somebody does."""
     deadline = time.monotonic() + listen_s
     while (remaining := deadline - time.monotonic()) > 0.0:
         try:
-            frame = bus.recv(remaining)
+            frame = wire.receive(remaining)
         except BUS_FAILURES as error:
-            raise BusError(f"bus {bus.channel_info}: {error}") from error
-        if frame is None or frame.is_error_frame or frame.is_extended_id:
+            raise BusError(f"the bus cannot be read: {error}") from error
+        if frame is None:
             continue
-        if frame.arbitration_id == HEARTBEAT + master_node:
+        can_id = frame[0] & ~REMOTE
+        if can_id == HEARTBEAT + master_node:
             raise BusError(f"another master (node {master_node}) is on this bus")
-        if frame.arbitration_id == SYNC:
+        if can_id == SYNC:
             raise BusError("another master is on this bus: somebody sends SYNC")
 
 

@@ -6,9 +6,7 @@ any other. Answers to SDO are not kept, nor TPDOs: they are old by then.
 
 from typing import Final
 
-import can
-
-from drivers.can.wire import Frame, frame_of
+from drivers.can.wire import Frame
 from drivers.ids import NEXT_PDO, NODE, SDO_ANSWER, TPDO
 
 #: Different frames; the same one again takes no more room.
@@ -16,18 +14,18 @@ MOST: Final = 512
 _NOT_KEPT: Final = frozenset({SDO_ANSWER, *(TPDO + number * NEXT_PDO for number in range(4))})
 
 
-class HeardFrames(can.Listener):
+class HeardFrames:
     """Keeps each frame once, in the order in which they came last: who follows them ends up knowing
-    what is true now. Filled by python-can's thread; to be taken when that has ended."""
+    what is true now. Filled by the reader's thread; to be taken when that has ended."""
 
     def __init__(self) -> None:
         self.dropped = 0
         """Frames for which there was no room, since the last `take`."""
         self._frames: dict[tuple[int, bytes], None] = {}
 
-    def on_message_received(self, msg: can.Message) -> None:
-        """Called by python-can's Notifier, in its thread."""
-        can_id, data = frame_of(msg)
+    def put(self, frame: Frame) -> None:
+        """Keep a frame that came, if it is of a kind that is kept."""
+        can_id, data = frame
         if can_id & ~NODE in _NOT_KEPT:
             return
         key = can_id, bytes(data)

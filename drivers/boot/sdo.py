@@ -1,6 +1,5 @@
 """Objects of one drive by SDO; every failure is one DriveError in words. Never inside the tick."""
 
-import logging
 import queue
 import struct
 import time
@@ -8,7 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
-import can
 import canopen
 from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
@@ -17,52 +15,13 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 from drivers.boot.data_sheet import find_object
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.bus import BUS_FAILURES
-from drivers.can.frame_ring import FrameRing, RingListener
 from drivers.ids import NMT, SDO_ANSWER, SDO_REQUEST
 from errors import BusError, DriveError, SilentDriveError
 
-# What fails is raised, and told by whoever catches it; canopen would log it once more.
-logging.getLogger("canopen").setLevel(logging.CRITICAL)
-
-_READER_CYCLE_S: Final = 0.02
 _SLICE_S: Final = 0.005
 _ABORT: Final = b"\x80"
 #: A segmented answer that is longer than this is none of what is read here.
 LONGEST_ANSWER: Final = 256
-
-
-@contextmanager
-def sdo_network(
-    bus: can.BusABC, ring: FrameRing | None = None, heard: can.Listener | None = None
-) -> Iterator[canopen.Network]:
-    """A canopen network on an open bus; leaving it stops its reader, and keeps the bus open.
-
-    `ring` keeps the frames of both directions, `heard` gets all that come."""
-    network = canopen.Network(bus)
-    if ring is not None:
-        keep = RingListener(ring)
-        network = _KeptNetwork(bus, keep)
-        network.listeners.append(keep)
-    if heard is not None:
-        network.listeners.append(heard)
-    reader = can.Notifier(bus, network.listeners, timeout=_READER_CYCLE_S)
-    try:
-        yield network
-    finally:
-        reader.stop()
-
-
-class _KeptNetwork(canopen.Network):  # type: ignore[misc]
-    """canopen's network, which also keeps what it sends."""
-
-    def __init__(self, bus: can.BusABC, keep: RingListener) -> None:
-        super().__init__(bus)
-        self._keep = keep
-
-    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send like canopen's; what the bus refuses is not kept."""
-        super().send_message(can_id, data, remote)
-        self._keep.put(can_id, bytes(data), sent=True)
 
 
 class _Client(SdoClient):  # type: ignore[misc]
@@ -78,13 +37,15 @@ class _Client(SdoClient):  # type: ignore[misc]
         network.subscribe(SDO_ANSWER + node, self.on_response)
 
     def read_response(self) -> bytes:
-        """The next answer; raises SdoAbortedError, or SdoCommunicationError when none comes."""
+        """The next answer; raises SdoAbortedError, SdoCommunicationError when none comes, or
+        BusError when none can come."""
         give_up = time.monotonic() + self.RESPONSE_TIMEOUT
         while (left := give_up - time.monotonic()) > 0.0:
             self._meanwhile()
             try:
                 answer: bytes = self.responses.get(timeout=min(left, _SLICE_S))
             except queue.Empty:
+                self.network.check()
                 continue
             if answer[:1] == _ABORT:
                 raise SdoAbortedError(struct.unpack_from("<L", answer, 4)[0])
@@ -96,8 +57,7 @@ class ObjectAccess:
     """Reads and writes objects of one drive, expedited or in segments.
 
     No transfer is repeated here, and none begins after `deadline` (monotonic) has passed: what has
-    to be done again is for the caller to say. `meanwhile` is called while an answer is awaited,
-    `connection_lost` when none came.
+    to be done again is for the caller to say. `meanwhile` is called while an answer is awaited.
     """
 
     def __init__(
@@ -106,12 +66,10 @@ class ObjectAccess:
         setup: DriveSetup,
         timeout_s: float,
         meanwhile: Callable[[], None] = lambda: None,
-        connection_lost: Callable[[], bool] = lambda: False,
     ) -> None:
         self.deadline = float("inf")
         self._setup, self._timeout_s = setup, timeout_s
         self._network, self._meanwhile = network, meanwhile
-        self._connection_lost = connection_lost
         self._client = _Client(network, setup, meanwhile)
         self._client.RESPONSE_TIMEOUT = timeout_s
 
@@ -208,8 +166,6 @@ class ObjectAccess:
                 f"{self._setup}: {doing} was refused: {words} (0x{error.code:08X})"
             ) from error
         except SdoCommunicationError as error:
-            if self._connection_lost():
-                raise BusError("the connection to the bus is gone") from error
             timeout_ms = round(1000 * self._timeout_s)
             raise SilentDriveError(
                 f"{self._setup} does not answer (SDO timeout {timeout_ms} ms; {doing}: {error})"

@@ -9,16 +9,13 @@ when the writer was killed.
 import mmap
 import os
 import struct
-import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import can
-
-from drivers.can.wire import Frame, Wire, frame_of
+from drivers.can.wire import Frame, Wire
 from errors import LogError
 
 KEPT_S: Final = 60.0
@@ -95,22 +92,6 @@ class RecordedWire:
         now = self._clock()
         for can_id, data in frames:
             self._put(now, can_id, data, True)
-
-
-class RingListener(can.Listener):
-    """Puts frames of several threads into a ring: outside the tick, where one may wait."""
-
-    def __init__(self, ring: FrameRing) -> None:
-        self._ring, self._alone = ring, threading.Lock()
-
-    def put(self, can_id: int, data: bytes | bytearray, *, sent: bool) -> None:
-        """Keep a frame, with the time of now."""
-        with self._alone:
-            self._ring.put(self._ring.clock(), can_id, data, sent)
-
-    def on_message_received(self, msg: can.Message) -> None:
-        """Called by python-can's Notifier, in its thread."""
-        self.put(*frame_of(msg), sent=False)
 
 
 def read_frames(path: Path) -> list[Recorded]:

@@ -1,6 +1,5 @@
 """socketcand: a CAN bus over TCP, each frame a piece of text."""
 
-import logging
 import re
 import socket
 from collections import deque
@@ -19,8 +18,6 @@ _CONNECT_TIMEOUT_S: Final = 2.0
 def open_socketcand(settings: BusSettings) -> OpenBus:
     """Open a bus that a server has; raises BusError if there is none, or not this bus."""
     _refuse_missing_server(settings)
-    # A frame cut in two by TCP is no news, but python-can warns of each.
-    logging.getLogger("can.interfaces.socketcand").setLevel(logging.ERROR)
     bus = can.Bus(
         interface="socketcand",
         host=settings.host,
@@ -33,21 +30,7 @@ def open_socketcand(settings: BusSettings) -> OpenBus:
     if not isinstance(stream, socket.socket):
         bus.shutdown()
         raise BusError(f"bus socketcand: python-can {can.__version__} hides its connection")
-    return OpenBus(bus, StreamWire(stream), lambda: connection_lost(stream))
-
-
-def connection_lost(stream: socket.socket) -> bool:
-    """True once the peer is gone.
-
-    python-can answers end-of-file with "no frame" for ever, so its socket is asked itself, without
-    waiting and without taking anything from it.
-    """
-    try:
-        return stream.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) == b""
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True
+    return OpenBus(bus, StreamWire(stream))
 
 
 def _refuse_missing_server(settings: BusSettings) -> None:

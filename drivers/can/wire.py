@@ -35,15 +35,16 @@ class Wire(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class OpenBus:
-    """An open bus: python-can's own object, for SDO, and the wire to the same, for the tick.
+    """An open bus: python-can's own object, which has opened it and shuts it down, and the wire,
+    by which alone frames come and go, those of SDO and those of the tick.
 
-    Only one of the two may have a reader at a time. `connection_lost`: True once the bus has a
-    peer that is gone; python-can may not say so.
+    A wire keeps what it has read and not handed out, half a frame too, so there must be no other
+    reader: python-can's `recv` would take such pieces and keep them for itself. Nor may two threads
+    receive by a wire at once; one may send meanwhile.
     """
 
     python_can: can.BusABC
     wire: Wire
-    connection_lost: Callable[[], bool] = lambda: False
 
 
 def frame_of(message: can.Message) -> Frame:

@@ -18,7 +18,7 @@ from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.identity import DriveIdentity
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.frame_ring import FrameRing
-from drivers.can.virtual import open_end
+from drivers.can.virtual import QueueWire
 from drivers.can.wire import Wire
 from drivers.drive import Drive
 from drivers.drives import Drives
@@ -78,7 +78,7 @@ class Bench:
 
     def boot(self, setups: Sequence[DriveSetup], ring: FrameRing | None = None) -> DriveBoot:
         """From this end of the bus."""
-        return DriveBoot(open_end(self.bus), setups, period_ms=10, ring=ring, listen_s=0.005)
+        return DriveBoot(QueueWire(self.bus), setups, period_ms=10, ring=ring, listen_s=0.005)
 
     def boot_up(
         self,

@@ -18,7 +18,7 @@ from daemon.tick.tick import Tick
 from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import problems
-from drivers.can.virtual import open_end
+from drivers.can.virtual import QueueWire
 from errors import DriveError
 
 T = 0.01
@@ -78,9 +78,9 @@ def rig(tmp_path) -> Iterator[Rig]:
         (tmp_path / "drive.eds").write_text(drive.eds)
         sheet = load_data_sheet(tmp_path / "drive.eds")
         setups = [dataclasses.replace(each, data_sheet=sheet) for each in build_setups(robot)]
-        bus = open_end(near)
-        boot = DriveBoot(bus, setups, c.period_ms, c.bus.master_node)
-        tick = build_tick(robot, bus.wire, lambda: 0.0, TRUSTED)
+        wire = QueueWire(near)
+        boot = DriveBoot(wire, setups, c.period_ms, c.bus.master_node)
+        tick = build_tick(robot, wire, lambda: 0.0, TRUSTED)
         yield Rig(tick, boot, drive, [])
 
 

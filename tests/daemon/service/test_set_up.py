@@ -201,7 +201,7 @@ def test_while_tracking_enable_is_refused_and_nothing_is_read(
     on: BreakableArm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begin(on)
-    monkeypatch.setattr(on.rig.boot, "bus", None)  # whoever would use it fails
+    monkeypatch.setattr(on.rig.boot, "wire", None)  # whoever would use it fails
     assert "enable" in on.rig.ask(Event.ENABLE)[0]
     assert "reset" in on.rig.ask(Event.RESET)[0]
 

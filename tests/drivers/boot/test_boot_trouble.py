@@ -9,6 +9,7 @@ import can
 import msgspec
 import pytest
 
+from drivers.can.virtual import QueueWire
 from errors import BusError, DriveError
 
 
@@ -127,16 +128,16 @@ def test_a_bus_that_fails_while_a_drive_is_waited_for_is_one(bench, setups, monk
     bench.boot_up(setups)
     drive = bench.simulated.drives[2]
     intercept(drive, lambda *_: True)  # silent
-    send, beats = type(bench.bus).send, []
+    send, beats = QueueWire.send, []
 
-    def failing(bus, message, timeout=None):
-        if bus is bench.bus and message.arbitration_id == 0x77F:
-            beats.append(message)
+    def failing(wire, frames):
+        if frames[0][0] == 0x77F:
+            beats.append(frames)
             if len(beats) > 2:
                 raise can.CanOperationError("Network is down", errno.ENETDOWN)
-        return send(bus, message, timeout)
+        return send(wire, frames)
 
-    monkeypatch.setattr(type(bench.bus), "send", failing)
+    monkeypatch.setattr(QueueWire, "send", failing)
     silent = with_profile(setups[2], sdo_timeout_ms=500)
     with bench.lockstep.serving(), pytest.raises(BusError, match="heartbeat: Network is down"):
         bench.boot([*setups[:2], silent, *setups[3:]]).renew([2])

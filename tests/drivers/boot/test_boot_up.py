@@ -12,7 +12,7 @@ import pytest
 
 from drivers.boot.boot_up import DriveBoot, refuse_other_master
 from drivers.can.frame_ring import FrameRing, read_frames
-from drivers.can.virtual import open_end
+from drivers.can.virtual import QueueWire
 from errors import BusError, ConfigurationError, DriveError
 from simulator.objects import key
 
@@ -247,7 +247,7 @@ def test_a_drives_heartbeat_is_no_other_master(wire):
     for cob_id in (0x701, 0x181, 0x77E):
         wire[1].send(can.Message(arbitration_id=cob_id, is_extended_id=False))
     wire[1].send(can.Message(arbitration_id=0x77F, is_extended_id=True))
-    refuse_other_master(wire[0], 127, 0.01)
+    refuse_other_master(QueueWire(wire[0]), 127, 0.01)
 
 
 # -- what the sequence meets on its way ------------------------------------------------------------
@@ -325,14 +325,7 @@ def said(kept, sent):
     return [(frame.can_id, frame.data) for frame in kept if frame.sent is sent]
 
 
-def test_a_connection_that_is_gone_is_not_a_drives_fault(wire, setups):
-    bus = replace(open_end(wire[0]), connection_lost=lambda: True)
-    hasty = with_profile(setups[0], sdo_timeout_ms=20)
-    with pytest.raises(BusError, match="the connection to the bus is gone"):
-        DriveBoot(bus, [hasty], 10, listen_s=0.005).boot_up()
-
-
 def test_a_closed_bus(wire, setups):
     wire[0].shutdown()
     with pytest.raises(BusError, match="closed bus"):
-        DriveBoot(open_end(wire[0]), setups, 10, listen_s=0.005).boot_up()
+        DriveBoot(QueueWire(wire[0]), setups, 10, listen_s=0.005).boot_up()

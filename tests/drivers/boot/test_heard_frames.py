@@ -1,6 +1,5 @@
 """Frames that come while drives are set up: each once, the last of each last, within bounds."""
 
-import can
 import pytest
 
 from drivers.boot import heard_frames
@@ -10,8 +9,7 @@ from drivers.can.wire import ERROR
 
 def hear(heard, *frames):
     for cob_id, data in frames:
-        message = can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
-        heard.on_message_received(message)
+        heard.put((cob_id, data))
 
 
 @pytest.mark.parametrize(
@@ -48,5 +46,5 @@ def test_there_is_an_end_to_it(monkeypatch):
 
 def test_an_error_frame_stays_one():
     heard = HeardFrames()
-    heard.on_message_received(can.Message(arbitration_id=0x40, is_error_frame=True, data=bytes(8)))
+    heard.put((0x40 | ERROR, bytes(8)))
     assert heard.take()[0][0] & ERROR
