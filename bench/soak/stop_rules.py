@@ -23,6 +23,9 @@ RESET_HOLDS_S = RESET_PATIENCE_S + 0.1
 # Arm and drives still give way so long after a hand is off [s].
 HAND_S = 1.0
 
+# Notice of a reset.
+RESET = f"{Mode.FAULTED} -> {Mode.OFF}:"
+
 
 class StopRules:
     """Check of one State after the other; `ledger` keeps what was broken."""
@@ -103,8 +106,8 @@ class StopRules:
         missed = before is not None and state.timing.missed > before.timing.missed
         if trouble or missed:  # a new cause
             self._reset_s = np.inf
-        elif before is not None and before.mode == Mode.FAULTED and state.mode == Mode.OFF:
-            self._reset_s = now
+        elif any(notice.text.startswith(RESET) for notice in state.notices):
+            self._reset_s = now  # in the same State it may be faulted again
         if self._reset_s == np.inf:
             return
         again, over = state.mode == Mode.FAULTED, now > self._reset_s + RESET_HOLDS_S

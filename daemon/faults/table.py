@@ -166,8 +166,8 @@ TABLE: Final[dict[Condition, Row]] = {
         "brake); or it says so, and moves on as if it did not",
         "it gets an NMT stop, at which a drive stops by itself (0x6007), and is then asked by SDO; "
         "one that says that it stops can only be looked at",
-        "keep away from the arm, and press the emergency stop if it moves; check supply and CAN cable of the drive, close other tools on the "
-        "bus, then `contactctl reset`",
+        "keep away from the arm, and press the emergency stop if it moves; check supply and CAN "
+        "cable of the drive, close other tools on the bus, then `contactctl reset`",
         source=events.NotSeenToStop,
     ),
     _C.UNPROVED: Row(

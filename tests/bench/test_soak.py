@@ -494,11 +494,11 @@ def test_a_program_that_is_broken_breaks_a_rule(
     monkeypatch.setattr("bench.soak.simulated.hand_script", lambda *_: ())
     monkeypatch.setattr("bench.soak.simulated.operator", resets)
     monkeypatch.setattr("bench.soak.simulated.program", nobody)
-    part = run_lockstep(9, 6.0 / 3600.0)
+    part = run_lockstep(9, 10.0 / 3600.0)
     assert not part.ledger.broken, part.ledger.cases
     for what, instead in broken.items():
         monkeypatch.setattr(what, instead)
-    part = run_lockstep(9, 6.0 / 3600.0)
+    part = run_lockstep(9, 10.0 / 3600.0)
     assert rules <= set(part.ledger.broken), part.ledger.cases
 
 
