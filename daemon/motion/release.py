@@ -119,7 +119,9 @@ class Release:
         """Its end, with joints and torques; from what is measured now."""
 
         def feel(which: NDArray[np.bool_], text: str) -> str:
-            named = (f"{joints[i]} {text} {residual[i]:+.1f} Nm" for i in np.flatnonzero(which).tolist())
+            named = (
+                f"{joints[i]} {text} {residual[i]:+.1f} Nm" for i in np.flatnonzero(which).tolist()
+            )
             return ", ".join(named)
 
         gave = f"after giving way by {np.abs(q - self._begun)[self._pushed != 0.0].max():.2f} rad"

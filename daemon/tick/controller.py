@@ -93,6 +93,16 @@ class Controller:
         return found if found and self.machine.cause == str(found) else None
 
     @property
+    def pressed(self) -> str:
+        """What presses on the arm that stopped for it, in words: a collision that lasts, or what a
+        release left. Empty where nothing does."""
+        observed = self._observed
+        stands = self.machine.mode in (Mode.HOLDING, Mode.STOPPING)
+        if observed is None or not stands or self.motion.blind:
+            return ""
+        return observed.hit or (observed.touched if self._released else "")
+
+    @property
     def faulted(self) -> bool:
         """True while a fault is latched."""
         return self.machine.mode is Mode.FAULTED

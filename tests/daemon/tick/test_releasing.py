@@ -248,3 +248,25 @@ def test_it_brakes_before_the_end_of_its_distance(velocity: float) -> None:
     arm.hit(2.0)
     arm.run_until(M.HOLDING, 4.0, **arm.press(2.0))
     assert 0.08 < arm.q[0] - start <= 0.1 + 1e-9
+
+
+def test_what_still_presses_is_told_as_long_as_it_does() -> None:
+    arm = tracking()
+    arm.hit(2.0)
+    assert arm.controller.pressed == "", "it lets go"
+    arm.run_until(M.HOLDING, 4.0, **arm.press(2.0))
+    assert arm.controller.pressed == "a was hit"
+    arm.step(**arm.push(1.0))
+    assert arm.controller.pressed == "a feels it"
+    arm.step()
+    assert arm.controller.pressed == ""
+    arm.step(**arm.push(1.0))
+    assert arm.controller.pressed == "", "somebody touches an arm that holds"
+
+
+def test_configured_to_hold_it_tells_what_presses() -> None:
+    arm = tracking(reactions=Reactions(collision=R.HOLD))
+    arm.run(1.0, **arm.press(2.0))
+    assert (arm.mode, arm.cause, arm.controller.pressed) == (M.HOLDING, "a was hit", "a was hit")
+    arm.controller.motion.blind = True
+    assert arm.controller.pressed == ""
