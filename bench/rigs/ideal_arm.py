@@ -73,7 +73,7 @@ class IdealArm:
         # Its drives come on with the mode, and go off with it.
         on = (self.mode in ENERGISED,) * 2
         words = (0x0237 if all(on) else 0x0250,) * 2
-        calm = ControlInput(self.q.copy(), before, np.zeros(2), "", "", on, words, ())
+        calm = ControlInput(self.q.copy(), before, np.zeros(2), np.zeros(2), "", "", on, words, ())
         decision = self.controller.step(self.time_s, T, replace(calm, **seen))
         self.q = self.q + decision.velocity * T
         self.tick += 1
@@ -99,9 +99,10 @@ class IdealArm:
         return self.controller.request(event, "me", self.time_s)
 
     def push(self, torque: float) -> dict[str, Any]:
-        """Fields of ControlInput while a contact on joint a lasts: the thresholded residual
-        [Nm]."""
-        return {"thresholded": np.array([torque, 0.0]), "touched": "a feels it"}
+        """Fields of ControlInput while a contact on joint a lasts: the residual beyond
+        its threshold [Nm], which is none."""
+        felt = np.array([torque, 0.0])
+        return {"residual": felt, "thresholded": felt, "touched": "a feels it"}
 
     def press(self, torque: float) -> dict[str, Any]:
         """Fields of ControlInput while a collision on joint a lasts."""

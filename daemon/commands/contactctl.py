@@ -167,7 +167,11 @@ def disable(options: Options, no_wait: bool) -> None:
 @main.command()
 @click.pass_obj
 def reset(options: Options) -> None:
-    """Acknowledge a fault. Energises and moves nothing."""
+    """Acknowledge a fault. Energises and moves nothing.
+
+    First reads back what the drives must hold, and sets up again those that do not: that may take
+    seconds. Forgets emergencies of drives that are not in fault.
+    """
     carry_out(options, "reset")
 
 

@@ -73,14 +73,16 @@ class Motion:
         share = self._manner.retract_distance / furthest if furthest > 0.0 else 0.0
         self._go(q, q + share * pushed, self._manner.retract_velocity)
 
-    def release(self, q: Vector, thresholded: Vector, motor_velocity: Vector) -> None:
+    def release(
+        self, q: Vector, thresholded: Vector, residual: Vector, motor_velocity: Vector
+    ) -> None:
         """Let go of what presses, from q [rad], the way the thresholded residual [Nm] points.
 
         A setpoint that a blocked motor does not reach only presses: it is taken back at once to
         `motor_velocity` [rad/s], from which the ramp begins.
         """
         self.hold(q)
-        self.giving_way.begin(q, thresholded)
+        self.giving_way.begin(q, thresholded, residual)
         reached = np.minimum(
             np.maximum(motor_velocity, -np.abs(self.velocity)), np.abs(self.velocity)
         )

@@ -8,10 +8,13 @@ ends once is no loop. Each joint moves the way its own torque points: so the pow
 what presses is positive, and no point of contact is led into it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arrays import Vector
 from daemon.motion.limits import Limits
@@ -20,13 +23,21 @@ from daemon.motion.limits import Limits
 SLACK_S: Final = 1.0
 # A joint that is as near as this to the end of its way has come to it [rad].
 ARRIVED_RAD: Final = 0.01
-# Ticks in a row until it counts that something presses from elsewhere, or that the sensing fails.
+# Ticks in a row until it counts that something presses from elsewhere.
 DEBOUNCE_TICKS: Final = 3
-_END_OF: Final = {  # by `bounded` and `let_go`
-    (True, False): "at a bound, and still pressed",
-    (False, True): "let go",
-    (False, False): "pressed from elsewhere while it let go",
-}
+# How long it may stand because the sensing is not sure [s]; sure ticks take as much back, so that
+# it stands for no longer than it goes and this.
+PAUSE_S: Final = 0.5
+
+
+class Ending(StrEnum):
+    """Why a release is over."""
+
+    LET_GO = "let go"
+    BOUND = "at a bound, and still pressed"
+    TIME = "still pressed after its time"
+    ELSEWHERE = "pressed from elsewhere"
+    UNSURE = "sensing not sure"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,55 +58,96 @@ class Release:
         n = len(limits.lower)
         self._bounds, self._limits = bounds, limits
         self._speed = np.minimum(bounds.velocity, limits.velocity)
-        self._begun, self._pushed, self._way, self._followed = np.zeros((4, n))
-        self._elapsed_s = 0.0
-        self._against = self._unsure = 0
-        self.end = ""
-        """Why it is over, in words; empty while it goes on."""
-        self.bounded = self.let_go = False
-        """Over because of a bound, while something still presses; because nothing does."""
+        self._begun, self._pushed, self._way, self._followed, self._felt = np.zeros((5, n))
+        self._elapsed_s = self._unsure_s = 0.0
+        self._against, self._sure = 0, True
+        self.end: Ending | None = None
+        """None while it goes on."""
 
     def possible(self, q: Vector, thresholded: Vector) -> bool:
         """True if a joint that is pressed at q [rad] has room before its limit."""
         return bool(np.any((thresholded != 0.0) & (self._to_limit(q, thresholded) > ARRIVED_RAD)))
 
-    def begin(self, q: Vector, thresholded: Vector) -> None:
-        """Begin at q [rad], with the joints whose thresholded residual [Nm] is not zero."""
-        self._begun = q.copy()
-        self._pushed = np.sign(thresholded)
-        self._way = self._pushed.copy()
+    def begin(self, q: Vector, thresholded: Vector, residual: Vector) -> None:
+        """Begin at q [rad], with the joints whose thresholded residual [Nm] is not zero.
+
+        A joint that gave way to the same push since `forget` has what is left of its distance.
+        """
+        pushed = np.sign(thresholded)
+        again = (pushed != 0.0) & (pushed == self._pushed)
+        self._begun = np.where(again, self._begun, q)
+        self._pushed, self._felt = pushed, residual.copy()
+        self._way = pushed.copy()
         self._followed[:] = 0.0
-        self._elapsed_s, self._against, self._unsure = 0.0, 0, 0
-        self.end, self.bounded, self.let_go = "", False, False
+        self._elapsed_s, self._unsure_s, self._against, self._sure = 0.0, 0.0, 0, True
+        self.end = None
+
+    def forget(self) -> None:
+        """What pressed is gone: the next push is another one."""
+        self._pushed[:] = 0.0
 
     def step(
         self, q: Vector, motor_velocity: Vector, thresholded: Vector, dt: float, *, sure: bool
     ) -> None:
         """Take what is measured dt [s] after the last: link positions [rad], velocities of motors
-        [rad/s], thresholded residual [Nm]; `sure` unless the last may be wrong."""
+        [rad/s], thresholded residual [Nm]. Unless `sure`, they may be wrong or old: it waits."""
+        self._sure = sure
+        if not sure:
+            self._unsure_s += dt
+            if self._unsure_s > PAUSE_S:
+                self.end = Ending.UNSURE
+            return
+        self._unsure_s = max(self._unsure_s - dt, 0.0)
         self._elapsed_s += dt
         self._followed = np.maximum(self._pushed * motor_velocity, 0.0)
-        self._unsure = 0 if sure else self._unsure + 1
-        # From the other side, or at a joint that felt nothing when it began.
-        against = np.count_nonzero((thresholded != 0.0) & (np.sign(thresholded) != self._pushed))
+        against = bool(self._elsewhere(thresholded).any())
         self._against = self._against + 1 if against else 0
         pressed = self._way * thresholded > 0.0
         room = np.minimum(self._left(q), self._to_limit(q, self._pushed)) > ARRIVED_RAD
         self._way = np.where(pressed & room, self._way, 0.0)
-        if self._unsure >= DEBOUNCE_TICKS:
-            self.end = "what the arm feels is not sure"
-        elif self._against >= DEBOUNCE_TICKS:
-            self.end = _END_OF[False, False]
-        elif self._elapsed_s > self._bounds.distance / self._bounds.velocity + SLACK_S:
-            self.end, self.bounded = f"not let go within {self._elapsed_s:.1f} s", True
+        if self._against >= DEBOUNCE_TICKS:
+            self.end = Ending.ELSEWHERE
         elif not self._way.any():
-            self.bounded = bool(np.any(thresholded * self._pushed > 0.0))
-            self.let_go = not (self.bounded or against)
-            self.end = _END_OF[self.bounded, self.let_go]
+            bounded = bool(np.any(thresholded * self._pushed > 0.0))
+            self.end = Ending.BOUND if bounded else Ending.ELSEWHERE if against else Ending.LET_GO
+        elif self._elapsed_s > self._bounds.distance / self._bounds.velocity + SLACK_S:
+            self.end = Ending.TIME
+
+    def in_words(
+        self, joints: Sequence[str], q: Vector, thresholded: Vector, residual: Vector
+    ) -> str:
+        """Its end, with joints and torques; from what is measured now."""
+
+        def feel(which: NDArray[np.bool_], text: str) -> str:
+            named = (
+                f"{joints[i]} {text} {residual[i]:+.1f} Nm" for i in np.flatnonzero(which).tolist()
+            )
+            return ", ".join(named)
+
+        gave = f"after giving way by {np.abs(q - self._begun)[self._pushed != 0.0].max():.2f} rad"
+        match self.end:
+            case Ending.LET_GO:
+                pushed = np.flatnonzero(self._pushed).tolist()
+                felt = (f"{joints[i]} (it felt {self._felt[i]:+.1f} Nm)" for i in pushed)
+                return f"let go of {', '.join(felt)}"
+            case Ending.BOUND:
+                return f"{feel(thresholded * self._pushed > 0.0, 'still feels')} {gave}"
+            case Ending.TIME:
+                still = feel(thresholded * self._pushed > 0.0, "still feels")
+                return f"{still} {gave} for {self._elapsed_s:.1f} s"
+            case Ending.ELSEWHERE:
+                elsewhere = feel(self._elsewhere(thresholded), "feels")
+                return f"pressed from elsewhere while it let go: {elsewhere}"
+            case Ending.UNSURE:
+                return f"what the arm feels was not sure for {PAUSE_S:g} s while it let go"
+            case None:
+                return ""
 
     def velocity(self, q: Vector) -> Vector:
         """Desired velocity [rad/s] at q [rad]; it sinks towards the end of the distance, and waits
-        for the motors."""
+        for the motors. None on torques that may be old."""
+        if not self._sure:
+            return np.zeros_like(q)
         speed = np.minimum(self._speed, self._followed + self._bounds.ahead)
         slowed: Vector = np.minimum(speed, self._limits.funnel(self._left(q)))
         return self._way * slowed
@@ -107,6 +159,11 @@ class Release:
         away = (self._pushed * (before - q) > 0.0) & (self._pushed * thresholded >= 0.0)
         further: Vector = np.where(away, before, q)
         return further
+
+    def _elsewhere(self, thresholded: Vector) -> NDArray[np.bool_]:
+        """Joints that are pressed from the other side, or that felt nothing when it began."""
+        other: NDArray[np.bool_] = (thresholded != 0.0) & (np.sign(thresholded) != self._pushed)
+        return other
 
     def _left(self, q: Vector) -> Vector:
         """What is left of the distance [rad]."""

@@ -47,7 +47,10 @@ class SetUp:
             refused = self._refusals(event)
             if reasons := refused or self.prove():
                 return reasons
-        return controller.request(event, who, self.time_s(), path)
+        reasons = controller.request(event, who, self.time_s(), path)
+        if event is Event.RESET and not reasons:
+            self.tick.arming_checks.forget()
+        return reasons
 
     def _refusals(self, event: Event) -> list[str]:
         drives = self.tick.drives

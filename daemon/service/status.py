@@ -7,6 +7,7 @@ from importlib.metadata import version
 
 from daemon.config.load import Robot
 from daemon.faults.table import TABLE, Condition
+from daemon.modes.table import Mode
 from daemon.protocol.messages import STATE_FORMAT, Grant, Permit, Snapshot, Status, Trajectory
 from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
@@ -76,15 +77,20 @@ def status_of(
 
 
 def _advice(tick: Tick, unproved: Sequence[str]) -> str:
-    """What to do about the latched fault, a line for each: about a joint that is not seen to stand
-    first, then about the cause."""
+    """What to do, a line for each: about a joint that is not seen to stand first, then about the
+    cause, what presses on the arm, and the trajectory that waits."""
     machine, finding = tick.controller.machine, tick.controller.finding
+    pressed = tick.controller.pressed
     advice = []
     if unproved and tick.controller.faulted:
         not_stopped = Condition.UNPROVED if tick.drives.silenced else Condition.NOT_SEEN_TO_STOP
         advice.append(TABLE[not_stopped].advice)
     if finding and not machine.armed:
         advice.append(finding.advice)
+    if pressed:
+        advice.append(f"free the arm ({pressed}), or `contactctl disable`")
+    elif machine.paused and machine.mode is Mode.HOLDING:
+        advice.append("`contactctl start` goes on with the trajectory")
     return "\n".join(dict.fromkeys(advice))
 
 

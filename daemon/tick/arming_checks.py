@@ -37,6 +37,9 @@ NAMES = (
     "faults",
 )
 
+# Those whose evidence is in the samples of a tick, or is only as good as they are.
+SAMPLED = frozenset({"drives", "heartbeats", "set-up", "estimator", "residual", "limits"})
+
 # A busy machine is late now and then, and one tick is made up for; a loop that is not on time is
 # late more than so often in so many seconds.
 LATE_TICKS, LATE_WITHIN_S = 2, 1.0
@@ -101,6 +104,13 @@ class ArmingChecks:
             if joint in joints:
                 self._over(node)
 
+    def forget(self) -> None:
+        """Forget the emergencies of drives that are not in fault: a person has looked at it, and
+        some drives never say that one is over."""
+        for node in tuple(self._emergencies):
+            if node not in self._in_fault:
+                self._over(node)
+
     def _over(self, node: int) -> None:
         self._emergencies.pop(node, None)
         self._in_fault.discard(node)
@@ -110,14 +120,15 @@ class ArmingChecks:
         record: TickRecord | None,
         mode: Mode,
         silent: Sequence[str],
-        restarted: Sequence[str],
+        unset: Sequence[str],
         time_s: float,
     ) -> ArmingResult:
         """Judge arming in `mode` at `time_s`, on the record of the last tick.
 
-        `silent` names the joints whose drives send no heartbeat, `restarted` those whose drives
-        restarted and were not set up again. A record that is older than a period fails `loop`:
-        the arm is never armed on what may be over.
+        `silent` names the joints whose drives send no heartbeat, `unset` those whose drives
+        are not set up. A record that is older than a period fails `loop`: the arm is never armed
+        on what may be over. Where a joint's samples are not of that tick, no check of `SAMPLED`
+        passes.
         """
         if record is None or record.estimate is None:
             text = "no samples of the drives yet"
@@ -125,12 +136,13 @@ class ArmingChecks:
         failures = [
             *([] if mode in ARMABLE else [_failed("mode", refusal(mode, "arm"))]),
             *self._of_findings(record.findings),
-            *self._of_drives(silent, restarted),
+            *self._of_drives(silent, unset),
             *([] if self._identification.passed else [self._identification]),
             *self._of_estimate(record.estimate),
             *self._of_limits(record.samples),
             *self._of_loop(record.time_s, time_s),
         ]
+        failures += self._unknown(record.samples, {failure.name for failure in failures})
         reasons: dict[str, list[str]] = {}
         for failure in failures:
             reasons.setdefault(failure.name, []).append(failure.text)
@@ -141,23 +153,28 @@ class ArmingChecks:
             else Check(name=name, passed=True, text=evidence.get(name, "nothing found"))
             for name in ("mode", *NAMES)
         )
-        return ArmingResult(checks, tuple(failure.text for failure in failures))
+        return ArmingResult(checks, tuple(dict.fromkeys(f.text for f in failures)))
+
+    def _unknown(self, samples: Samples, failed: set[str]) -> list[Check]:
+        """Checks that would pass on what was true before this tick."""
+        old = ", ".join(self._joints[i] for i in np.flatnonzero(~samples.fresh).tolist())
+        text = f"not known, without samples of {old} in this tick"
+        return [_failed(n, text) for n in NAMES if n in SAMPLED - failed] if old else []
 
     def _of_findings(self, findings: Sequence[Finding]) -> Iterator[Check]:
         for finding in findings:
             if finding.condition is not Condition.LATE:  # which is counted
                 yield _failed(finding.check, str(finding))
 
-    def _of_drives(self, silent: Sequence[str], restarted: Sequence[str]) -> Iterator[Check]:
+    def _of_drives(self, silent: Sequence[str], unset: Sequence[str]) -> Iterator[Check]:
         if silent:
             yield _failed("heartbeats", f"not heard from {', '.join(silent)}")
         for emergency in self._emergencies.values():
             name = "heartbeats" if emergency.code == MASTER_SILENT else "emergencies"
             words = described(emergency, self._joint_of)
             yield _failed(name, f"emergency of {words}, and not over")
-        if restarted:
-            text = f"restarted, and without their set-up: {', '.join(restarted)}"
-            yield _failed("set-up", f"{text} (`contactctl reset`)")
+        if unset:
+            yield _failed("set-up", f"not set up: {', '.join(unset)} (`contactctl reset`)")
 
     def _of_estimate(self, estimate: Estimate) -> Iterator[Check]:
         if estimate.flags:

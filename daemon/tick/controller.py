@@ -19,6 +19,7 @@ from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, Mo
 from daemon.motion.admittance import MAX_GAIN, Allowance, AllowanceSettings
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
+from daemon.motion.release import Ending
 from daemon.tick.refusals import leaves_limits, not_energisable, not_startable
 from drivers.cia402 import PowerTarget, in_words
 
@@ -32,6 +33,7 @@ class ControlInput:
 
     q: Vector  # measured link position
     motor_velocity: Vector
+    residual: Vector  # [Nm]
     thresholded: Vector  # thresholded residual [Nm]
     touched: str  # the contact that lasts, in words; empty without one
     hit: str  # the collision that lasts, likewise
@@ -40,7 +42,7 @@ class ControlInput:
     findings: tuple[Finding, ...]
     age_s: Vector | None = None  # of q; None where every sample came in time
     struck: bool = False  # a collision began in this tick
-    sure: bool = True  # all samples came, and the estimate has no flag
+    sure: bool = True  # all samples came, and what is felt did not just begin anew
     play: Vector | float = 0.0  # how far links may fall down and up in their gaps, (2, n) [rad]
 
 
@@ -80,7 +82,7 @@ class Controller:
         self._allowance = Allowance(tuning.bounds, len(tuning.joints))
         self._reset_until_s = -1.0
         self._observed: ControlInput | None = None
-        self._released = False  # from a contact that still lasts
+        self._released = False  # as far as it may be, from a contact that still lasts
         self._let_go = False  # of a contact, and now it stops
         self._finding: Finding | None = None  # the last one that changed the mode
 
@@ -89,6 +91,16 @@ class Controller:
         """Finding that led to the present mode; None where something else did."""
         found = self._finding
         return found if found and self.machine.cause == str(found) else None
+
+    @property
+    def pressed(self) -> str:
+        """What presses on the arm that stopped for it, in words: a collision that lasts, or what a
+        release left. Empty where nothing does."""
+        observed = self._observed
+        stands = self.machine.mode in (Mode.HOLDING, Mode.STOPPING)
+        if observed is None or not stands or self.motion.blind:
+            return ""
+        return observed.hit or (observed.touched if self._released else "")
 
     @property
     def faulted(self) -> bool:
@@ -212,6 +224,7 @@ class Controller:
         attentive = mode in ATTENTIVE or backed_away
         if attentive and not observed.touched:
             self._released = False
+            self.motion.giving_way.forget()
         counts = observed.struck or (attentive and not self.motion.blind)
         if observed.hit and counts and (event := self._able(reactions.to_collision(armed))):
             if not (retracting and event in (Event.RETRACT, Event.RELEASE)):
@@ -226,7 +239,8 @@ class Controller:
         if event is Event.RELEASE and self.machine.can(event) and observed is not None:
             sure = observed.sure and all(f.response is Response.CONTINUE for f in observed.findings)
             possible = self.motion.can_release(observed.q, observed.thresholded)
-            # Once from each contact: between two obstacles the arm does not go to and fro.
+            # Once from each contact: between two obstacles the arm does not go to and fro. Again
+            # where it only ended for a doubt.
             if self._released or not (sure and possible):
                 event = Event.HALT
         return None if event is Event.HALT and mode is Mode.HOLDING else event
@@ -271,10 +285,12 @@ class Controller:
 
     def _progress_releasing(self, time_s: float, dt: float, observed: ControlInput) -> None:
         release = self.motion.giving_way
-        felt = observed.thresholded
-        release.step(observed.q, observed.motor_velocity, felt, dt, sure=observed.sure)
+        q, felt = observed.q, observed.thresholded
+        release.step(q, observed.motor_velocity, felt, dt, sure=observed.sure)
         if release.end:
-            self._apply(Event.BOUND if release.bounded else Event.HALT, release.end, time_s)
+            event = Event.BOUND if release.end in (Ending.BOUND, Ending.TIME) else Event.HALT
+            words = release.in_words(self._tuning.joints, q, felt, observed.residual)
+            self._apply(event, words, time_s)
 
     def _progress_yielding(self, time_s: float, observed: ControlInput) -> None:
         if bound := self._allowance.bound_reached(observed.q):
@@ -319,12 +335,13 @@ class Controller:
             self.quiet.restart(time_s)
         elif mode is Mode.RELEASING:
             allowance.take(motion.reference)
-            self._released = True
         home = motion.reference if allowance.home is None else allowance.home
         if mode is Mode.RETRACTING:
             motion.retract(observed.q, observed.thresholded)
         elif mode is Mode.RELEASING:
-            motion.release(observed.q, observed.thresholded, observed.motor_velocity)
+            motion.release(
+                observed.q, observed.thresholded, observed.residual, observed.motor_velocity
+            )
         elif mode is Mode.RETURNING:
             motion.go_back(observed.q, home)
         elif mode is Mode.TRACKING:
@@ -335,7 +352,11 @@ class Controller:
         else:
             # At its end the arm stands where it was going.
             motion.hold(motion.reference if event is Event.END else observed.q)
-        self._let_go = before is Mode.RELEASING and event is Event.HALT and motion.giving_way.let_go
+        if before is Mode.RELEASING:
+            unsure = event is Event.HALT and motion.giving_way.end is Ending.UNSURE
+            self._released = not (unsure or event is Event.DOUBT)
+        let_go = event is Event.HALT and motion.giving_way.end is Ending.LET_GO
+        self._let_go = before is Mode.RELEASING and let_go
         if mode not in GUIDED and mode not in (Mode.RELEASING, Mode.STOPPING):
             allowance.leave(motion.reference)
 

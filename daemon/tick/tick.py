@@ -4,6 +4,7 @@
 SYNC in between. Times come from the caller.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,6 +28,8 @@ from estimator.estimator import Estimator
 STOP_PROVED = "stop proved: every drive was seen to stand"
 # Setpoints are never moved on by more than this at once, however late a tick comes [periods].
 LONGEST_STEP = 2.0
+# Time constants of the residual until one that began anew, at zero, says what it will.
+SETTLED = 4.0
 
 
 class Tick:
@@ -52,6 +55,7 @@ class Tick:
         self._period_s = period_s
         self._time_s = 0.0
         self._sampled_s = -period_s  # time of the last complete samples
+        self._unsure_s = -math.inf  # time of the last estimate that is not to be relied on
         self._reported: frozenset[Finding] = frozenset()
         self._standstill = np.zeros(len(drives.names))
 
@@ -112,7 +116,7 @@ class Tick:
         )
 
     def _estimated(self, samples: Samples, interval_s: float) -> Estimate:
-        return self.estimator.step(
+        estimate = self.estimator.step(
             samples.current,
             samples.link_position,
             samples.motor_velocity,
@@ -120,6 +124,13 @@ class Tick:
             interval_s,
             time_s=self._time_s,
         )
+        if estimate.flags & ~Flag.LATE:  # a late one is right: it uses the true interval
+            self._unsure_s = self._time_s
+        return estimate
+
+    def _settled(self) -> bool:
+        """False while the residual rises from zero: it would say that nothing presses."""
+        return self._time_s - self._unsure_s > SETTLED / self.estimator.residual.gain
 
     def _decided(
         self,
@@ -177,11 +188,12 @@ class Tick:
         return ControlInput(
             q=samples.link_position,
             motor_velocity=samples.motor_velocity,
+            residual=estimate.residual,
             thresholded=estimate.thresholded,
             touched=touched,
             hit=hit,
             struck=updated and any(one.level == "collision" for one in estimate.contacts),
-            sure=updated and not estimate.flags,
+            sure=updated and self._settled(),
             operating=tuple(state is DriveState.OPERATION_ENABLED for state in samples.states),
             statuswords=samples.statuswords,
             findings=findings,

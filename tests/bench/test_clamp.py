@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from bench.clamp import (
+    ARMS,
     FALLS_AFTER_S,
     FREE_S,
     HALF_S,
@@ -23,10 +24,12 @@ from bench.clamp import (
     targets_of,
 )
 from bench.rigs.clamps import Clamps
+from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.modes.contact_reactions import ContactReaction
 from daemon.modes.table import Event, Mode
+from drivers.can.wire import Wire
 
 ELBOW, SHOULDER = 2, 0
 ELBOW_CASE = Case(arm="romeo", joint="LElbowRoll", stiffness=40.0, speed=0.33)
@@ -96,13 +99,51 @@ def test_a_person_who_presses_against_the_release_ends_it(joint: int, torque: fl
         pressed_s = rig.time_s
         rig.run(0.3)
         # What turns round at one joint passes through zero.
-        ends = {ELBOW: "let go", SHOULDER: "pressed from elsewhere while it let go"}
-        assert rig.last.cause == ends[joint]
+        ends = {
+            ELBOW: "let go of LElbowRoll (it felt ",
+            SHOULDER: "pressed from elsewhere while it let go: LShoulderPitch feels ",
+        }
+        assert rig.last.cause.startswith(ends[joint])
         stopped = [rig.mode]
         rig.run(0.5, lambda: stopped.append(rig.mode))
         assert rig.time_s - pressed_s < 1.0
         assert stopped[-1] is Mode.HOLDING
         assert Mode.RELEASING not in stopped
+
+
+@pytest.mark.parametrize("case", [SHOULDER_CASE, replace(COLUMN_CASE, stiffness=600.0)], ids=str)
+@pytest.mark.parametrize("lost", [2, 3, 0.1])
+def test_samples_that_get_lost_leave_nobody_in_the_clamp(case: Case, lost: float) -> None:
+    """Some ticks in a row without an answer of one drive, or a share of all ticks."""
+    wires: list[FaultyWire] = []
+
+    def between(wire: Wire) -> FaultyWire:
+        wires.append(FaultyWire(wire))
+        return wires[0]
+
+    def configure(c: Configuration) -> Configuration:
+        return configured(c, case.joint, case.speed, case.contact)
+
+    rng, braked = np.random.default_rng(3), np.inf
+    with lockstep_rig(ARMS[case.arm][0], configure=configure, between=between) as rig:
+        clamps = Clamps(rig)
+        clamp = meet(rig, clamps, case)
+        while rig.mode is not Mode.RELEASING:
+            rig.step()
+        rig.run(0.05)
+        drives = rig.robot.configuration.joint_drives
+        for tick in range(250):
+            loses = rng.random() < lost if lost < 1 else tick < lost
+            wires[0].lost = {0x180 + drives[rng.integers(len(drives))].node} if loses else set()
+            rig.step()
+            assert rig.last.decision is not None
+            speed = float(np.abs(rig.last.decision.velocity).max())
+            assert rig.last.updated or rig.mode is not Mode.RELEASING or speed <= braked
+            braked = max(speed - 1e-3, 0.0)  # what an unsure tick may ask for at most
+        assert rig.mode is Mode.HOLDING
+        assert rig.last.cause.startswith(f"let go of {case.joint}")
+        level = rig.robot.configuration.joints[clamp.joint].thresholds.contact
+        assert clamps.felt(clamp) < level
 
 
 R = ContactReaction

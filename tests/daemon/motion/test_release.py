@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 
 from arrays import Vector
 from daemon.motion.limits import Limits
-from daemon.motion.release import DEBOUNCE_TICKS, SLACK_S, Release, ReleaseSettings
+from daemon.motion.release import (
+    DEBOUNCE_TICKS,
+    PAUSE_S,
+    SLACK_S,
+    Ending,
+    Release,
+    ReleaseSettings,
+)
 
 DT = 0.01
 BOUNDS = ReleaseSettings(velocity=0.25, distance=0.3, ahead=np.full(2, 0.15))
@@ -21,7 +28,7 @@ poses = st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=2).map(np.array)
 
 def begun(q: Vector, thresholded: Vector) -> Release:
     release = Release(BOUNDS, LIMITS)
-    release.begin(q, thresholded)
+    release.begin(q, thresholded, 2.0 * thresholded)
     return release
 
 
@@ -81,7 +88,7 @@ def test_each_joint_stops_when_it_feels_no_more_and_the_last_one_ends_it() -> No
     assert release.velocity(np.zeros(2))[1] == 0.0
     assert not release.end
     release.step(np.zeros(2), FOLLOWS, np.zeros(2), DT, sure=True)
-    assert (release.end, release.let_go, release.bounded) == ("let go", True, False)
+    assert release.end is Ending.LET_GO
 
 
 @pytest.mark.parametrize(
@@ -93,9 +100,7 @@ def test_a_push_from_elsewhere_ends_it(felt: Vector) -> None:
     release.step(np.zeros(2), FOLLOWS, PRESSED, DT, sure=True)
     took = ends(release, np.zeros(2), felt)
     assert took <= DEBOUNCE_TICKS
-    assert release.end == "pressed from elsewhere while it let go"
-    assert not release.let_go
-    assert not release.bounded
+    assert release.end is Ending.ELSEWHERE
 
 
 def test_a_single_tick_from_elsewhere_does_not() -> None:
@@ -106,23 +111,80 @@ def test_a_single_tick_from_elsewhere_does_not() -> None:
     assert not release.end
 
 
-def test_it_ends_when_the_sensing_fails() -> None:
-    assert ends(begun(np.zeros(2), PRESSED), np.zeros(2), PRESSED, sure=False) == DEBOUNCE_TICKS
+def test_while_the_sensing_is_not_sure_it_stands_and_then_goes_on() -> None:
+    """Whatever it seems to feel meanwhile, and for as long as it may take."""
+    release = begun(np.zeros(2), PRESSED)
+    for felt in (np.zeros(2), -PRESSED, np.full(2, 5.0)):
+        for _ in range(DEBOUNCE_TICKS + 1):
+            release.step(np.zeros(2), FOLLOWS, felt, DT, sure=False)
+            assert not release.velocity(np.zeros(2)).any()
+    assert release.end is None
+    took_s = DT * ends(release, np.zeros(2), PRESSED)
+    assert took_s == pytest.approx(BOUNDS.distance / BOUNDS.velocity + SLACK_S, abs=2 * DT)
+
+
+def test_it_ends_when_the_sensing_is_not_sure_for_long() -> None:
+    release = begun(np.zeros(2), PRESSED)
+    took_s = DT * ends(release, np.zeros(2), PRESSED, sure=False)
+    assert took_s == pytest.approx(PAUSE_S, abs=2 * DT)
+    assert release.end is Ending.UNSURE
+
+
+def test_a_sure_tick_now_and_then_does_not_let_it_wait_for_ever() -> None:
+    release = begun(np.zeros(2), PRESSED)
+    for tick in range(1000):
+        release.step(np.zeros(2), FOLLOWS, PRESSED, DT, sure=tick % 3 == 0)
+        if release.end:
+            break
+    assert release.end is Ending.UNSURE
+    assert tick * DT == pytest.approx(3.0 * PAUSE_S, abs=5 * DT)
+
+
+def test_begun_again_by_the_same_push_it_has_what_is_left_of_its_distance() -> None:
+    release, further = begun(np.zeros(2), PRESSED), np.array([0.25, 0.0])
+    for push, forgotten, room in ((1, False, 0.05), (-1, False, 0.3), (-1, True, 0.3)):
+        if forgotten:
+            release.forget()
+        release.begin(further, push * PRESSED, PRESSED)
+        reached = further + push * np.array([room - 0.005, 0.0])
+        assert ends(release, reached, push * PRESSED) == 1
+        assert release.end is Ending.BOUND
+        release.begin(further, push * PRESSED, PRESSED)
+        release.step(
+            further + push * np.array([room - 0.03, 0]), FOLLOWS, push * PRESSED, DT, sure=True
+        )
+        assert release.end is None
+
+
+@pytest.mark.parametrize(
+    ("felt", "q", "words"),
+    [
+        ([0.0, 0.0], [0.1, 0.0], "let go of a (it felt +4.0 Nm)"),
+        ([2.0, 0.0], [0.295, 0.0], "a still feels +4.0 Nm after giving way by 0.29 rad"),
+        ([2.0, 0.0], [0.1, 0.0], "a still feels +4.0 Nm after giving way by 0.10 rad for 2.2 s"),
+        ([0.0, -0.1], [0.1, 0.0], "pressed from elsewhere while it let go: b feels -0.2 Nm"),
+    ],
+)
+def test_its_end_names_the_joint_and_the_torque(
+    felt: list[float], q: list[float], words: str
+) -> None:
+    release, there, torque = begun(np.zeros(2), PRESSED), np.array(q), np.array(felt)
+    ends(release, there, torque)
+    assert release.in_words(("a", "b"), there, torque, 2.0 * torque) == words
 
 
 def test_it_ends_when_it_takes_too_long() -> None:
     release = begun(np.zeros(2), PRESSED)
     took_s = DT * ends(release, np.zeros(2), PRESSED)
     assert took_s == pytest.approx(BOUNDS.distance / BOUNDS.velocity + SLACK_S, abs=2 * DT)
-    assert release.bounded
-    assert not release.let_go
+    assert release.end is Ending.TIME
 
 
 @pytest.mark.parametrize("q", [np.array([0.995, 0.0]), np.array([0.295, 0.0])])
 def test_it_ends_at_a_limit_and_after_its_distance(q: Vector) -> None:
     release = begun(np.zeros(2), PRESSED)
     assert ends(release, q, PRESSED) == 1
-    assert release.bounded
+    assert release.end is Ending.BOUND
 
 
 @pytest.mark.parametrize(

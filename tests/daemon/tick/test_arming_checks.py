@@ -14,7 +14,7 @@ from daemon.modes.table import Mode
 from daemon.protocol.messages import Check, Request
 from daemon.protocol.socket_path import Peer
 from daemon.service.permission import Permission
-from daemon.tick.arming_checks import NAMES, ArmingResult
+from daemon.tick.arming_checks import NAMES, SAMPLED, ArmingResult
 from daemon.tick.record import Wakeup
 from drivers.cia402 import DriveState
 from drivers.events import Emergency, Rebooted
@@ -182,6 +182,27 @@ def test_an_emergency_after_one_that_was_taken_back_counts(calm: Rig) -> None:
     assert failed(calm) == []
 
 
+def test_a_reset_forgets_emergencies_of_drives_that_are_not_in_fault(calm: Rig) -> None:
+    arming = calm.tick.arming_checks
+    watched(calm, Emergency(1, 0x4210, 8))
+    assert failed(calm) == ["emergencies"]
+    arming.forget()
+    assert failed(calm) == []
+    faulted = replace(calm.samples, states=(DriveState.FAULT,), events=(Emergency(1, 0x2310, 1),))
+    arming.watch(faulted, (), calm.time_s)
+    arming.forget()
+    assert failing(run(calm)) == ["emergencies"]
+    calm.step()  # it leaves its fault
+    assert failed(calm) == []
+
+
+def test_no_check_passes_on_samples_of_an_earlier_tick(calm: Rig) -> None:
+    old = replace(calm.samples, fresh=np.zeros(1, dtype=np.bool_))
+    found = run(calm, samples=old)
+    assert set(failing(found)) == SAMPLED
+    assert found.reasons == ("not known, without samples of joint in this tick",)
+
+
 def test_a_drive_that_misses_our_heartbeat_fails_heartbeats(calm: Rig) -> None:
     watched(calm, Emergency(1, 0x8130, 16))
     assert failed(calm) == ["heartbeats"]
@@ -205,23 +226,22 @@ def test_a_restarted_drive_must_be_set_up_again_and_then_may_be_armed(rig: Rig) 
     rig.run(0.3)  # long after the tick in which that was news
     assert "set-up" in failed(rig)
     text = checks(rig)["set-up"].text
-    assert text.startswith("restarted, and without their set-up: joint")
-    assert "contactctl reset" in text
+    assert text == "not set up: joint (`contactctl reset`)"
     assert text in rig.permit("the test")
     rig.tick.drives.start(rig.time_s)  # as after setting it up again
     rig.step()
-    assert "set-up" not in failed(rig)
+    assert "not set up" not in checks(rig)["set-up"].text
 
 
 def test_a_missing_heartbeat(calm: Rig) -> None:
     drives = calm.tick.drives
     assert drives.silent() == ()
     for flag, unheard in (("lost", True), ("operational", False)):
-        setattr(drives._drives[0].watch, flag, unheard)
+        setattr(drives._nodes._nodes[0].beat, flag, unheard)
         found = calm.tick.check_arming(calm.time_s)
         assert failing(found) == ["heartbeats"]
         assert found.reasons == ("not heard from joint",)
-        setattr(drives._drives[0].watch, flag, not unheard)
+        setattr(drives._nodes._nodes[0].beat, flag, not unheard)
 
 
 @pytest.mark.parametrize(
@@ -259,7 +279,7 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
         "drive fault: joint",
         "too many late ticks (40 ms late)",
         "not heard from joint",
-        "restarted, and without their set-up: joint (`contactctl reset`)",
+        "not set up: joint (`contactctl reset`)",
         "the estimator is not ready: late, starting",
         f"{over}: is somebody touching it?",
         "the last tick is 40 ms old: ask again",

@@ -140,7 +140,9 @@ def test_enable_is_refused_while_something_asks_for_a_quick_stop(
     off = ideal_arm()
     off.step()
     findings, on = (Finding(condition, "x"),), (False, False)
-    observed = ControlInput(off.q, np.zeros(2), np.zeros(2), "", "", on, (-1, -1), findings)
+    observed = ControlInput(
+        off.q, np.zeros(2), np.zeros(2), np.zeros(2), "", "", on, (-1, -1), findings
+    )
     off.controller.machine.mode = Mode.FAULTED  # which the finding would lead to
     off.controller.step(off.time_s, T, observed)
     off.controller.machine.mode = Mode.OFF
