@@ -219,7 +219,9 @@ class StopWatch:
             self._left_s, self._left_speed = now, abs(seen.velocity)
         still = self._is_still(now, seen)
         self._still = self._still + 1 if still else 0
-        self._moving = 0 if still or self._stops(now, seen) else self._moving + 1
+        # Without power it moves as the load or a hand will.
+        calm = still or seen.state in UNPOWERED or self._stops(now, seen)
+        self._moving = 0 if calm else self._moving + 1
         if self._still >= STILL_READINGS:
             self.proved, self._wrong = True, 0.0
         elif self.runs_on:

@@ -38,8 +38,9 @@ EVENT_OF_COMMAND: dict[
 }
 # What the daemon still does for anybody once it is on its way out: nothing that moves or energises.
 AT_THE_END = frozenset({"status", "subscribe", "disarm", "stop", "disable"})
-# What may tell the drives to stop: the answer says which are not seen to stand.
-STOPPING = frozenset({"disarm", "stop", "disable"})
+# What may tell the drives to stop, or must wait until they stand: the answer says which are not
+# seen to.
+SEEN_TO_STAND = frozenset({"disarm", "stop", "disable", "reset"})
 # Share of the period after which no more requests are begun in a tick.
 DOORS_SHARE = 0.1
 
@@ -167,7 +168,7 @@ class Service:
             reasons=list(reasons),
             mode=machine.mode,
             armed=machine.armed,
-            unproved=list(self.loop.tick.unproved()) if request.command in STOPPING else [],
+            unproved=list(self.loop.tick.unproved()) if request.command in SEEN_TO_STAND else [],
         )
 
     def _arm(self, request: Request, peer: Peer) -> Reply:
