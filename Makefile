@@ -43,7 +43,7 @@ $(STAMP): requirements.lock requirements-dev.lock pyproject.toml
 demo: $(STAMP)  ## the paper's third experiment on a simulated arm, about 30 s
 	@$(BIN)/contactd demo
 
-test: $(STAMP)  ## all tests, under 3 minutes
+test: $(STAMP)  ## all tests, some four minutes
 	$(BIN)/python -m pytest -q -n auto --dist loadfile
 
 # New examples for every property in tests/: a failure prints the example and how to repeat it.
