@@ -1,7 +1,7 @@
 """The arm from above: every tick SYNC out, samples in, setpoints out; one thread owns the bus.
 
-No lock, no thread, no SDO, no log line. Time is an argument; the `clock` only tells `collect` how
-much of its deadline is left. What happens beside the samples comes back as events; nothing that
+No lock, no thread, no SDO that is waited for, no log line. Time is an argument; the `clock` only
+tells how much of a deadline is left, and whether reading took long. What happens beside the samples comes back as events; nothing that
 arrives, and no failure of the bus, is an exception.
 """
 

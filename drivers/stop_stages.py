@@ -1,13 +1,13 @@
 """Stop of one drive in stages: each has a deadline, and only what is seen ends it. Pure.
 
-A drive that was told to stop stands when a fresh reading says so: a statusword that has left
-operation, and a velocity that fell along the quick stop's ramp. Until then it counts as running.
-The stages get stronger, and none takes for granted what the one before needs:
+A drive that was told to stop stands when fresh readings say so: a statusword that has left
+operation, and a velocity or a position that shows no motion. Until then it counts as running. The
+stages get stronger, and none takes for granted what the one before needs:
 
     SETPOINT  quick stop in its RPDO, which acts at a SYNC
     SDO       quick stop written to 0x6040, which acts at once, also in pre-operational
     NMT       NMT stop, a loss of the connection at which a drive stops by itself (0x6007)
-    SILENCE   nothing more from us at all, so that the drive's own watch acts (0x1016)
+    SILENCE   no heartbeat, SYNC or setpoint any more, so that the drive's own watch acts (0x1016)
 
 Time is an argument.
 """

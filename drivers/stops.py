@@ -32,7 +32,7 @@ class Stops:
         patience_s = least_patience_s(drives)
         ticks = stage_ticks(patience_s, period_s)
         self.silent = False
-        """The last stage is reached: nothing but questions goes out any more."""
+        """The last stage is reached: only SDO goes out, to drives that are not seen to stand."""
         self._nodes = tuple(drive.node for drive in drives)
         self._expedited = [ExpeditedStop(drive) for drive in drives]
         self._by_node = dict(zip(self._nodes, self._expedited, strict=True))
