@@ -1,8 +1,8 @@
 """The arm from above: every tick SYNC out, samples in, setpoints out; one thread owns the bus.
 
 No lock, no thread, no SDO that is waited for, no log line. Time is an argument; the `clock` only
-tells how much of a deadline is left, and whether reading took long. What happens beside the samples comes back as events; nothing that
-arrives, and no failure of the bus, is an exception.
+tells how much of a deadline is left, and whether reading took long. What happens beside the samples
+comes back as events; nothing that arrives, and no failure of the bus, is an exception.
 """
 
 from collections.abc import Callable, Iterable, Sequence
