@@ -8,6 +8,7 @@ of error codes.
 import errno
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final
 
 #: Kinds of emergency codes (CiA 301): of communication, after which some drives take a reset only
@@ -55,16 +56,24 @@ class NotOperational:
         return f"no longer operational (NMT state {self.nmt_state})"
 
 
+class RunningOn(StrEnum):
+    """How a drive that is told to stop does not, and what is done about it."""
+
+    UNHEARD = "NMT stop sent"
+    MOVES = "it says that it stops, and moves on"
+    BEYOND = "it says that it stops, and moves on beyond its travel: power cut"
+
+
 @dataclass(frozen=True, slots=True)
 class NotSeenToStop:
-    """Drives are told to stop, by setpoint and by SDO, and nothing says that they do: they get an
-    NMT stop; or they say so, and move as if they did not."""
+    """Drives are told to stop, by setpoint and by SDO, and nothing says that they do; or they say
+    so, and move as if they did not."""
 
     nodes: tuple[int, ...]
-    says_so: bool = False
+    how: RunningOn = RunningOn.UNHEARD
 
     def __str__(self) -> str:
-        return "it says that it stops, and moves on" if self.says_so else "NMT stop sent"
+        return self.how.value
 
 
 @dataclass(frozen=True, slots=True)

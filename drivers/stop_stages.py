@@ -133,7 +133,8 @@ class StopWatch:
 
     Stronger stages are for a drive that is in operation, or unheard. One that says it stops gets
     none for being moved: NMT stop and silence ask of it what it does already, and would cost the
-    others their master. It counts as standing only when it is seen to.
+    others their master. Once it runs on beyond its travel its power is to be `cut`, as where a
+    monitored ramp is not kept (SS1-r of IEC 61800-5-2). It stands only when it is seen to.
     """
 
     def __init__(self, bounds: StopBounds) -> None:
@@ -141,6 +142,8 @@ class StopWatch:
         self.stage = Stage.NONE
         self.proved = False
         """It was seen to stand, and nothing against it since."""
+        self.cut = False
+        """Its quick stop does not stop it within its travel: it is to be without power."""
         self._wrong = 0.0  # ticks without what was asked, less those with
         self._now_s = 0.0
         self._from = math.nan  # position at which it was told [rad]
@@ -151,6 +154,7 @@ class StopWatch:
         self._left_speed = 0.0
         self._still = 0  # readings in a row that say so
         self._moving = 0  # readings in a row that say otherwise
+        self._beyond = 0  # those of them that were taken beyond its travel
         self._here, self._here_s = math.nan, 0.0  # where it has not moved from [rad], since when
 
     @property
@@ -166,17 +170,17 @@ class StopWatch:
     def begin(self, now: float, stage: Stage, speed: float, position: float) -> None:
         """It is told to stop, in this stage, at `position` [rad] with `speed` [rad/s], the last
         that are known. What was proved before is void."""
-        self.stage, self.proved = stage, False
+        self.stage, self.proved, self.cut = stage, False, False
         self._wrong, self._now_s = 0.0, now
         self._from, self._gone = position, 0.0
         self._speed = 0.0 if math.isnan(speed) else abs(speed)
         self._left_s, self._obeyed_s = math.nan, -math.inf
-        self._still = self._moving = 0
+        self._still = self._moving = self._beyond = 0
         self._here = math.nan
 
     def allow(self) -> None:
         """It may run."""
-        self.stage, self.proved = Stage.NONE, False
+        self.stage, self.proved, self.cut = Stage.NONE, False, False
 
     def step(self, now: float, target: PowerTarget, seen: Seen | None) -> Stage | None:
         """Judge what was seen since the last tick (None: nothing fresh), after `begin`. Returns the
@@ -192,6 +196,7 @@ class StopWatch:
             # However late a tick is, it is one chance that the drive was not given.
             self._wrong += min(dt / self._bounds.period_s, 2.0)
         self._follow(seen, dt)
+        self.cut = self.cut or self._goes_further(seen)
         if self._wrong < self._patience_ticks(target) - ROUNDING and not self._runs_out():
             return None
         self.stage, self._wrong = Stage(self.stage + 1), 0.0
@@ -261,6 +266,13 @@ class StopWatch:
             self._gone += self._speed * dt
         else:
             self._gone = abs(position - self._from)
+
+    def _goes_further(self, seen: Seen | None) -> bool:
+        """True if it runs on beyond its travel, for as many readings as a stage has ticks."""
+        if seen is not None:
+            beyond = self.runs_on and self._gone > self._bounds.travel
+            self._beyond = self._beyond + 1 if beyond else 0
+        return self._beyond >= self._bounds.ticks
 
     def _runs_out(self) -> bool:
         """True if the stages after this one could only just stop it within its travel."""

@@ -11,7 +11,7 @@ from drivers.answers import Samples
 from drivers.can.wire import Frame
 from drivers.cia402 import PowerTarget
 from drivers.drive import Drive
-from drivers.events import BusEvent, NotSeenToStop, Unproved
+from drivers.events import BusEvent, NotSeenToStop, RunningOn, Unproved
 from drivers.expedited_stop import ExpeditedStop
 from drivers.ids import ENTER_PRE_OPERATIONAL, NMT, STOP_NODE
 from drivers.stop_stages import (
@@ -89,7 +89,7 @@ class Stops:
     ) -> tuple[list[Frame], Sequence[BusEvent]]:
         """Judge every drive that is told to stop; `reached`: whether setpoints are sent to it."""
         frames = self._wake()
-        doubted, lost, running = [], [], []
+        doubted, lost, running, beyond = [], [], [], []
         for i, (watch, target) in enumerate(zip(self._watches, targets, strict=True)):
             if target is PowerTarget.ON:
                 watch.allow()
@@ -102,10 +102,14 @@ class Stops:
                 self._expedited[i].begin()
             if self.silent:
                 watch.stage = Stage.SILENCE  # whatever it was in: nobody is told anything else
-            ran_on = watch.runs_on
+            ran_on, cut = watch.runs_on, watch.cut
             begun = watch.step(now, target, seen)
             if watch.runs_on and not ran_on:
                 running.append(self._nodes[i])
+            if watch.cut and not cut:
+                beyond.append(self._nodes[i])
+                watch.stage = max(watch.stage, Stage.SDO)
+                self._expedited[i].begin()
             match begun:
                 case Stage.SDO:
                     self._expedited[i].begin()
@@ -125,7 +129,8 @@ class Stops:
             event
             for event in (
                 NotSeenToStop(tuple(doubted)),
-                NotSeenToStop(tuple(running), says_so=True),
+                NotSeenToStop(tuple(running), RunningOn.MOVES),
+                NotSeenToStop(tuple(beyond), RunningOn.BEYOND),
                 Unproved(tuple(lost)),
             )
             if event.nodes
@@ -157,7 +162,7 @@ class Stops:
     def _requests(self, targets: Sequence[PowerTarget]) -> list[Frame]:
         """Next SDO of every drive that is to be told, or seen, without a SYNC."""
         requests = [
-            self._expedited[i].request(targets[i])
+            self._expedited[i].request(PowerTarget.OFF if watch.cut else targets[i])
             for i, watch in enumerate(self._watches)
             if watch.unproved and watch.stage is not Stage.SETPOINT and i not in self._asleep
         ]

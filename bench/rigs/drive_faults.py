@@ -107,6 +107,16 @@ def runaway(on: BreakableArm) -> Iterator[None]:
     yield from for_ever()
 
 
+def quick_stop_not_kept(on: BreakableArm) -> Iterator[None]:
+    """A drive that says that it is in quick stop, and runs on; without power it cannot."""
+    servo, axis = on.rig.arm.servo, on.simulated.axis
+    yield from emergency(OVER_TEMPERATURE)(on)
+    while servo.energised(on.joint) or axis.state.name == "QUICK_STOP_ACTIVE":
+        servo.ramp(on.joint, 0.6, 60.0)
+        yield
+    yield from for_ever()
+
+
 @contextmanager
 def _deaf(on: BreakableArm, *to: str) -> Iterator[None]:
     """The drive no longer hears these."""

@@ -10,7 +10,7 @@ from bench.soak.stop_rules import StopRules
 from daemon.assembly import build_transmission
 from daemon.config.motion import limits_of
 from daemon.config.schema import Configuration
-from daemon.modes.table import GUIDED, SENSING, TRANSITIONS, Mode
+from daemon.modes.table import GUIDED, SENSING, TRANSITIONS, YIELDING, Mode
 from daemon.motion.release import SLACK_S
 from daemon.protocol.messages import State
 
@@ -217,7 +217,7 @@ class Watch:
         measured: NDArray[np.float64],
     ) -> None:
         """Acceleration: only the braking distance to a limit may ask for more, to brake; and a
-        setpoint that a blocked motor did not reach is given up when the arm lets go."""
+        setpoint that a blocked motor did not reach is given up when the arm begins to yield."""
         if Mode(before.mode) not in SENSING or Mode(state.mode) not in SENSING:
             return
         limits = self._limits
@@ -228,7 +228,7 @@ class Watch:
         down, up = self._room(state, measured)
         room = np.where(self._setpoint > 0.0, up, down)
         forced = brakes & (np.abs(setpoint) >= limits.funnel(room) - 1e-6)
-        begins = state.mode == Mode.RELEASING != before.mode
+        begins = state.mode in YIELDING and state.mode != before.mode
         most = np.maximum(np.abs(self._setpoint), limits.acceleration * dt + 1e-9)
         given_up = begins & (np.abs(setpoint) <= most)
         at_age = ~np.array(state.fresh)  # where the arm is taken to be is not published then

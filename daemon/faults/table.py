@@ -165,7 +165,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "statusword says that it has left operation (to be without power it may take 1 s, for its "
         "brake); or it says so, and moves on as if it did not",
         "it gets an NMT stop, at which a drive stops by itself (0x6007), and is then asked by SDO; "
-        "one that says that it stops can only be looked at",
+        "one that says that it stops, and moves on beyond its travel, loses its power",
         "keep away from the arm, and press the emergency stop if it moves; check supply and CAN "
         "cable of the drive, close other tools on the bus, then `contactctl reset`",
         source=events.NotSeenToStop,

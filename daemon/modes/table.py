@@ -169,6 +169,8 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
 
 # Modes that a contact leads to; a trajectory that it interrupted goes on after these.
 GUIDED = frozenset({_M.ADMITTANCE, _M.RETRACTING, _M.RETURNING})
+# Modes in which the arm moves the way it is pushed.
+YIELDING = frozenset({_M.ADMITTANCE, _M.RETRACTING, _M.RELEASING})
 # Modes in which contacts are detected: in others the motor currents say nothing of contact.
 SENSING = frozenset({_M.HOLDING, _M.TRACKING, _M.STOPPING, _M.RELEASING, *GUIDED})
 ARMABLE = frozenset({_M.HOLDING, _M.TRACKING})

@@ -73,16 +73,17 @@ class Motion:
         share = self._manner.retract_distance / furthest if furthest > 0.0 else 0.0
         self._go(q, q + share * pushed, self._manner.retract_velocity)
 
-    def release(
-        self, q: Vector, thresholded: Vector, residual: Vector, motor_velocity: Vector
-    ) -> None:
-        """Let go of what presses, from q [rad], the way the thresholded residual [Nm] points.
-
-        A setpoint that a blocked motor does not reach only presses: it is taken back at once to
-        `motor_velocity` [rad/s], from which the ramp begins.
-        """
+    def release(self, q: Vector, thresholded: Vector, residual: Vector) -> None:
+        """Let go of what presses, from q [rad], the way the thresholded residual [Nm] points."""
         self.hold(q)
         self.giving_way.begin(q, thresholded, residual)
+
+    def yield_to(self, thresholded: Vector, motor_velocity: Vector) -> None:
+        """Take back what goes against the thresholded residual [Nm], where the arm begins to yield.
+
+        A setpoint that a blocked motor does not reach only presses, and its drive seems not to
+        follow: it sinks at once to `motor_velocity` [rad/s], from which the ramp begins.
+        """
         reached = np.minimum(
             np.maximum(motor_velocity, -np.abs(self.velocity)), np.abs(self.velocity)
         )

@@ -15,7 +15,17 @@ from daemon.faults.plausibility import STANDSTILL_SPEED
 from daemon.faults.table import Condition, Response
 from daemon.modes.contact_reactions import ATTENTIVE, AfterQuiet, Reactions
 from daemon.modes.quiet_timer import QuietTimer
-from daemon.modes.table import ARMABLE, GUIDED, SENSING, Change, Event, Mode, ModeMachine, refusal
+from daemon.modes.table import (
+    ARMABLE,
+    GUIDED,
+    SENSING,
+    YIELDING,
+    Change,
+    Event,
+    Mode,
+    ModeMachine,
+    refusal,
+)
 from daemon.motion.admittance import MAX_GAIN, Allowance, AllowanceSettings
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
@@ -83,6 +93,7 @@ class Controller:
         self._reset_until_s = -1.0
         self._observed: ControlInput | None = None
         self._released = False  # as far as it may be, from a contact that still lasts
+        self._unfinished = False  # a release of it, which only ended for a doubt
         self._let_go = False  # of a contact, and now it stops
         self._finding: Finding | None = None  # the last one that changed the mode
 
@@ -100,7 +111,8 @@ class Controller:
         stands = self.machine.mode in (Mode.HOLDING, Mode.STOPPING)
         if observed is None or not stands or self.motion.blind:
             return ""
-        return observed.hit or (observed.touched if self._released else "")
+        left = self._released or self._unfinished
+        return observed.hit or (observed.touched if left else "")
 
     @property
     def faulted(self) -> bool:
@@ -222,13 +234,15 @@ class Controller:
         retracting = mode is Mode.RETRACTING and self.motion.under_way
         backed_away = mode is Mode.RETRACTING and not retracting
         attentive = mode in ATTENTIVE or backed_away
-        if attentive and not observed.touched:
-            self._released = False
+        if attentive and not observed.touched and observed.sure:
+            self._released = self._unfinished = False
             self.motion.giving_way.forget()
         counts = observed.struck or (attentive and not self.motion.blind)
-        if observed.hit and counts and (event := self._able(reactions.to_collision(armed))):
+        # What was not let go of for a doubt still is a collision, down to the contact level.
+        hit = observed.hit or (observed.touched if self._unfinished else "")
+        if hit and counts and (event := self._able(reactions.to_collision(armed))):
             if not (retracting and event in (Event.RETRACT, Event.RELEASE)):
-                self._apply(event, observed.hit, time_s)
+                self._apply(event, hit, time_s)
         elif observed.touched and attentive and (event := self._able(reactions.to_contact(armed))):
             self._apply(event, observed.touched, time_s)
 
@@ -328,20 +342,18 @@ class Controller:
 
     def _set_up(self, before: Mode, event: Event, observed: ControlInput, time_s: float) -> None:
         motion, allowance, mode = self.motion, self._allowance, self.machine.mode
-        if mode in GUIDED:
+        if mode in YIELDING:
             allowance.take(motion.reference)
+            motion.yield_to(observed.thresholded, observed.motor_velocity)
+        if mode in GUIDED:
             if self._tuning.after_quiet is AfterQuiet.HOLD and self.machine.moving:
                 self.machine.moving, self.machine.paused = False, True
             self.quiet.restart(time_s)
-        elif mode is Mode.RELEASING:
-            allowance.take(motion.reference)
         home = motion.reference if allowance.home is None else allowance.home
         if mode is Mode.RETRACTING:
             motion.retract(observed.q, observed.thresholded)
         elif mode is Mode.RELEASING:
-            motion.release(
-                observed.q, observed.thresholded, observed.residual, observed.motor_velocity
-            )
+            motion.release(observed.q, observed.thresholded, observed.residual)
         elif mode is Mode.RETURNING:
             motion.go_back(observed.q, home)
         elif mode is Mode.TRACKING:
@@ -354,7 +366,8 @@ class Controller:
             motion.hold(motion.reference if event is Event.END else observed.q)
         if before is Mode.RELEASING:
             unsure = event is Event.HALT and motion.giving_way.end is Ending.UNSURE
-            self._released = not (unsure or event is Event.DOUBT)
+            self._unfinished = unsure or event is Event.DOUBT
+            self._released = not self._unfinished
         let_go = event is Event.HALT and motion.giving_way.end is Ending.LET_GO
         self._let_go = before is Mode.RELEASING and let_go
         if mode not in GUIDED and mode not in (Mode.RELEASING, Mode.STOPPING):

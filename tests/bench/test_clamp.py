@@ -38,6 +38,23 @@ COLUMN_CASE = replace(ELBOW_CASE, arm="desk arm", joint="column")
 
 
 @pytest.mark.parametrize(
+    ("case", "peak"),
+    [
+        (replace(SHOULDER_CASE, stiffness=600.0, speed=0.9), 13.0),
+        (replace(COLUMN_CASE, stiffness=600.0, speed=0.9), 7.0),
+    ],
+    ids=str,
+)
+def test_armed_it_gives_up_its_setpoint_where_it_begins_to_yield(case: Case, peak: float) -> None:
+    """A setpoint that only sinks at the acceleration limit presses up to 19.6 and 9.2 Nm, and then
+    its drive does not seem to follow."""
+    found = measure(replace(case, armed=True))
+    assert found.modes[:2] == (Mode.TRACKING, Mode.ADMITTANCE)
+    assert Mode.FAULTED not in found.modes
+    assert found.peak < peak
+
+
+@pytest.mark.parametrize(
     "case",
     [
         ELBOW_CASE,
@@ -141,6 +158,35 @@ def test_samples_that_get_lost_leave_nobody_in_the_clamp(case: Case, lost: float
             assert rig.last.updated or rig.mode is not Mode.RELEASING or speed <= braked
             braked = max(speed - 1e-3, 0.0)  # what an unsure tick may ask for at most
         assert rig.mode is Mode.HOLDING
+        assert rig.last.cause.startswith(f"let go of {case.joint}")
+        level = rig.robot.configuration.joints[clamp.joint].thresholds.contact
+        assert clamps.felt(clamp) < level
+
+
+def test_what_it_did_not_let_go_of_for_a_doubt_it_lets_go_of_afterwards() -> None:
+    """Two ticks in a row without one drive, again and again: the estimator begins anew."""
+    wires: list[FaultyWire] = []
+
+    def between(wire: Wire) -> FaultyWire:
+        wires.append(FaultyWire(wire))
+        return wires[0]
+
+    case = replace(SHOULDER_CASE, stiffness=600.0)
+    with lockstep_rig(
+        configure=lambda c: configured(c, case.joint, case.speed, case.contact), between=between
+    ) as rig:
+        clamps = Clamps(rig)
+        clamp = meet(rig, clamps, case)
+        while rig.mode is not Mode.RELEASING:
+            rig.step()
+        rig.run(0.2)  # below its collision level by now
+        node = rig.robot.configuration.joint_drives[clamp.joint].node
+        causes = []
+        for tick in range(300):
+            wires[0].lost = {0x180 + node} if tick < 120 and tick % 20 < 2 else set()
+            rig.step()
+            causes += [rig.last.cause] if rig.last.cause not in causes else []
+        assert any("not sure" in cause for cause in causes), causes
         assert rig.last.cause.startswith(f"let go of {case.joint}")
         level = rig.robot.configuration.joints[clamp.joint].thresholds.contact
         assert clamps.felt(clamp) < level

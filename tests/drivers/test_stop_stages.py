@@ -145,15 +145,35 @@ def course(velocity_at, current: float = 0.0, ticks: int = 100) -> tuple[StopWat
 def test_a_drive_that_says_so_and_runs_on_is_told_of(velocity_at, current, runs_on) -> None:
     watch, begun = course(velocity_at, current, ticks=60)
     assert watch.runs_on is runs_on
+    assert watch.cut is runs_on, "0.59 rad, of 0.24"
     assert begun == [], (
         "a stronger stage asks nothing else of it, and costs the others their master"
     )
+
+
+def test_a_drive_that_says_so_keeps_its_power_within_its_travel() -> None:
+    within = round(BOUNDS.travel / T)  # ticks, at 1 rad/s; the first tells it
+    for ticks, cut in ((within + BOUNDS.ticks - 1, False), (within + BOUNDS.ticks + 1, True)):
+        watch, begun = course(lambda t: 1.0, ticks=ticks)
+        assert (watch.runs_on, watch.cut, begun) == (True, cut, []), ticks
+
+
+def test_without_power_it_is_proved_like_any_other_and_free_when_it_may_run() -> None:
+    watch, _ = course(lambda t: 1.0)
+    assert watch.cut
+    for k in range(100, 110):
+        assert watch.step(k * T, STOP, Seen(DriveState.SWITCH_ON_DISABLED, 0.0, 0.0, 1.0)) is None
+    assert watch.proved
+    assert watch.cut, "until it may run"
+    watch.allow()
+    assert not watch.cut
 
 
 @pytest.mark.parametrize("hertz", [1.5, 2.0, 3.0, 5.0])
 def test_a_hand_that_works_at_a_joint_that_stops_leads_to_nothing(hertz: float) -> None:
     watch, begun = course(lambda t: 0.9 * math.cos(2 * math.pi * hertz * t), ticks=300)
     assert begun == []
+    assert not watch.cut
     assert not watch.proved
 
 

@@ -11,7 +11,7 @@ import pytest
 from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.clients.recorder import _LogWriter, _Stamp
 from daemon.clients.replay import replay
-from daemon.modes.table import Event, Mode
+from daemon.modes.table import YIELDING, Event, Mode
 from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
 
 ELBOW = 2
@@ -134,8 +134,17 @@ def test_it_resumes_from_where_the_person_left_it(run: Run) -> None:
 def test_no_setpoint_jumps_beyond_the_acceleration(run: Run) -> None:
     setpoints = np.array([state.setpoint for state in run.states])
     jumps = np.abs(np.diff(setpoints, axis=0))
-    assert (jumps <= run.acceleration * T + 1e-12).all()
+    # Where it begins to yield, what a motor did not reach is given up.
+    yields = np.array(
+        [
+            after.mode in YIELDING and after.mode != before.mode
+            for before, after in pairwise(run.states)
+        ]
+    )
+    given_up = yields[:, None] & (np.abs(setpoints[1:]) <= np.abs(setpoints[:-1]))
+    assert ((jumps <= run.acceleration * T + 1e-12) | given_up).all()
     assert jumps.max() > 0.0
+    assert given_up.any(axis=1).sum() <= 2, "in one tick of each touch"
 
 
 def test_the_same_seed_gives_the_same_states_bit_by_bit(run: Run) -> None:
