@@ -93,15 +93,26 @@ class ContactDetector:
         in_force: Vector = self._levels[0] + self._above
         return in_force
 
-    def step(self, residual: Vector, side: NDArray[np.int8], time_s: float) -> tuple[Contact, ...]:
-        """Contacts that begin in this tick, at most one per joint and level."""
+    def step(
+        self,
+        residual: Vector,
+        side: NDArray[np.int8],
+        time_s: float,
+        absent: NDArray[np.bool_] | None = None,
+    ) -> tuple[Contact, ...]:
+        """Contacts that begin in this tick, at most one per joint and level. What counts of joints
+        that are `absent` (n,), without a new sample, is what counted before."""
         levels = self._levels + self._above
-        if not np.count_nonzero(np.abs(residual) > levels[0]):
+        if absent is None and not np.count_nonzero(np.abs(residual) > levels[0]):
             self.streak[:] = 0
             return ()
         past = (residual > levels).astype(np.int64) - (residual < -levels)
-        self.streak[:] = np.where(past * self.streak > 0, self.streak + past, past)
-        begins = np.abs(self.streak) == self._debounce
+        streak = np.where(past * self.streak > 0, self.streak + past, past)
+        begins = np.abs(streak) == self._debounce
+        if absent is not None:
+            streak = np.where(absent, self.streak, streak)
+            begins &= ~absent
+        self.streak[:] = streak
         if not begins.any():
             return ()
         return tuple(
@@ -132,10 +143,10 @@ class ContactDetector:
         in_force: Vector = self._levels[1] + self._above
         return in_force
 
-    def reset(self) -> None:
-        """Forget the raise and all contacts."""
-        self.raised[:] = 0.0
-        self.streak[:] = 0
+    def reset(self, joints: NDArray[np.bool_] | slice = slice(None)) -> None:
+        """Forget the raise and all contacts, of these joints or of all."""
+        self.raised[joints] = 0.0
+        self.streak[:, joints] = 0
 
     def memory(self) -> dict[str, Any]:
         return memory.dump(self, self._MEMORY)

@@ -16,11 +16,15 @@ class Flag(IntFlag):
     INVALID = 1
     """A sample or dt was not a finite number: everything holds, the samples are not used."""
     LATE = 2
-    """More than one and a half periods since the last samples; the true interval was used."""
+    """More than one and a half periods since the last samples of a joint; the true interval was
+    used."""
     RESTARTED = 4
-    """More than one sample missing: residual and motor position start anew."""
+    """Too long without samples: residual and motor position of some joint start anew."""
     STARTING = 8
     """Not enough samples yet for a link velocity: the residual is zero."""
+    BRIDGED = 16
+    """Samples of some joint are missing: its residual is the last, and the others take its link to
+    go on as it did."""
 
 
 class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -53,3 +57,5 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     touched_link: str
     """joint whose link is touched; empty without a contact, and where it cannot be decided"""
     flags: Flag
+    sensing: NDArray[np.bool_]
+    """joints whose residual is made of samples that are at most `SENSED_PERIODS` old"""

@@ -2,6 +2,10 @@
 
 Samples are first brought to one common instant (`link_velocity`); everything after that, from the
 motor position to the residual, belongs to that instant, `Estimator.delay_s` before the samples.
+
+A joint whose sample is missing does not blind the others. They take its link to go on as it did,
+and its own interval lasts until its next sample comes, so that no impulse is lost: what the bridge
+was wrong by is in the next increment.
 """
 
 import math
@@ -10,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
 from errors import ModelError
@@ -35,6 +40,10 @@ _TRANSMITTED = {"tau_M": 1.0, "rotor": -1.0, "motor_friction": -1.0}
 _ADVANCE_ROW, _TORQUE_ROWS, _RESIDUAL_ROWS = 0, slice(1, 3), slice(3, None)
 _MEAN_TORQUES = slice(MOTION.index("rotor"), None)  # the same rows of MOTION, divided by dt
 _INPUTS = ("current", "link_position", "motor_velocity")
+#: A joint that was without a sample for longer senses nothing [periods]: its residual is old.
+SENSED_PERIODS = 2.5
+#: Over a longer gap nothing is bridged [periods]: Tustin's rule does not know what happened in it.
+BRIDGED_PERIODS = 5.5
 
 
 class Estimator:
@@ -43,7 +52,7 @@ class Estimator:
     Raises ModelError if the parts do not fit each other.
     """
 
-    _MEMORY = ("elapsed", "pending", "_started", "_shown")
+    _MEMORY = ("elapsed", "since", "_going", "_shown", "_aligned")
     _PARTS = ("alignment", "interval", "motor_position", "stiction", "residual", "detector")
 
     def __init__(
@@ -104,9 +113,11 @@ class Estimator:
         self._moved: Matrix = np.zeros((len(MOTION), n))
         self._friction = FrictionTerms(t)
         self._shown: Matrix = np.zeros((4, n))  # q, q_dot, tau_M, threshold
-        self._started = False
+        self._every: NDArray[np.bool_] = np.ones(n, dtype=np.bool_)
+        self._going = ~self._every  # joints whose interval has a beginning
         self.elapsed = 0.0
-        self.pending = 0.0
+        self.since = np.zeros(n)
+        """time since the sample of each joint that was used last [s]"""
         self._last = self._still(np.zeros(n), Flag.STARTING)
 
     @property
@@ -123,11 +134,13 @@ class Estimator:
         dt: float | None = None,
         *,
         time_s: float | None = None,
+        fresh: NDArray[np.bool_] | None = None,
     ) -> Estimate:
         """Take the samples of one tick, each of shape (n,) [A, rad, rad/s, rad at the link].
 
-        dt: true interval since the samples before [s], by default the period. time_s: only for the
-        contacts' time; by default the sum of all dt.
+        dt: true interval since the tick before [s], by default the period. time_s: only for the
+        contacts' time; by default the sum of all dt. fresh: joints (n,) of which there is a sample
+        in this tick, by default all; values of the others are not used.
 
         Samples that are not finite are not used; finite ones of which the arithmetic makes what is
         not finite start everything anew. Either way the last good values come back, flagged
@@ -142,21 +155,30 @@ class Estimator:
             if motor_position is not None:
                 self._check_shape("motor_position", motor_position)
             samples[2] = np.nan if motor_position is None else motor_position
+        came = self._every if fresh is None or fresh.all() else fresh
+        absent = None if came is self._every else ~came
+        if absent is not None:
+            samples[:, absent] = 0.0
         # One sum is enough: any value that is not finite makes the sum so.
         if not (math.isfinite(samples.ravel() @ self._ones) and 0.0 < dt < math.inf):
-            self.pending += dt if 0.0 < dt < math.inf else self.period_s
+            self._wait(dt if 0.0 < dt < math.inf else self.period_s)
             return self._invalid()
 
-        dt, self.pending = dt + self.pending, 0.0
-        self.elapsed += dt
-        flags = Flag.LATE if dt > 1.5 * self.period_s else Flag(0)
-        # One sample may be missing, and the tick after it late.
-        if dt > 2.5 * self.period_s:
+        self._wait(dt)
+        gaps = np.where(came, self.since, 0.0)
+        self.since[came] = 0.0
+        flags = Flag.LATE if gaps.max() > 1.5 * self.period_s else Flag(0)
+        if absent is not None:
+            flags |= Flag.BRIDGED
+        too_long = gaps > BRIDGED_PERIODS * self.period_s
+        if np.count_nonzero(too_long & (self.alignment.count > 0)):
             flags |= Flag.RESTARTED
-            self.restart()
-        self.alignment.push(samples, dt)
-        if self.alignment.ready:
-            made = self._advance(dt, flags, self.elapsed if time_s is None else time_s)
+            self.restart(too_long)
+        self.alignment.push(samples, gaps)
+        if np.count_nonzero(self.alignment.ready) and self.alignment.count.all():
+            made = self._advance(
+                dt, gaps, absent, flags, self.elapsed if time_s is None else time_s
+            )
             if not self._is_finite(made):
                 # The state would never become finite again.
                 self.restart()
@@ -164,8 +186,13 @@ class Estimator:
                 return self._invalid()
             self._last = made
         else:
-            self._last = self._still(link_position, flags | Flag.STARTING)
+            known = np.where(came, link_position, self._last.q)
+            self._last = self._still(known, flags | Flag.STARTING)
         return self._last
+
+    def _wait(self, dt: float) -> None:
+        self.elapsed += dt
+        self.since += dt
 
     def reset(self) -> None:
         """Forget external torque and contacts: r = 0. Positions and velocities are kept, so that
@@ -173,13 +200,17 @@ class Estimator:
         self.residual.reset()
         self.detector.reset()
 
-    def restart(self) -> None:
-        """Forget all samples, and with them where the rotors are in their gaps."""
-        self.reset()
-        self.alignment.restart()
-        self.interval.restart()
-        self.stiction.restart()
-        self._started = False
+    def restart(self, joints: NDArray[np.bool_] | None = None) -> None:
+        """Forget all samples of these joints (n,), by default of all, and with them where their
+        rotors are in their gaps."""
+        joints = self._every if joints is None else joints
+        self.residual.reset(joints)
+        self.detector.reset(joints)
+        self.alignment.restart(joints)
+        self.interval.restart(joints)
+        self.stiction.restart(joints)
+        self._aligned[:, joints] = 0.0
+        self._going &= ~joints
 
     def memory(self) -> dict[str, Any]:
         """The complete internal state, fit for JSON; `restore` continues bit-identically."""
@@ -193,7 +224,7 @@ class Estimator:
         memory.load(self, self._MEMORY, state["estimator"])
         for name in self._PARTS:
             getattr(self, name).restore(state[name])
-        self._last = self._estimate((), Flag(0))
+        self._last = self._estimate((), Flag(0), ~self._every)
 
     def _check_shape(self, name: str, values: Vector) -> None:
         """Raise ModelError for another shape: numpy would stretch one number over all joints."""
@@ -211,11 +242,32 @@ class Estimator:
         return math.isfinite(shown.sum() + self.residual.values.sum())
 
     def _invalid(self) -> Estimate:
-        return replace(self._last, contacts=(), flags=Flag.INVALID)
+        return replace(
+            self._last, contacts=(), flags=Flag.INVALID, sensing=np.zeros_like(self._every)
+        )
 
-    def _advance(self, dt: float, flags: Flag, time_s: float) -> Estimate:
+    def _advance(
+        self,
+        dt: float,
+        gaps: Vector,
+        absent: NDArray[np.bool_] | None,
+        flags: Flag,
+        time_s: float,
+    ) -> Estimate:
+        """Estimate dt [s] after the one before; gaps: since the last sample of each joint (n,) [s],
+        0 for those that are `absent`."""
         t, (q, q_dot, current, theta_dot, theta) = self.transmission, self._aligned
-        self.alignment.aligned(out=self._aligned)
+        # No link goes on for ever.
+        carried = np.where(self.since <= BRIDGED_PERIODS * self.period_s, dt, 0.0)
+        self.alignment.aligned(self._aligned, carried, absent)
+        going = self._going
+        began = going.all()
+        if not began:
+            flags |= Flag.STARTING
+            self._going = going | self.alignment.ready
+            gaps = gaps * going
+            for i in np.flatnonzero(~going).tolist():
+                self.motor_position.joints[i].start(float(q[i]))
         self.interval.begin()
         now = self.interval.now
         tau_M = now[ROW["tau_M"]]
@@ -225,36 +277,37 @@ class Estimator:
         now[ROW["theta_dot"]], now[ROW["theta"]] = theta_dot, theta
         self._friction.at(q_dot, theta_dot, out=now[FRICTIONS])
         rest = resting(theta_dot)
-        if self._started:
-            if self._measured:
-                turned = theta - self.interval.before[ROW["theta"]]
-            else:
-                turned = displacement(theta_dot, q_dot, q - self._shown[0], self._has_gap, dt)
-            self.stiction.step(turned)
+        if self._measured:
+            turned = (gaps > 0.0) * (theta - self.interval.before[ROW["theta"]])
+        else:
+            moved = going * (q - self._shown[0])
+            turned = displacement(theta_dot, q_dot, moved, self._has_gap, gaps)
+        self.stiction.step(turned)
         sign = smooth_sign(theta_dot, t.sign_width)
         np.multiply(self._held, self.stiction.z - sign, out=now[ROW["stiction"]])
-        if self._started:
-            self._balance(q, q_dot, theta_dot, tau_M, rest, dt)
-        else:
-            self.motor_position.start(q)
-            self._started = True
-            flags |= Flag.STARTING
+        if absent is not None or not began:
+            self.interval.start(~going)
+            self.interval.keep((gaps == 0.0) & going)
+        self._balance(q, q_dot, theta_dot, tau_M, rest, gaps)
         side = self.motor_position.side
-        hidden = self._threshold_raise.at(rest, self.stiction.unknown, side)
+        periods = gaps / self.period_s if Flag.LATE in flags else None
+        hidden = self._threshold_raise.at(rest, self.stiction.unknown, side, periods)
         threshold = self.detector.thresholds(hidden, theta_dot, dt)
-        contacts = self.detector.step(self.residual.values[0], side, time_s)
+        contacts = self.detector.step(self.residual.values[0], side, time_s, absent)
         self._show(q, q_dot, tau_M, threshold)
-        return self._estimate(contacts, flags)
+        sensing = going & (self.since <= SENSED_PERIODS * self.period_s)
+        return self._estimate(contacts, flags, sensing)
 
     def _balance(
-        self, q: Vector, q_dot: Vector, theta_dot: Vector, tau_M: Vector, rest: Vector, dt: float
+        self, q: Vector, q_dot: Vector, theta_dot: Vector, tau_M: Vector, rest: Vector, dt: Vector
     ) -> None:
-        """Motor position and residual over the interval that ends now."""
+        """Motor position and residual over the intervals dt (n,) [s] that end now; where dt is 0
+        none does."""
         impulses = self.interval.step(dt)
         moved = self._moved
         moved[0], moved[1], moved[2], moved[3], moved[4] = q, q_dot, theta_dot, rest, tau_M
         moved[5] = impulses[_ADVANCE_ROW]
-        np.divide(impulses[_TORQUE_ROWS], dt, out=moved[_MEAN_TORQUES])
+        np.divide(impulses[_TORQUE_ROWS], np.where(dt > 0.0, dt, 1.0), out=moved[_MEAN_TORQUES])
         engaged = self.motor_position.step(moved, dt)
         errors = impulses[_RESIDUAL_ROWS]
         if self._correcting:
@@ -270,13 +323,15 @@ class Estimator:
         self.motor_position.start(q)
         threshold = self.detector.thresholds(self._threshold_raise.most, zero, self.period_s)
         self._show(q, zero, zero, threshold)
-        return self._estimate((), flags)
+        return self._estimate((), flags, ~self._every)
 
     def _show(self, q: Vector, q_dot: Vector, tau_M: Vector, threshold: Vector) -> None:
         shown = self._shown
         shown[0], shown[1], shown[2], shown[3] = q, q_dot, tau_M, threshold
 
-    def _estimate(self, contacts: tuple[Contact, ...], flags: Flag) -> Estimate:
+    def _estimate(
+        self, contacts: tuple[Contact, ...], flags: Flag, sensing: NDArray[np.bool_]
+    ) -> Estimate:
         position = self.motor_position
         q, q_dot, tau_M, threshold = self._shown.copy()
         residuals = self.residual.values.copy()
@@ -299,6 +354,7 @@ class Estimator:
             if np.count_nonzero(thresholded)
             else "",
             flags=flags,
+            sensing=sensing,
         )
 
     def _touched_link(self, residual: Vector, threshold: Vector) -> str:

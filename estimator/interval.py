@@ -1,16 +1,20 @@
-"""Impulses over one interval, from the values at both of its ends, by one matrix product.
+"""Impulses over one interval of each joint, from the values at both of its ends.
 
 Momenta change by an increment; torques and velocities are integrated by Tustin's rule, the mean of
 both ends. Every sum of such impulses is linear in the stacked values of both ends, so all of them
-come out of one product, however many residuals run side by side.
+come out of two matrix products, however many residuals run side by side.
+
+A joint whose sample is missing keeps its ends, and its interval lasts until the next one comes:
+nothing of what happened meanwhile is lost, or counted twice.
 """
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from arrays import Matrix
+from arrays import Matrix, Vector
 from estimator import memory
 
 # Values at an instant, one row each, in this order. Kinds of friction: see `residual`.
@@ -38,7 +42,7 @@ class Interval:
     """Values at both ends and the impulses of `forms`, shape (len(forms), n), of the last step.
 
     Write the values of an instant to the rows of `now`, (len(TERMS), n), after `begin`; those of
-    the instant before are then in `before`.
+    the instant before are then in `before`. Where a joint has none, `keep` takes it out again.
     """
 
     _MEMORY = ("_ends",)
@@ -48,7 +52,8 @@ class Interval:
         self._ends: Matrix = np.zeros((2 * terms, n))
         self.now, self.before = self._ends[:terms], self._ends[terms:]
         self.impulses: Matrix = np.zeros((len(forms), n))
-        self._fixed, self._per_second, self._weights = np.zeros((3, len(forms), 2 * terms))
+        self._fixed, self._per_second = np.zeros((2, len(forms), 2 * terms))
+        self._increments: Matrix = np.zeros((len(forms), n))
         for form, fixed, per_second in zip(forms, self._fixed, self._per_second, strict=True):
             for name, weight in form.items():
                 if name in _INCREMENTS:
@@ -60,15 +65,25 @@ class Interval:
         """Make the values of now those of the interval's beginning."""
         self.before[:] = self.now
 
-    def step(self, dt: float) -> Matrix:
-        """Impulses over the last dt seconds; overwritten by the next step."""
-        np.multiply(self._per_second, dt, out=self._weights)
-        np.add(self._weights, self._fixed, out=self._weights)
-        return np.dot(self._weights, self._ends, out=self.impulses)
+    def keep(self, joints: NDArray[np.bool_]) -> None:
+        """Take back what was written of these joints (n,): their interval goes on."""
+        self.now[:, joints] = self.before[:, joints]
 
-    def restart(self) -> None:
-        """Forget both ends."""
-        self._ends[:] = 0.0
+    def start(self, joints: NDArray[np.bool_]) -> None:
+        """Begin anew with these joints (n,): nothing is known of the time before now."""
+        self.before[:, joints] = self.now[:, joints]
+
+    def step(self, dt: Vector) -> Matrix:
+        """Impulses over the last dt (n,) [s]; overwritten by the next step. Zero where dt is 0 and
+        both ends are the same."""
+        np.dot(self._per_second, self._ends, out=self.impulses)
+        np.multiply(self.impulses, dt, out=self.impulses)
+        np.dot(self._fixed, self._ends, out=self._increments)
+        return np.add(self.impulses, self._increments, out=self.impulses)
+
+    def restart(self, joints: NDArray[np.bool_]) -> None:
+        """Forget both ends of these joints (n,)."""
+        self._ends[:, joints] = 0.0
 
     def memory(self) -> dict[str, Any]:
         return memory.dump(self, self._MEMORY)

@@ -246,15 +246,17 @@ class MotorPosition:
         for joint, x in zip(self.joints, q.tolist(), strict=True):
             joint.start(x)
 
-    def step(self, motion: Matrix, dt: float) -> Vector:
-        """Advance by dt seconds; motion: rows of MOTION, shape (8, n).
+    def step(self, motion: Matrix, dt: Vector) -> Vector:
+        """Advance by dt (n,) [s], joints where it is 0 not at all; motion: rows of MOTION, shape
+        (8, n).
 
         Returns 0 where a joint was in its gap at both ends of the interval and else 1, (n,).
         """
         engaged = []
-        for joint, moved in zip(self.joints, motion.T.tolist(), strict=True):
+        for joint, moved, dt_s in zip(self.joints, motion.T.tolist(), dt.tolist(), strict=True):
             before = joint.gap
-            joint.step(*moved, dt=dt)
+            if dt_s > 0.0:
+                joint.step(*moved, dt=dt_s)
             engaged.append(0.0 if before and joint.gap else 1.0)
         return np.array(engaged)
 

@@ -21,6 +21,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
 from errors import ModelError
@@ -28,6 +29,10 @@ from estimator import memory
 from estimator.interval import Form
 
 Kind = Literal["classical", "backlash", "two_mass"]
+
+
+_SHORTEST_S = 1e-9
+"""A joint without a new sample has an interval of 0."""
 
 
 class Variant(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -124,27 +129,27 @@ class Residual:
         always, engaged = zip(*map(forms, self.variants), strict=True)
         return [*always, *engaged]
 
-    def step(self, impulses: Matrix, engaged: Vector, dt: float) -> Matrix:
-        """Advance by one interval of dt seconds; returns `values`, overwritten by the next step.
+    def step(self, impulses: Matrix, engaged: Vector, dt: Vector) -> Matrix:
+        """Advance by one interval of dt (n,) [s]; returns `values`, overwritten by the next step.
 
-        impulses: those of `forms`, shape (2 * variants, n) [Nm s], finite; engaged: (n,), 1 where
-        rotor and link touched, 0 where they were apart. With dt beyond 2 / gain the pole is
-        clamped at zero: the residual is then the mean external torque of the interval.
+        impulses: those of `forms`, shape (2 * variants, n) [Nm s], finite, and zero where dt is;
+        engaged: (n,), 1 where rotor and link touched, 0 where they were apart. With dt beyond
+        2 / gain the pole is clamped at zero: the residual is then the mean external torque of the
+        interval.
         """
         error, TK = self._error, self.gain * dt
         np.multiply(impulses[self.engaged], engaged, out=error)
         np.add(error, impulses[self.always], out=error)
-        if TK < 2.0:
-            self.values *= (2.0 - TK) / (2.0 + TK)
-            error *= 2.0 * self.gain / (2.0 + TK)
-            self.values += error
-        else:
-            np.divide(error, dt, out=self.values)
+        # At TK = 2, K e T / T = e / T, and beyond it the pole stays there.
+        pole = np.maximum((2.0 - TK) / (2.0 + TK), 0.0)
+        error *= np.minimum(2.0 * self.gain / (2.0 + TK), 1.0 / np.maximum(dt, _SHORTEST_S))
+        self.values *= pole
+        self.values += error
         return self.values
 
-    def reset(self) -> None:
-        """Forget the external torque: r = 0."""
-        self.values[:] = 0.0
+    def reset(self, joints: NDArray[np.bool_] | slice = slice(None)) -> None:
+        """Forget the external torque on these joints, or on all: r = 0."""
+        self.values[:, joints] = 0.0
 
     def memory(self) -> dict[str, Any]:
         return memory.dump(self, self._MEMORY)

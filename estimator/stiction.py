@@ -25,9 +25,9 @@ CREEP = 0.003
 
 
 def displacement(
-    theta_dot: Vector, q_dot: Vector, moved: Vector, has_gap: NDArray[np.bool_], dt: float
+    theta_dot: Vector, q_dot: Vector, moved: Vector, has_gap: NDArray[np.bool_], dt: Vector
 ) -> Vector:
-    """Displacement (n,) [rad] over dt seconds of rotors whose position is not measured; `moved` is
+    """Displacement (n,) [rad] over dt (n,) [s] of rotors whose position is not measured; `moved` is
     that of their links. Where both creep, rotor and link are taken for one, as they are where there
     is no gap: a link's encoder does not drift."""
     alone = (np.abs(theta_dot) > CREEP) | (np.abs(q_dot) > LINK_REST)
@@ -48,9 +48,9 @@ class Stiction:
         self.ends: Matrix = np.empty((2, n))
         self.restart()
 
-    def restart(self) -> None:
-        """Forget what the last motion left."""
-        self.ends[0], self.ends[1] = -1.0, 1.0
+    def restart(self, joints: NDArray[np.bool_] | slice = slice(None)) -> None:
+        """Forget what the last motion left, of these joints or of all."""
+        self.ends[0, joints], self.ends[1, joints] = -1.0, 1.0
 
     def step(self, displacement: Vector) -> None:
         """Move on by the rotor's displacement (n,) [rad]."""

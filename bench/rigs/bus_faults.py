@@ -34,6 +34,15 @@ def pdos_lost_in_turn(on: BreakableArm) -> Iterator[None]:
                 yield
 
 
+def pdos_lost_in_most_ticks(on: BreakableArm) -> Iterator[None]:
+    """Two of three, never three in a row."""
+    while True:
+        with on.losing(_answers(on.drive)[0]):
+            yield
+            yield
+        yield
+
+
 def pdos_stale_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
     with on.losing(*_answers(on.drive)), on.late(0.012):
         for _ in range(4):

@@ -9,7 +9,7 @@ from daemon.assembly import build_estimator
 from daemon.clients.recorder import read_log
 from daemon.config.load import parse_configuration
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
 from daemon.tick.telemetry import estimated
 from errors import LogError
 from estimator.estimate import Estimate
@@ -68,11 +68,15 @@ class _Run:
         self.states = self.skipped = self.stretches = 0
         self.difference: Difference | None = None
         self._estimator: Estimator | None = None
-        self._estimate: Estimate | None = None
         self._tick = -1
         self._mode = ""
 
     def restart(self, snapshot: Snapshot) -> None:
+        if snapshot.format < STATE_FORMAT:
+            raise LogError(
+                f"of format {snapshot.format}, whose estimator remembered other things: replay it "
+                "with the contactd that recorded it"
+            )
         configuration = parse_configuration(
             snapshot.configuration, "the recorded configuration", snapshot.identified
         )
@@ -88,23 +92,22 @@ class _Run:
             self.skipped += 1
             return
         self._tick = state.tick
-        if state.updated:
-            motor = state.motor_position
-            self._estimate = self._estimator.step(
-                np.array(state.current),
-                np.array(state.link_position),
-                np.array(state.motor_velocity),
-                None if motor is None else np.array(motor),
-                state.interval_s,
-                time_s=state.time_s,
-            )
+        motor = state.motor_position
+        estimate = self._estimator.step(
+            np.array(state.current),
+            np.array(state.link_position),
+            np.array(state.motor_velocity),
+            None if motor is None else np.array(motor),
+            state.interval_s,
+            time_s=state.time_s,
+            fresh=np.array(state.fresh),
+        )
         # As the tick does when the arm begins to hold.
         if self._mode == Mode.ENABLING and state.mode == Mode.HOLDING:
             self._estimator.reset()
         self._mode = state.mode
-        if self._estimate is not None:
-            self.states += 1
-            self.difference = self.difference or _difference(state, self._estimate)
+        self.states += 1
+        self.difference = self.difference or _difference(state, estimate)
 
 
 def _difference(state: State, estimate: Estimate) -> Difference | None:

@@ -20,11 +20,14 @@ from drivers.events import BusEvent, BusTrouble, Emergency, LateAnswer, describe
 CONDITION_OF = {row.source: condition for condition, row in TABLE.items() if row.source}
 # These may be over at once: it counts how many ticks they last.
 DISTURBANCES = (BusTrouble, LateAnswer)
-# A late machine excuses stale samples for so many times `stale_ticks`; drives that fail in turn
-# count as stale after as many.
+# A late machine excuses stale samples for so many times `stale_ticks`; a drive that is missing in
+# most ticks counts as stale after as many.
 STARVED_FACTOR = 3
-# What a tick without a disturbance takes from the count of those with one: half are too many.
+# What a good tick takes from a count of bad ones: of disturbances a half, so that every third tick
+# is too many; of samples and deadlines one, so that more than half are.
 LEAK = 0.5
+# Ticks with a joint that senses nothing, less half of those with none, until the arm holds.
+DEAF_TICKS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +54,12 @@ class FaultDetector:
         self._settings = settings
         self._plausibility, self._following = plausibility, following
         self._ignored = ignored
-        self._missed_in_row = 0  # deadlines
+        self._missed = 0  # deadlines, less ticks since that were on time
+        self._deaf = 0.0  # ticks in which some joint sensed nothing, less a share of the others
         self._disturbed = 0.0  # ticks with a disturbance, less a share of those without
         self._since_late = settings.stale_ticks  # ticks
-        # Ticks in which a sample was missing, less those since in which none was.
-        self._incomplete = 0
+        # Of each joint: ticks in which its sample was missing, less those since in which it came.
+        self._missing = np.zeros(len(joints), dtype=np.int64)
         self._mode = Mode.OFF
         self._enabled = (DriveState.OPERATION_ENABLED,) * len(joints)
 
@@ -68,23 +72,27 @@ class FaultDetector:
         left_out: int = 0,
         setpoint: Vector | None = None,
         residual: Vector | None = None,
-        interval_s: float = 0.0,
+        gaps: Vector | None = None,
         finite: bool = True,
+        sensing: NDArray[np.bool_] | None = None,
     ) -> tuple[Finding, ...]:
         """Every condition that holds in this tick; empty in an undisturbed one.
 
         lateness_s, left_out: how late the tick began, and the deadlines that this cost.
         setpoint: what the drives got in the tick before, (n,) [rad/s].
-        residual: the estimate's (n,) [Nm], None unless the samples are complete and were used;
-        interval_s: since those before. finite: whether estimate and reference are.
+        residual: the estimate's (n,) [Nm], None where there is none; gaps: since the sample of each
+        joint before this one (n,) [s], 0 where none came. finite: whether estimate and reference
+        are. sensing: joints (n,) that sense contact; by default all.
         """
-        self._missed_in_row = self._missed_in_row + left_out if left_out else 0
+        most = STARVED_FACTOR * self._settings.overrun_ticks
+        self._missed = min(self._missed + left_out, most) if left_out else max(self._missed - 1, 0)
         self._since_late = 0 if left_out else self._since_late + 1
         if self._mode is Mode.FAULTED and mode is not Mode.FAULTED:
             # A person has looked at it: what is now is the truth.
             self._plausibility.restart()
             self._ignored.restart()
-            self._incomplete = 0
+            self._missing[:] = 0
+            self._deaf = 0.0
         self._mode = mode
         if mode not in SENSING:
             self._following.restart()
@@ -97,14 +105,16 @@ class FaultDetector:
         found += self._of_events(samples.events)
         if not all(samples.fresh.tolist()):
             found += self._of_samples(samples)
-        elif self._incomplete:
-            self._incomplete -= 1
+        elif np.count_nonzero(self._missing):
+            np.maximum(self._missing - 1, 0, out=self._missing)
+        if sensing is not None:
+            found += self._of_sensing(sensing)
         if samples.states != self._enabled:
             found += self._of_drives(samples, mode)
         if not finite:
             found.append(Finding(Condition.NOT_FINITE, "in the estimate"))
-        if residual is not None:
-            found += self._of_values(samples, mode, residual, interval_s)
+        if residual is not None and gaps is not None:
+            found += self._of_values(samples, mode, residual, gaps)
         return tuple(found)
 
     def _of_events(self, events: Sequence[BusEvent]) -> Iterator[Finding]:
@@ -127,18 +137,28 @@ class FaultDetector:
     def _of_samples(self, samples: Samples) -> Iterator[Finding]:
         ticks = self._settings.stale_ticks
         longest = STARVED_FACTOR * ticks
-        self._incomplete = min(self._incomplete + 1, longest)
+        self._missing += np.where(samples.fresh, -1, 1)
+        np.clip(self._missing, 0, longest, out=self._missing)
+        often = self._missing >= longest
         stale = samples.age_ticks >= ticks
         if stale.any():
             starved = self._since_late < ticks and samples.age_ticks.max() < longest
             text = f"nothing from {self._named(stale)} for {ticks} ticks"
             yield Finding(Condition.STARVED if starved else Condition.STALE, text)
-        elif self._incomplete >= longest:
-            # The drives fail in turn. None is stale, but of a part of an arm nothing is estimated.
-            text = f"not all drives in most ticks, now without {self._named(~samples.fresh)}"
-            yield Finding(Condition.STALE, text)
+        elif often.any():
+            yield Finding(Condition.STALE, f"{self._named(often)} missing in most ticks")
         else:
             yield Finding(Condition.SAMPLE_MISSING, self._named(~samples.fresh))
+
+    def _of_sensing(self, sensing: NDArray[np.bool_]) -> Iterator[Finding]:
+        if self._mode not in SENSING:
+            self._deaf = 0.0
+        elif sensing.all():
+            self._deaf = max(self._deaf - LEAK, 0.0)
+        else:
+            self._deaf = min(self._deaf + 1.0, DEAF_TICKS)
+            if self._deaf >= DEAF_TICKS:
+                yield Finding(Condition.DEAF, self._named(~sensing))
 
     def _named(self, joints: NDArray[np.bool_]) -> str:
         return ", ".join(self._names[i] for i in np.flatnonzero(joints))
@@ -155,14 +175,14 @@ class FaultDetector:
                 yield Finding(Condition.DRIVE_DROPPED, f"{name} is in {words}")
 
     def _of_time(self, lateness_s: float) -> Iterator[Finding]:
-        figures = f"{1000 * lateness_s:.0f} ms late, {self._missed_in_row} deadlines missed"
-        if self._missed_in_row >= self._settings.overrun_ticks:
+        figures = f"{1000 * lateness_s:.0f} ms late, {self._missed} deadlines missed"
+        if self._missed >= self._settings.overrun_ticks:
             yield Finding(Condition.OVERRUN, figures=figures)
         else:
             yield Finding(Condition.LATE, figures=figures)
 
     def _of_values(
-        self, samples: Samples, mode: Mode, residual: Vector, interval_s: float
+        self, samples: Samples, mode: Mode, residual: Vector, gaps: Vector
     ) -> Iterator[Finding]:
         implausible = self._plausibility.step(
             samples.link_position,
@@ -170,7 +190,7 @@ class FaultDetector:
             samples.motor_position,
             samples.current,
             residual,
-            interval_s,
+            gaps,
             mode in SENSING,
         )
         for finding in implausible:
@@ -178,9 +198,13 @@ class FaultDetector:
                 continue  # the hand that leads the arm is stronger than the motor
             yield finding
         if mode in SENSING:
-            not_following = self._following.not_following(samples.motor_velocity, samples.current)
+            not_following = self._following.not_following(
+                samples.motor_velocity, samples.current, samples.fresh
+            )
             for joint in np.flatnonzero(not_following).tolist():
                 figures = self._following.figures(joint)
                 yield Finding(Condition.NOT_FOLLOWING, self._names[joint], figures)
-            for joint in self._ignored.joints(samples.states, samples.statuswords, samples.current):
+            for joint in self._ignored.joints(
+                samples.states, samples.statuswords, samples.current, samples.fresh
+            ):
                 yield Finding(Condition.IGNORES_SETPOINT, self._names[joint])

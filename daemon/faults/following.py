@@ -57,10 +57,14 @@ class Following:
         self._setpoints[self._next] = setpoint
         self._next = (self._next + 1) % len(self._setpoints)
 
-    def not_following(self, velocity: Vector, current: Vector) -> NDArray[np.bool_]:
-        """Mask (n,) of drives that do not follow, from motor velocity [rad/s] and current [A]."""
+    def not_following(
+        self, velocity: Vector, current: Vector, fresh: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Mask (n,) of drives that do not follow, from motor velocity [rad/s] and current [A] of
+        those that are fresh."""
         deviation = self._settings.deviation
-        if not np.count_nonzero(np.abs(velocity - self._setpoints[self._next - 1]) > deviation):
+        off = np.abs(velocity - self._setpoints[self._next - 1]) > deviation
+        if fresh.all() and not np.count_nonzero(off):
             # All obey the last setpoint: the usual tick need not look for more.
             self._in_row.fill(0)
             return np.zeros(len(velocity), dtype=np.bool_)
@@ -69,8 +73,8 @@ class Following:
         np.maximum(slower, faster, out=self._off)
         np.logical_and(slower > deviation, current < self._pressing, out=self._too_slow)
         np.logical_and(faster > deviation, current > -self._pressing, out=self._too_fast)
-        self._in_row += 1
-        self._in_row *= self._too_slow | self._too_fast
+        self._in_row += fresh
+        self._in_row *= self._too_slow | self._too_fast | ~fresh
         not_following: NDArray[np.bool_] = self._in_row >= TICKS
         return not_following
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arrays import Vector
 from drivers.cia402 import DriveState
@@ -38,9 +39,14 @@ class IgnoredSetpoints:
         self._ticks = [0] * len(self._ticks)
 
     def joints(
-        self, states: Sequence[DriveState], statuswords: Sequence[int], current: Vector
+        self,
+        states: Sequence[DriveState],
+        statuswords: Sequence[int],
+        current: Vector,
+        fresh: NDArray[np.bool_],
     ) -> list[int]:
-        """Joints whose drives ignore their setpoints, from one tick; current (n,) [A]."""
+        """Joints whose drives ignore their setpoints, from what is fresh of one tick; current (n,)
+        [A]."""
         if all(word & FOLLOWS for word in statuswords):  # -1, of none, is no state of operation
             self._known = [True] * len(self._known)
             self._ticks = [0] * len(self._ticks)
@@ -48,6 +54,8 @@ class IgnoredSetpoints:
         limited = (np.abs(current) >= self._limited).tolist()
         for i, (state, word) in enumerate(zip(states, statuswords, strict=True)):
             operating = state is DriveState.OPERATION_ENABLED
+            if not fresh[i]:
+                continue
             if operating and word & FOLLOWS:
                 self._known[i], self._ticks[i] = True, 0
             elif operating and self._known[i] and not limited[i]:

@@ -67,7 +67,7 @@ class PlausibilitySettings:
 
 
 class Plausibility:
-    """Compares each tick's complete samples with the bounds, and with those before."""
+    """Compares the samples of each joint with the bounds, and with those before them."""
 
     def __init__(self, joints: Sequence[str], settings: PlausibilitySettings) -> None:
         self._joints, self._settings = tuple(joints), settings
@@ -106,7 +106,7 @@ class Plausibility:
         self._current_size, self._speed_size, self._same_size = self._sizes
         self._levels = np.stack([SATURATED_SHARE * settings.current, settings.speed, np.ones(n)])
         self._started = False
-        self._dt = 0.0
+        self._dt = np.zeros(n)
         self._theta, self._advance, self._phi, self._scratch = np.zeros((4, n))
         self._lowest, self._highest = np.zeros((2, n))  # of q - theta
         self._values, self._before = np.zeros((2, 2, n))  # q, current: now, and a tick ago
@@ -124,10 +124,11 @@ class Plausibility:
         motor_position: Vector | None,
         current: Vector,
         residual: Vector,
-        dt: float,
+        dt: Vector,
         energised: bool,
     ) -> tuple[Finding, ...]:
-        """Everything that cannot be true of these samples, dt [s] after those before."""
+        """Everything that cannot be true of these samples, dt (n,) [s] after those before; where dt
+        is 0 they are those before, and prove nothing."""
         values, before = self._values, self._before = self._before, self._values
         values[_Q], values[_CURRENT] = q, current
         self._turn(motor_velocity, motor_position, dt)
@@ -150,17 +151,16 @@ class Plausibility:
             self._current_size[:], self._speed_size[:] = current, motor_velocity
             self._same_size[:] = same[_CURRENT]
             np.abs(sizes, out=sizes)
-            lasting += 1.0
+            lasting += dt > 0.0
             lasting *= sizes >= self._levels
             self._saturated[:], self._overspeed[:] = self._full_ticks, self._fast_ticks
             np.subtract(q, before[_Q], out=jump)
             jump -= self._advance
             self._residual[:] = residual
             np.subtract(q, self._middle, out=self._outside)
-            if dt != self._dt:
-                self._dt = dt
-                np.multiply(self._settings.speed, dt, out=self._jump_bound)
-                self._jump_bound += self._play
+            self._dt = dt
+            np.multiply(self._settings.speed, dt, out=self._jump_bound)
+            self._jump_bound += self._play
         else:
             self._energised_only.fill(0.0)
             self._lasting.fill(0.0)
@@ -169,7 +169,7 @@ class Plausibility:
         beyond = self._measures > self._bounds
         return tuple(self._findings(beyond)) if np.count_nonzero(beyond) else ()
 
-    def _turn(self, motor_velocity: Vector, motor_position: Vector | None, dt: float) -> None:
+    def _turn(self, motor_velocity: Vector, motor_position: Vector | None, dt: Vector) -> None:
         """Move theta, and keep by how much."""
         if motor_position is not None:
             np.subtract(motor_position, self._theta, out=self._advance)
@@ -210,7 +210,7 @@ class Plausibility:
     def _goes_outwards(self, joint: int) -> bool:
         q, before = self._values[_Q, joint], self._before[_Q, joint]
         side = 1.0 if q > self._middle[joint] else -1.0
-        return bool(side * (q - before) > STANDSTILL_SPEED * self._dt)
+        return bool(side * (q - before) > STANDSTILL_SPEED * self._dt[joint])
 
     def _brakes(self, joint: int) -> bool:
         """Somebody is stronger than the motor, which resists with half its current or more."""

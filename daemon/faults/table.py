@@ -38,6 +38,7 @@ class Condition(StrEnum):
 
     SAMPLE_MISSING = "sample missing"
     STALE = "samples stale"
+    DEAF = "not sensing contact"
     STARVED = "samples late with the machine"
     HEARTBEAT_LOST = "heartbeat lost"
     EMERGENCY = "emergency message"
@@ -89,16 +90,26 @@ TABLE: Final[dict[Condition, Row]] = {
         _R.CONTINUE,
         "samples",
         "a TPDO has not come when its tick decides",
-        "one frame may be lost; the estimator waits, and uses the true interval",
+        "one frame may be lost; its joint's interval lasts until the next one comes, and the other "
+        "joints sense on",
         "nothing; if it comes often, check cable, termination, and the load by `contactd check`",
     ),
     _C.STALE: Row(
         _R.QUICK_STOP,
         "samples",
-        "`stale_ticks` ticks in a row without a TPDO of some drive; or drives that fail in turn: "
-        "three times as many ticks without all of them, less those with all",
-        "that joint is blind, its drive perhaps deaf; from some drives alone nothing is estimated",
+        "`stale_ticks` ticks in a row without a TPDO of some drive; or three times as many, less "
+        "those with one",
+        "that joint is blind, its drive perhaps deaf",
         "check supply and CAN cable of the drive that is named, then `contactctl reset`",
+    ),
+    _C.DEAF: Row(
+        _R.HOLD,
+        "estimator",
+        "in 5 ticks, less half of those in which all do, some joint senses nothing: its samples "
+        "have been missing for more than 2.5 periods, or its residual begins anew",
+        "a hand would not be felt there, so nothing may move as if it were",
+        "see in `contactctl status` which joint; check the cable of its drive, and the load of bus "
+        "and computer; then `contactctl arm`",
     ),
     _C.STARVED: Row(
         _R.HOLD,
@@ -327,7 +338,7 @@ TABLE: Final[dict[Condition, Row]] = {
     _C.OVERRUN: Row(
         _R.HOLD,
         "loop",
-        "`overrun_ticks` deadlines missed in a row",
+        "`overrun_ticks` deadlines missed, less ticks on time",
         "setpoints grow old on a machine that is too busy, but they still come",
         "take load off the computer, see `real time` in `contactctl status`; then `contactctl arm`",
     ),

@@ -203,7 +203,7 @@ class Hand:
 
     def saw(self, state: State) -> bool:
         """Take one State; True if it is time to draw."""
-        if not state.updated:
+        if not all(state.fresh):
             return False
         i, measured = self._joint, state.motor_position
         if not self._rows and self._before is not None:

@@ -143,7 +143,7 @@ def from_states(
 ) -> Measured:
     """Measurements of the ticks with complete samples in which the arm was energised. Pass States
     through `raised` first if their thresholds count. Raises LogError."""
-    used = [s for s in states if s.updated and s.mode in _SENSING]
+    used = [s for s in states if all(s.fresh) and s.mode in _SENSING]
     if len(used) < 2:
         raise ShortLogError("the log is too short: the arm was never energised in it")
     columns = {

@@ -2,6 +2,7 @@
 argument.
 
 When it has run out, an arm that yielded to a contact goes on with what the contact interrupted.
+Time in which a touch might not be felt is not quiet: it does not count.
 """
 
 from dataclasses import dataclass
@@ -12,22 +13,27 @@ ROUNDING_S = 5e-4
 
 @dataclass(slots=True)
 class QuietTimer:
-    """Runs from the last tick with a touch, or from `restart`."""
+    """Runs from the last tick with a touch, or from `restart`; stands while sensing is not sure."""
 
     limit_s: float
     quiet_s: float = 0.0
     """since then, as of the last `sense`"""
     _touched_s: float = 0.0
+    _sensed_s: float = 0.0
 
-    def sense(self, touched: bool, time_s: float) -> None:
+    def sense(self, touched: bool, time_s: float, *, sure: bool = True) -> None:
         """Take the sensing of one tick: `touched` while any thresholded residual is not zero."""
         if touched:
             self._touched_s = time_s
+        elif not sure:
+            self._touched_s += time_s - self._sensed_s
+        self._sensed_s = time_s
         self.quiet_s = time_s - self._touched_s
 
     def restart(self, time_s: float) -> None:
         """Run anew from `time_s`."""
-        self._touched_s, self.quiet_s = time_s, 0.0
+        self._touched_s = self._sensed_s = time_s
+        self.quiet_s = 0.0
 
     @property
     def expired(self) -> bool:

@@ -147,12 +147,12 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
 
     tick: int
     time_s: float  # time of the tick since the loop started
-    interval_s: float  # since the last tick whose samples were complete
+    interval_s: float  # since the tick before
     mode: Mode
     armed: bool
     cause: str  # why this mode, in words
     moving: bool  # a trajectory is running or will go on after this contact
-    fresh: list[bool]
+    fresh: list[bool]  # joints whose samples came in time; of others these are the last
     drives: list[str]  # CiA 402 states
     # measured, input of the estimator
     current: PerJoint  # [A]
@@ -172,7 +172,6 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     touched_link: str  # named by its joint; empty: no contact, or its link is not known
     beside: dict[str, PerJoint]  # other residuals on the same samples [Nm]
     flags: list[str]  # warnings of the estimator
-    updated: bool  # the estimator took these samples
     # decided
     reference: PerJoint  # desired q [rad]
     setpoint: PerJoint  # target velocity [rad/s]
@@ -181,9 +180,11 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     timing: Timing
     unproved: list[str] = []  # joints that were told to stop and not seen to stand
     silenced: bool = False  # the drives hear nothing of the daemon until `reset`
+    sensing: list[bool] = []  # joints that sense contact now
+    sensing_since_s: PerJoint = []  # time at which that last changed [s]
 
 
-STATE_FORMAT = 1
+STATE_FORMAT = 2
 """Version of State and Snapshot. It rises when a field changes its name or its meaning; a new field
 with a default needs no new version. Recordings of every version from 1 on stay readable."""
 

@@ -52,7 +52,7 @@ class ControlInput:
     findings: tuple[Finding, ...]
     age_s: Vector | None = None  # of q; None where every sample came in time
     struck: bool = False  # a collision began in this tick
-    sure: bool = True  # all samples came, and what is felt did not just begin anew
+    sure: bool = True  # every joint senses, and what is felt did not just begin anew
     play: Vector | float = 0.0  # how far links may fall down and up in their gaps, (2, n) [rad]
 
 
@@ -229,7 +229,8 @@ class Controller:
         return self.machine.mode is Mode.OFF and time_s < self._reset_until_s
 
     def _feel(self, time_s: float, observed: ControlInput) -> None:
-        self.quiet.sense(bool(np.count_nonzero(observed.thresholded)), time_s)
+        touched = bool(np.count_nonzero(observed.thresholded))
+        self.quiet.sense(touched, time_s, sure=observed.sure)
         mode, armed, reactions = self.machine.mode, self.machine.armed, self._tuning.reactions
         retracting = mode is Mode.RETRACTING and self.motion.under_way
         backed_away = mode is Mode.RETRACTING and not retracting

@@ -6,6 +6,10 @@ Made once at the end of each tick and never changed, so that whatever is asked b
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Notice
@@ -38,9 +42,10 @@ class TickRecord:
     time_s: float  # since the loop started
     wakeup: Wakeup
     samples: Samples
-    updated: bool  # the samples are complete, and the estimate is made of them
-    interval_s: float  # between the samples of `estimate` and those before them
-    estimate: Estimate | None  # the newest; None until samples were complete for the first time
+    interval_s: float  # since the tick before
+    estimate: Estimate | None  # None until samples were complete for the first time
+    sensing: NDArray[np.bool_]  # joints that sense contact
+    sensing_since_s: Vector  # when that changed last [s]
     findings: tuple[Finding, ...]
     decision: Decision | None  # None as long as `estimate` is
     mode: Mode  # after the decision, like all that follows

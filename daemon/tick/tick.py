@@ -4,7 +4,6 @@
 SYNC in between. Times come from the caller.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,6 +17,7 @@ from daemon.protocol.messages import Notice
 from daemon.tick.arming_checks import ArmingChecks, ArmingResult
 from daemon.tick.controller import ControlInput, Controller, Decision
 from daemon.tick.record import ON_TIME, TickRecord, Wakeup
+from daemon.tick.sensing import Sensing
 from daemon.tick.telemetry import contact_notice
 from drivers.answers import Samples
 from drivers.cia402 import DriveState, PowerTarget
@@ -28,8 +28,6 @@ from estimator.estimator import Estimator
 STOP_PROVED = "stop proved: every drive was seen to stand"
 # Setpoints are never moved on by more than this at once, however late a tick comes [periods].
 LONGEST_STEP = 2.0
-# Time constants of the residual until one that began anew, at zero, says what it will.
-SETTLED = 4.0
 
 
 class Tick:
@@ -54,8 +52,8 @@ class Tick:
         self._detector = detector
         self._period_s = period_s
         self._time_s = 0.0
-        self._sampled_s = -period_s  # time of the last complete samples
-        self._unsure_s = -math.inf  # time of the last estimate that is not to be relied on
+        self._sampled_s = np.full(len(drives.names), -period_s)  # time of the last samples
+        self._sensing = Sensing(len(drives.names), estimator.residual.gain)
         self._reported: frozenset[Finding] = frozenset()
         self._standstill = np.zeros(len(drives.names))
 
@@ -69,13 +67,10 @@ class Tick:
         """Take the samples that arrive until `deadline` (the drives' clock), decide, command."""
         before, time_s, machine = self.last, self._time_s, self.controller.machine
         samples, mode = self.drives.collect(deadline), machine.mode
-        updated = all(samples.fresh.tolist())
-        if updated:
-            interval_s, self._sampled_s = time_s - self._sampled_s, time_s
-            estimate: Estimate | None = self._estimated(samples, interval_s)
-        else:
-            interval_s = before.interval_s if before else self._period_s
-            estimate = before.estimate if before else None
+        complete = all(samples.fresh.tolist())
+        interval_s = time_s - before.time_s if before else self._period_s
+        estimate = self._estimated(samples, interval_s, begins=complete)
+        self._sensing.step(time_s, estimate)
         command = before.decision if before else None
         finite = _finite(estimate, command)
         findings = self._detector.findings(
@@ -84,25 +79,28 @@ class Tick:
             lateness_s=wakeup.lateness_s,
             left_out=wakeup.left_out,
             setpoint=command.velocity if command else None,
-            residual=estimate.residual if estimate and updated and finite else None,
-            interval_s=interval_s,
+            residual=estimate.residual if estimate and finite else None,
+            gaps=np.where(samples.fresh, time_s - self._sampled_s, 0.0),
             finite=finite,
+            sensing=self._sensing.joints,
         )
+        self._sampled_s[samples.fresh] = time_s
         self.arming_checks.watch(samples, findings, time_s)
         self.fatal = self.fatal or _fatal(findings)
-        decision = self._decided(samples, estimate, findings, updated=updated)
+        decision = self._decided(samples, estimate, findings, complete=complete)
         if mode is Mode.ENABLING and machine.mode is Mode.HOLDING:
             # What friction held until now is not an external torque.
             self.estimator.reset()
-        news = estimate if updated and mode in SENSING else None
+        news = estimate if mode in SENSING else None
         self.last = TickRecord(
             number=self.number,
             time_s=time_s,
             wakeup=wakeup,
             samples=samples,
-            updated=updated,
             interval_s=interval_s,
             estimate=estimate,
+            sensing=self._sensing.joints,
+            sensing_since_s=self._sensing.since_s,
             findings=findings,
             decision=decision,
             mode=machine.mode,
@@ -115,22 +113,19 @@ class Tick:
             notices=self._notices(findings, news, unproved),
         )
 
-    def _estimated(self, samples: Samples, interval_s: float) -> Estimate:
-        estimate = self.estimator.step(
+    def _estimated(self, samples: Samples, interval_s: float, *, begins: bool) -> Estimate | None:
+        """Estimate of this tick, from the first complete samples on."""
+        if not begins and (self.last is None or self.last.estimate is None):
+            return None
+        return self.estimator.step(
             samples.current,
             samples.link_position,
             samples.motor_velocity,
             samples.motor_position,
             interval_s,
             time_s=self._time_s,
+            fresh=samples.fresh,
         )
-        if estimate.flags & ~Flag.LATE:  # a late one is right: it uses the true interval
-            self._unsure_s = self._time_s
-        return estimate
-
-    def _settled(self) -> bool:
-        """False while the residual rises from zero: it would say that nothing presses."""
-        return self._time_s - self._unsure_s > SETTLED / self.estimator.residual.gain
 
     def _decided(
         self,
@@ -138,7 +133,7 @@ class Tick:
         estimate: Estimate | None,
         findings: tuple[Finding, ...],
         *,
-        updated: bool,
+        complete: bool,
     ) -> Decision | None:
         """Decide on what is known and command the drives; without an estimate only stop them."""
         if estimate is None:
@@ -146,7 +141,7 @@ class Tick:
             if self.controller.faulted:
                 self.drives.command(PowerTarget.QUICK_STOP, self._standstill)
             return None
-        known = self._control_input(samples, estimate, findings, updated=updated)
+        known = self._control_input(samples, estimate, findings, complete=complete)
         decision = self.controller.step(self._time_s, self._step_s(), known)
         self.drives.command(decision.power, decision.velocity, decision.reset)
         return decision
@@ -163,7 +158,7 @@ class Tick:
         estimate: Estimate,
         findings: tuple[Finding, ...],
         *,
-        updated: bool,
+        complete: bool,
     ) -> ControlInput:
         touched = hit = ""
         # Both count as long as they last: a contact that began while the arm was stopping still
@@ -192,12 +187,12 @@ class Tick:
             thresholded=estimate.thresholded,
             touched=touched,
             hit=hit,
-            struck=updated and any(one.level == "collision" for one in estimate.contacts),
-            sure=updated and self._settled(),
+            struck=any(one.level == "collision" for one in estimate.contacts),
+            sure=self._sensing.sure,
             operating=tuple(state is DriveState.OPERATION_ENABLED for state in samples.states),
             statuswords=samples.statuswords,
             findings=findings,
-            age_s=None if updated else np.multiply(samples.age_ticks, self._period_s),
+            age_s=None if complete else np.multiply(samples.age_ticks, self._period_s),
             play=self.estimator.transmission.play(estimate.phi, estimate.phi_sigma),
         )
 

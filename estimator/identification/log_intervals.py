@@ -100,8 +100,8 @@ def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inter
     # Rows of ALIGNED: q, q_dot, current, theta_dot, theta; then momentum, beta, gravity.
     ends = np.zeros((size, 8, n))
     for k in range(size):
-        alignment.push(samples[k], steps[k])
-        if alignment.ready:
+        alignment.push(samples[k], np.full(n, steps[k]))
+        if alignment.ready.all():
             alignment.aligned(out=ends[k, :5])
             ends[k, 5], ends[k, 6] = model.dynamics(ends[k, 0], ends[k, 1])
             ends[k, 7] = model.gravity(ends[k, 0])
@@ -184,7 +184,7 @@ def _judged(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> tu
     for k, moved in enumerate(motion):
         if rows.first[k]:
             position.start(q[k])
-        engaged[k] = position.step(moved, float(rows.dt[k]))
+        engaged[k] = position.step(moved, np.full(t.n, rows.dt[k]))
         phi[k] = q[k] - position.theta
     return engaged == 0.0, phi
 

@@ -155,7 +155,7 @@ def test_samples_that_get_lost_leave_nobody_in_the_clamp(case: Case, lost: float
             rig.step()
             assert rig.last.decision is not None
             speed = float(np.abs(rig.last.decision.velocity).max())
-            assert rig.last.updated or rig.mode is not Mode.RELEASING or speed <= braked
+            assert rig.last.sensing.all() or rig.mode is not Mode.RELEASING or speed <= braked
             braked = max(speed - 1e-3, 0.0)  # what an unsure tick may ask for at most
         assert rig.mode is Mode.HOLDING
         assert rig.last.cause.startswith(f"let go of {case.joint}")

@@ -105,7 +105,6 @@ def state(tick: int, **changes: Any) -> State:
         "touched_link": "",
         "beside": {},
         "flags": [],
-        "updated": True,
         "reference": zeros,
         "setpoint": zeros,
         "quiet_s": 0.0,

@@ -86,7 +86,6 @@ def state_at(tick: int, **changes: object) -> State:
         touched_link="",
         beside={"classical": [3.0 * r for r in residual]},
         flags=[],
-        updated=True,
         reference=[0.5 * math.sin(t + i) for i in range(n)],
         setpoint=[0.0] * n,
         quiet_s=0.0 if touched else t,

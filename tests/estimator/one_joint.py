@@ -42,7 +42,7 @@ class Joint:
             "q": q, "q_dot": q_dot, "theta_dot": w, "resting": resting(np.array([w]))[0],
             "tau_M": torque, "advance": w * T, "rotor": 0.0, "transmitted": torque,
         }  # fmt: skip
-        return self.position.step(np.array([[motion[name]] * 2 for name in MOTION]), T)
+        return self.position.step(np.array([[motion[name]] * 2 for name in MOTION]), np.full(2, T))
 
     @property
     def phi(self) -> float:

@@ -18,7 +18,7 @@ def test_torques_are_integrated_momenta_are_increments() -> None:
     interval = Interval([{name: 1.0} for name in TERMS], 2)
     at(interval, **{name: 1.0 + row for row, name in enumerate(TERMS)})
     at(interval, **{name: 5.0 + 3 * row for row, name in enumerate(TERMS)})
-    impulses = interval.step(0.02)
+    impulses = interval.step(np.full(2, 0.02))
     for row, name in enumerate(TERMS):
         first, last = 1.0 + row, 5.0 + 3 * row
         change = name in ("momentum", "rotor", "theta")
@@ -33,7 +33,7 @@ def test_forms_are_sums_and_intervals_may_differ() -> None:
         before = interval.now[ROW["tau_M"], 0], interval.now[ROW["rotor"], 0]
         at(interval, tau_M=tau_M, rotor=rotor)
         expected = 2.0 * dt * (tau_M + before[0]) / 2 - (rotor - before[1])
-        impulses = interval.step(dt)
+        impulses = interval.step(np.array([dt]))
         assert impulses[0, 0] == pytest.approx(expected)
         assert impulses[1, 0] == 0.0
 

@@ -23,7 +23,8 @@ def test_exact_on_parabolas(intervals: tuple[float, float], delay: float) -> Non
 
     times = np.cumsum([0.0, -intervals[0], -intervals[1]])
     samples = np.array([position(t) for t in times])
-    q, q_dot = parabola(*intervals, delay) @ samples
+    h, before = (np.full(2, interval) for interval in intervals)
+    q, q_dot = (parabola(h, before, delay) * samples).sum(axis=1)
     np.testing.assert_allclose(q, position(-delay), rtol=1e-12)
     np.testing.assert_allclose(q_dot, [2 + 6 * delay, 1 - 80 * delay], rtol=1e-9)
 
@@ -36,7 +37,7 @@ def test_everything_belongs_to_one_instant(method: str) -> None:
     times = np.cumsum([0.01, 0.01, 0.02, 0.009])
     for t, dt in zip(times, np.diff(times, prepend=0.0), strict=True):
         late = np.array([t - 0.003, t - 0.0005, t - 0.0002, t - 0.001])
-        a.push(np.repeat(late[:, None], 2, axis=1), dt)
+        a.push(np.repeat(late[:, None], 2, axis=1), np.full(2, dt))
     instant = times[-1] - a.delay
     aligned = np.zeros((len(ALIGNED), 2))
     a.aligned(out=aligned)
@@ -53,7 +54,7 @@ def test_noise_is_as_stated(method: str, factor: float) -> None:
     a = alignment(method)
     velocities = []
     for _ in range(4000):
-        a.push(rng.normal(size=(4, 2)), T)
+        a.push(rng.normal(size=(4, 2)), np.full(2, T))
         aligned = np.zeros((len(ALIGNED), 2))
         a.aligned(out=aligned)
         velocities.append(aligned[1])
@@ -64,8 +65,8 @@ def test_ready_after_three_samples() -> None:
     a = alignment("midpoint")
     ready = []
     for _ in range(4):
-        ready.append(a.ready)
-        a.push(np.zeros((4, 2)), T)
-    assert ready == [False, False, False, True]
-    a.restart()
-    assert not a.ready
+        ready.append(a.ready.tolist())
+        a.push(np.zeros((4, 2)), np.array([T, T if len(ready) != 2 else 0.0]))
+    assert ready == [[False, False]] * 3 + [[True, False]]
+    a.restart(np.array([True, False]))
+    assert a.ready.tolist() == [False, True]

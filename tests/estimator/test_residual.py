@@ -26,7 +26,7 @@ def test_step_response_is_tustins_first_order_filter() -> None:
     tau = np.array([1.0, -3.0])
     pole = (2 - T * K) / (2 + T * K)
     for k in range(1, 60):
-        r = residual.step(errors(tau * T), ENGAGED, T)[0]
+        r = residual.step(errors(tau * T), ENGAGED, np.full(2, T))[0]
         np.testing.assert_allclose(r, tau * (1 - pole**k), rtol=1e-12)
         np.testing.assert_allclose(r, tau * (1 - np.exp(-K * k * T)), atol=0.01 * 3)
 
@@ -35,7 +35,7 @@ def test_half_of_a_step_after_ln2_over_gain() -> None:
     residual = Residual(BACKLASH, K, 0.001, 2)
     k = 0
     while residual.values[0, 0] < 0.5:
-        residual.step(errors(0.001), ENGAGED, 0.001)
+        residual.step(errors(0.001), ENGAGED, np.full(2, 0.001))
         k += 1
     assert k * 0.001 == pytest.approx(np.log(2) / K, abs=0.001)
 
@@ -44,9 +44,9 @@ def test_true_intervals_give_the_same_end() -> None:
     # One missed tick: the momentum of both intervals arrives at once, over twice the time.
     even, uneven = Residual(BACKLASH, K, T, 2), Residual(BACKLASH, K, T, 2)
     for _ in range(4):
-        even.step(errors(T), ENGAGED, T)
+        even.step(errors(T), ENGAGED, np.full(2, T))
     for dt in (T, 2 * T, T):
-        uneven.step(errors(dt), ENGAGED, dt)
+        uneven.step(errors(dt), ENGAGED, np.full(2, dt))
     assert uneven.values[0, 0] == pytest.approx(even.values[0, 0], abs=0.01)
     assert uneven.values[0, 0] != even.values[0, 0]
 
@@ -57,22 +57,22 @@ def test_linear_in_what_acts() -> None:
     kinds = [Variant(kind=k, label=k) for k in ("classical", "backlash", "two_mass")]
     first, second, both = (Residual(kinds, K, T, 2) for _ in range(3))
     for a, b in zip(*series, strict=True):
-        first.step(a, ENGAGED, T)
-        second.step(b, ENGAGED, T)
-        both.step(2 * a - b, ENGAGED, T)
+        first.step(a, ENGAGED, np.full(2, T))
+        second.step(b, ENGAGED, np.full(2, T))
+        both.step(2 * a - b, ENGAGED, np.full(2, T))
     np.testing.assert_allclose(both.values, 2 * first.values - second.values, atol=1e-12)
 
 
 def test_what_acts_while_engaged_is_left_out_in_the_gap() -> None:
     residual = Residual(BACKLASH, K, T, 2)
-    r = residual.step(errors(T, 2 * T), np.array([1.0, 0.0]), T)[0]
+    r = residual.step(errors(T, 2 * T), np.array([1.0, 0.0]), np.full(2, T))[0]
     np.testing.assert_allclose(r, np.array([3.0, 1.0]) * 2 * K * T / (2 + T * K))
 
 
 def test_an_interval_beyond_the_pole_is_its_mean() -> None:
     residual = Residual(BACKLASH, K, T, 2)
     residual.values[:] = 7.0
-    residual.step(errors(0.3), ENGAGED, 0.1)
+    residual.step(errors(0.3), ENGAGED, np.full(2, 0.1))
     np.testing.assert_allclose(residual.values, 3.0)
 
 

@@ -90,7 +90,7 @@ def detector() -> FaultDetector:
 @pytest.mark.parametrize("mode", sorted(SENSING))
 def test_an_undisturbed_tick_finds_nothing(detector: FaultDetector, mode: Mode) -> None:
     for _ in range(3):
-        assert detect(detector, samples(), mode, residual=np.zeros(2), interval_s=T) == []
+        assert detect(detector, samples(), mode, residual=np.zeros(2), gaps=np.full(2, T)) == []
 
 
 @pytest.mark.parametrize(
@@ -201,34 +201,64 @@ def in_turn(
     return found
 
 
+def missing_in(detector: FaultDetector, pattern: str, ticks: int, **how: object) -> list[Condition]:
+    """The elbow's sample is missing where the pattern has an x; the last condition of each tick."""
+    found, age = [], 0
+    for k in range(ticks):
+        age = age + 1 if pattern[k % len(pattern)] == "x" else 0
+        taken = samples(fresh=(True, not age), age=(0, age))
+        found.append(next(iter(reversed(detect(detector, taken, **how))), (None, ""))[0])
+    return found
+
+
 @pytest.mark.parametrize("left_out", [0, 1])
-def test_drives_that_fail_in_turn_are_stale_however_late_the_machine(
-    detector: FaultDetector, left_out: int
+def test_drives_that_fail_in_turn_are_bridged(detector: FaultDetector, left_out: int) -> None:
+    for these in in_turn(detector, 60, left_out=left_out):
+        assert these[-1][0] is Condition.SAMPLE_MISSING
+
+
+@pytest.mark.parametrize(
+    ("pattern", "stale_after"), [("x.", None), ("xx...", None), ("xx.", 23), ("xx.x.", 37)]
+)
+def test_a_drive_that_is_missing_in_most_ticks_is_stale(
+    detector: FaultDetector, pattern: str, stale_after: int | None
 ) -> None:
-    found = in_turn(detector, 11, left_out=left_out)
-    assert all(these[-1][0] is Condition.SAMPLE_MISSING for these in found[:8])
-    text = "not all drives in most ticks, now without"
-    assert [these[-1] for these in found[8:]] == [
-        (Condition.STALE, f"{text} elbow"),
-        (Condition.STALE, f"{text} shoulder"),
-        (Condition.STALE, f"{text} elbow"),
+    found = missing_in(detector, pattern, 120)
+    expected = None if stale_after is None else stale_after - 1
+    assert (found.index(Condition.STALE) if Condition.STALE in found else None) == expected
+
+
+def test_one_tick_with_all_samples_wipes_nothing(detector: FaultDetector) -> None:
+    missing_in(detector, "xx.", 22)
+    missing_in(detector, ".", 3)
+    assert Condition.STALE in missing_in(detector, "xx.", 13)
+
+
+def test_after_a_reset_missing_samples_count_anew(detector: FaultDetector) -> None:
+    missing_in(detector, "xx.", 22, mode=Mode.FAULTED)
+    assert Condition.STALE not in missing_in(detector, "xx.", 22)
+
+
+# Which joints sense, tick by tick: no elbow is an x.
+@pytest.mark.parametrize(
+    ("pattern", "deaf_after"), [("x", 5), ("x.", 17), ("xx.", 8), ("x..", None), (".", None)]
+)
+def test_an_arm_that_senses_nothing_somewhere_holds(
+    detector: FaultDetector, pattern: str, deaf_after: int | None
+) -> None:
+    found = [
+        detect(detector, samples(), sensing=np.array([True, pattern[k % len(pattern)] != "x"]))
+        for k in range(60)
     ]
+    deaf = [k + 1 for k, these in enumerate(found) if these]
+    assert (deaf[0] if deaf else None) == deaf_after
+    assert all(these == [(Condition.DEAF, "elbow")] for these in found if these)
 
 
-def test_every_complete_tick_makes_up_for_one_that_is_not(detector: FaultDetector) -> None:
-    for _ in range(50):  # the estimator bridges one
-        assert in_turn(detector, 1) == [[(Condition.SAMPLE_MISSING, "elbow")]]
-        assert detect(detector, samples()) == []
-    for _ in range(7):  # two are too many for it
-        assert in_turn(detector, 2)[-1][0][0] is Condition.SAMPLE_MISSING
-        detect(detector, samples())
-    assert in_turn(detector, 2)[-1][0][0] is Condition.STALE
-
-
-def test_after_a_reset_incomplete_ticks_count_anew(detector: FaultDetector) -> None:
-    in_turn(detector, 9, Mode.FAULTED)
-    found = [these[0][0] for these in in_turn(detector, 9)]
-    assert found == [Condition.SAMPLE_MISSING] * 8 + [Condition.STALE]
+@pytest.mark.parametrize("mode", sorted(set(Mode) - SENSING))
+def test_where_nothing_is_to_be_sensed_it_is_no_fault(detector: FaultDetector, mode: Mode) -> None:
+    for _ in range(20):
+        assert detect(detector, samples(), mode, sensing=np.zeros(2, dtype=bool)) == []
 
 
 def test_a_late_machine_excuses_stale_samples_for_a_while(detector: FaultDetector) -> None:
@@ -265,20 +295,25 @@ def test_a_drive_that_drops_out_is_found_while_it_should_run(
     assert detect(detector, samples(states=(state, ON)), mode) == expected
 
 
-def test_missed_deadlines_become_an_overrun_in_a_row(detector: FaultDetector) -> None:
-    late = {"lateness_s": 0.012, "left_out": 1}
-    for _ in range(4):
-        assert detect(detector, samples(), **late) == [(Condition.LATE, "")]
-    for _ in range(2):
-        assert detect(detector, samples(), **late) == [(Condition.OVERRUN, "")]
-    assert detect(detector, samples(), lateness_s=0.002) == []
-    for _ in range(4):
-        assert detect(detector, samples(), **late) == [(Condition.LATE, "")]
+@pytest.mark.parametrize(
+    ("left_out", "overrun_after"),
+    [([1], 5), ([1, 0], None), ([2, 0], 7), ([2, 0, 0], None), ([3, 0, 0], 7), ([1, 1, 0], 11)],
+)
+def test_missed_deadlines_become_an_overrun_where_one_tick_on_time_makes_up_for_one(
+    detector: FaultDetector, left_out: list[int], overrun_after: int | None
+) -> None:
+    found = [
+        detect(detector, samples(), lateness_s=0.012, left_out=left_out[k % len(left_out)])
+        for k in range(60)
+    ]
+    overrun = [k + 1 for k, these in enumerate(found) if (Condition.OVERRUN, "") in these]
+    assert (overrun[0] if overrun else None) == overrun_after
 
 
 def test_deadlines_missed_at_once_are_an_overrun_too(detector: FaultDetector) -> None:
     assert detect(detector, samples(), lateness_s=0.042, left_out=4) == [(Condition.LATE, "")]
-    assert detect(detector, samples()) == []
+    for _ in range(4):
+        assert detect(detector, samples()) == []
     assert detect(detector, samples(), lateness_s=0.052, left_out=5) == [(Condition.OVERRUN, "")]
 
 
@@ -304,17 +339,27 @@ def test_estimates_that_are_not_finite(detector: FaultDetector) -> None:
 
 
 def test_what_cannot_be_true_is_found_with_its_figures(detector: FaultDetector) -> None:
-    assert detect(detector, samples(), residual=np.zeros(2), interval_s=T) == []
+    assert detect(detector, samples(), residual=np.zeros(2), gaps=np.full(2, T)) == []
     found = detector.findings(
-        samples(), Mode.TRACKING, residual=np.array([0.0, -5.5]), interval_s=T
+        samples(), Mode.TRACKING, residual=np.array([0.0, -5.5]), gaps=np.full(2, T)
     )
     assert found == (Finding(Condition.RESIDUAL_LIMIT, "elbow"),)
     assert str(found[0]) == "residual implausible: elbow (5.5 Nm, at most 5.0)"
 
 
-def test_samples_that_are_not_complete_are_not_compared(detector: FaultDetector) -> None:
-    assert detect(detector, samples(), residual=np.zeros(2), interval_s=T) == []
-    assert detect(detector, samples(q=(0.0, 1.0))) == []
+def test_samples_are_compared_joint_by_joint_over_the_time_since_the_last(
+    detector: FaultDetector,
+) -> None:
+    def jumps(q: float, *gaps: float) -> bool:
+        taken = samples(q=(0.0, q), fresh=(True, gaps[1] > 0.0))
+        these = detect(detector, taken, residual=np.zeros(2), gaps=np.array(gaps))
+        return (Condition.JUMP, "elbow") in these
+
+    assert not jumps(0.0, T, T)
+    assert not jumps(0.0, T, 0.0)
+    assert not jumps(0.065, T, 2 * T)  # 1 rad/s for two ticks, and 0.05 rad of play
+    assert jumps(0.0, T, T)
+    assert detect(detector, samples(q=(0.0, 1.0))) == [], "before there is an estimate"
 
 
 def test_a_hand_that_leads_the_arm_may_be_stronger_than_a_motor(detector: FaultDetector) -> None:
@@ -322,13 +367,13 @@ def test_a_hand_that_leads_the_arm_may_be_stronger_than_a_motor(detector: FaultD
 
     def ticks(mode: Mode) -> list[tuple[Condition, str]]:
         for _ in range(5):
-            found = detect(detector, full, mode, residual=np.zeros(2), interval_s=T)
+            found = detect(detector, full, mode, residual=np.zeros(2), gaps=np.full(2, T))
         return found
 
     assert ticks(Mode.ADMITTANCE) == []
     # Nor does it hide anything else.
     torques = np.array([0.0, 5.5])
-    found = detect(detector, full, Mode.ADMITTANCE, residual=torques, interval_s=T)
+    found = detect(detector, full, Mode.ADMITTANCE, residual=torques, gaps=np.full(2, T))
     assert found == [(Condition.RESIDUAL_LIMIT, "elbow")]
     assert ticks(Mode.TRACKING) == [(Condition.TORQUE_SATURATED, "shoulder")]
 
@@ -344,7 +389,7 @@ def test_a_motor_that_does_not_follow_is_named_where_it_should(detector: FaultDe
                 mode,
                 setpoint=np.array([0.0, 0.5]),
                 residual=np.zeros(2),
-                interval_s=T,
+                gaps=np.full(2, T),
             )
         return found
 
@@ -366,7 +411,7 @@ def test_every_motor_that_does_not_follow_is_named_with_its_figures(
             Mode.TRACKING,
             setpoint=np.array([0.3, -0.5]),
             residual=np.zeros(2),
-            interval_s=T,
+            gaps=np.full(2, T),
         )
     assert [str(finding) for finding in found] == [
         "drive does not follow: shoulder (by 0.300 rad/s, at most 0.200)",
@@ -376,7 +421,7 @@ def test_every_motor_that_does_not_follow_is_named_with_its_figures(
 
 def test_after_a_reset_what_is_now_is_believed(detector: FaultDetector) -> None:
     def at(q: float, mode: Mode) -> list[tuple[Condition, str]]:
-        return detect(detector, samples(q=(q, 0.0)), mode, residual=np.zeros(2), interval_s=T)
+        return detect(detector, samples(q=(q, 0.0)), mode, residual=np.zeros(2), gaps=np.full(2, T))
 
     assert at(0.0, Mode.TRACKING) == []
     assert (Condition.APART, "shoulder") in at(1.0, Mode.TRACKING)
@@ -396,7 +441,7 @@ def test_everything_at_once_is_listed(detector: FaultDetector) -> None:
         left_out=1,
         finite=False,
         residual=np.array([9.0, 0.0]),
-        interval_s=T,
+        gaps=np.full(2, T),
     )
     assert [f.condition for f in findings] == [
         Condition.LATE,

@@ -7,6 +7,7 @@ from daemon.faults.following import PRESSING_SHARE, TICKS, Following, FollowingS
 
 T, LAG = 0.01, 0.01
 WINDOW = 6  # three ticks of latency, three lags
+BOTH = np.ones(2, dtype=bool)
 DEVIATION, CURRENT = np.array([0.2, 0.3]), np.array([1.0, 4.0])
 E = 1e-9
 
@@ -24,7 +25,7 @@ def ticks(
     for _ in range(count):
         following.record(np.array([told, told]))
         astray = following.not_following(
-            np.array([told, velocity]), np.array([0.0, share * CURRENT[1]])
+            np.array([told, velocity]), np.array([0.0, share * CURRENT[1]]), BOTH
         )
         assert not astray[0]
         found.append(bool(astray[1]))
@@ -63,7 +64,7 @@ def test_at_the_bounds_it_follows(following: Following, sign: int) -> None:
     # Nor is it drawn into what another joint does.
     for _ in range(TICKS):
         following.record(np.zeros(2))
-        astray = following.not_following(np.array([0.5, sign * DEVIATION[1]]), np.zeros(2))
+        astray = following.not_following(np.array([0.5, sign * DEVIATION[1]]), np.zeros(2), BOTH)
     assert astray.tolist() == [True, False]
 
 
@@ -107,9 +108,12 @@ def test_every_joint_by_itself() -> None:
     following = Following(FollowingSettings(DEVIATION, CURRENT, LAG), T)
     for _ in range(TICKS):
         following.record(np.zeros(2))
-        astray = following.not_following(np.array([-0.21, 0.31]), np.zeros(2))
+        astray = following.not_following(np.array([-0.21, 0.31]), np.zeros(2), BOTH)
     assert astray.tolist() == [True, True]
-    assert following.not_following(np.array([0.0, 0.31]), np.zeros(2)).tolist() == [False, True]
+    assert following.not_following(np.array([0.0, 0.31]), np.zeros(2), BOTH).tolist() == [
+        False,
+        True,
+    ]
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -117,6 +121,6 @@ def test_the_figures_are_from_the_nearest_setpoint_that_it_may_still_obey(sign: 
     following = Following(FollowingSettings(DEVIATION, CURRENT, LAG), T)
     for told in (0.0, 0.05, 0.02):
         following.record(np.full(2, sign * told))
-    following.not_following(np.array([sign * 0.3, -sign * 0.4]), np.zeros(2))
+    following.not_following(np.array([sign * 0.3, -sign * 0.4]), np.zeros(2), BOTH)
     assert following.figures(0) == "by 0.250 rad/s, at most 0.200"
     assert following.figures(1) == "by 0.400 rad/s, at most 0.300"

@@ -16,8 +16,8 @@ def watch() -> IgnoredSetpoints:
     return IgnoredSetpoints(np.array([2.0, 2.0]))
 
 
-def ticks(watch, n, words, states=(ON, ON), current=LITTLE):
-    return [watch.joints(states, words, current) for _ in range(n)]
+def ticks(watch, n, words, states=(ON, ON), current=LITTLE, fresh=(True, True)):
+    return [watch.joints(states, words, current, np.array(fresh)) for _ in range(n)]
 
 
 def test_it_is_told_while_it_lasts(watch) -> None:

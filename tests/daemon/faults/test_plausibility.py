@@ -71,7 +71,7 @@ class Joint:
             np.array([0.0, self.theta]) if self.measured else None,
             np.array([0.0, trifle if current is None else current]),
             np.array([0.0, residual]),
-            dt,
+            np.array([T, dt]),
             energised,
         )
         assert all(finding.text == "elbow" for finding in found)
@@ -316,7 +316,9 @@ def test_each_joint_has_its_own_middle() -> None:
     nothing = np.zeros(2)
     for q, found in ((2.9, False), (3.04, False), (3.06, True)):
         at = np.array([q, 0.0])
-        findings = plausibility.step(at, nothing, at, np.full(2, 0.01 * q), nothing, T, True)
+        findings = plausibility.step(
+            at, nothing, at, np.full(2, 0.01 * q), nothing, np.full(2, T), True
+        )
         assert findings == (Finding(Condition.JOINT_LIMIT, "shoulder"),) * found
 
 
@@ -367,8 +369,10 @@ def test_after_a_restart_the_next_samples_are_believed(joint: Joint) -> None:
 def test_every_finding_is_named_with_its_joint_and_figures() -> None:
     plausibility = Plausibility(JOINTS, bounds())
     nothing, far = np.zeros(2), np.array([1.0, -1.5])
-    plausibility.step(nothing, nothing, nothing, nothing, nothing, T, True)
-    found = plausibility.step(far, nothing, nothing, nothing, np.array([9.0, 0.0]), T, True)
+    plausibility.step(nothing, nothing, nothing, nothing, nothing, np.full(2, T), True)
+    found = plausibility.step(
+        far, nothing, nothing, nothing, np.array([9.0, 0.0]), np.full(2, T), True
+    )
     play = f"at most {PLAY:.3f}"
     jump = f"at most {PLAY + SPEED * T:.3f}"
     # As text: figures do not count when findings are compared.

@@ -14,6 +14,7 @@ EXPECTED = {
     Response.CONTINUE: {Condition.SAMPLE_MISSING, Condition.BUS_DISTURBED, Condition.LATE},
     Response.HOLD: {
         Condition.STARVED,
+        Condition.DEAF,
         Condition.ERROR_PASSIVE,
         Condition.TORQUE_SATURATED,
         Condition.JOINT_LIMIT,
@@ -47,6 +48,7 @@ CHECKS = {
         Condition.UNPROVED,
     },
     "samples": {Condition.SAMPLE_MISSING, Condition.STALE, Condition.STARVED},
+    "estimator": {Condition.DEAF},
     "heartbeats": {Condition.HEARTBEAT_LOST},
     "emergencies": {Condition.EMERGENCY},
     "set-up": {Condition.REBOOTED},

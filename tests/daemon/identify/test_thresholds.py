@@ -31,7 +31,6 @@ def moved(state: State, seconds: float, c: Configuration, begins_s: float) -> li
             state,
             time_s=begins_s + T * k,
             mode="tracking",
-            updated=True,
             current=[0.0],
             link_position=[0.2 * np.sin(T * k)],
             motor_velocity=[0.2 * np.cos(T * k)],

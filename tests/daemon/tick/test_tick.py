@@ -14,6 +14,7 @@ from daemon.tick import telemetry
 from daemon.tick.telemetry import state_of
 from daemon.tick.tick import LONGEST_STEP
 from drivers.cia402 import DriveState
+from estimator.estimate import Flag
 
 ELBOW = 2
 T = 0.01
@@ -151,7 +152,7 @@ def test_the_record_of_a_tick_stays_as_it_was(rig: Rig) -> None:
     assert not any(array.flags.writeable for array in arrays)
 
 
-def test_a_tick_without_samples_keeps_the_estimate_and_says_so(rig: Rig) -> None:
+def test_a_tick_without_samples_carries_the_estimate_on_and_says_so(rig: Rig) -> None:
     rig.enable()
     before = rig.last
     rig.lockstep.pump()
@@ -159,14 +160,17 @@ def test_a_tick_without_samples_keeps_the_estimate_and_says_so(rig: Rig) -> None
     rig.tick.finish(0.0)
     rig.ticks += 1
     silent = rig.last
-    assert (before.updated, silent.updated) == (True, False)
-    assert silent.estimate is before.estimate
-    assert silent.interval_s == before.interval_s
+    assert not silent.samples.fresh.any()
+    assert before.estimate is not None
+    assert silent.estimate is not None
+    assert silent.estimate.flags == Flag.BRIDGED
+    np.testing.assert_array_equal(silent.estimate.residual, before.estimate.residual)
+    assert silent.sensing.all()
+    assert silent.interval_s == pytest.approx(T)
     assert silent.number == before.number + 1
     rig.step()
-    assert rig.last.updated
-    assert rig.last.interval_s == pytest.approx(2 * T)
-    assert rig.last.estimate is not before.estimate
+    assert rig.estimate.flags == Flag.LATE
+    assert rig.last.interval_s == pytest.approx(T)
 
 
 def test_starting_moves_and_energises_nothing(rig: Rig) -> None:
