@@ -9,7 +9,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from daemon.assembly import build_setups
-from daemon.commands.worst_loads import Load, worst_loads
+from daemon.config.worst_loads import Load, worst_loads
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from drivers.boot.required_objects import lacks
