@@ -10,6 +10,7 @@ from rich.table import Table
 
 from daemon.assembly import build_setups
 from daemon.config.worst_loads import Load, worst_loads
+from daemon.config.bounds import near
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from drivers.boot.required_objects import lacks
@@ -45,7 +46,7 @@ FOLDED = "mapping"  # the column that may wrap
 
 
 def print_check(config: Path) -> None:
-    """Check a configuration and describe it. Raises ConfigurationError with all that is wrong."""
+    """Check a configuration, describe it, and tell what comes near its bounds. Raises ConfigurationError with all that is wrong."""
     robot = load_robot(config)
     c = robot.configuration
     console = Console() if sys.stdout.isatty() else Console(width=FOR_PIPES)
@@ -89,6 +90,8 @@ def print_check(config: Path) -> None:
                 highlight=False,
                 soft_wrap=True,
             )
+    for problem in near(c, robot.urdf):
+        console.print(robot.in_words(problem), highlight=False, soft_wrap=True, markup=False)
     click.echo(f"{robot.path}: good")
 
 

@@ -15,10 +15,19 @@ import msgspec
 import yaml
 from msgspec import Meta
 
+from daemon.config.problem import Keys
 from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels
 from drivers.settings import Settings
 from errors import ConfigurationError
 
+# Step of the identification that finds each of these fields of a joint.
+_STEP_OF = {
+    "half_gap": "gap",
+    "friction": "friction",
+    "gap_spring": "friction",
+    "rotor_inertia": "friction",
+    "thresholds": "thresholds",
+}
 NotNegative = Annotated[float, Meta(ge=0)]
 
 
@@ -135,6 +144,19 @@ def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
     if found.thresholds is not None:
         changes["thresholds"] = found.thresholds.thresholds
     return msgspec.structs.replace(joint, **changes)
+
+
+def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> Keys:
+    """Place in identified.yaml of the value behind the `keys` of config.yaml; empty where that is
+    as written by hand."""
+    match keys:
+        case ["joints", int(index), str(field), *rest] if found and field in _STEP_OF:
+            name, step = c.joint_names[index], _STEP_OF[field]
+            entry = getattr(found.joints.get(name), step, None)
+            # Of a rotor that the current does not show the entry has no value.
+            if getattr(entry, field, None) is not None:
+                return ["joints", name, step, field, *rest]
+    return []
 
 
 def objections(
