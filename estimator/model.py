@@ -24,8 +24,8 @@ class Model:
     The rotors are not in here: B is diagonal and belongs to the transmission.
 
     `mass` [kg] is that of all links that move; `reach` [m] how far they may extend from the first
-    joint, each body as far beyond its centre of mass as that is from its joint; `tool` says in words
-    which point `tool_jacobian` is about.
+    joint, each body as far beyond its centre of mass as that is from its joint; `tool` says in
+    words which point `tool_jacobian` is about.
 
     Raises ModelError if the file cannot be read, a joint is missing, named twice, not measured or
     not a joint of one coordinate with limits; if the mass or inertia of a link that moves is none
@@ -80,8 +80,10 @@ class Model:
         root, (3, n): a copy. Transposed, it makes joint torques of a force at the tool."""
         model, data, frame = self._model, self._data, self._tool
         axes = pin.LOCAL_WORLD_ALIGNED
-        J = pin.computeFrameJacobian(model, data, self._inward(q, self._q), frame, axes)[:3]
-        return J.copy() if self._order is None else J[:, self._order]
+        full = pin.computeFrameJacobian(model, data, self._inward(q, self._q), frame, axes)
+        full = full.reshape(6, self.n)  # one joint's comes as a vector
+        J: Matrix = full[:3].copy() if self._order is None else full[:3, self._order]
+        return J
 
     def _inward(self, x: Vector, buffer: Vector) -> Vector:
         if self._order is None:

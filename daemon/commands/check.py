@@ -9,10 +9,10 @@ from rich.padding import Padding
 from rich.table import Table
 
 from daemon.assembly import build_setups
-from daemon.config.worst_loads import Load, worst_loads
 from daemon.config.bounds import near
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
+from daemon.config.worst_loads import Load, worst_loads
 from drivers.boot.required_objects import lacks
 from drivers.can.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
 from drivers.codec import receive_pdos, transmit_pdos
@@ -46,7 +46,8 @@ FOLDED = "mapping"  # the column that may wrap
 
 
 def print_check(config: Path) -> None:
-    """Check a configuration, describe it, and tell what comes near its bounds. Raises ConfigurationError with all that is wrong."""
+    """Check a configuration, describe it, and tell what comes near its bounds. Raises
+    ConfigurationError with all that is wrong."""
     robot = load_robot(config)
     c = robot.configuration
     console = Console() if sys.stdout.isatty() else Console(width=FOR_PIPES)

@@ -8,7 +8,7 @@ from pathlib import Path
 from daemon.config.bounds import beyond
 from daemon.config.counts import unrepresentable
 from daemon.config.problem import Problem, at
-from daemon.config.schema import Configuration, Joint, drive_of
+from daemon.config.schema import Configuration, drive_of
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup, problems
 from drivers.can.bus_load import refuse_overload

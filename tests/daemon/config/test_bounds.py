@@ -1,4 +1,4 @@
-"""Bounds of physics: what would make the arm feel nothing is refused, and nothing gets round them."""
+"""Bounds of physics: what would make the arm feel nothing is refused, nothing gets round."""
 
 import re
 import shutil
