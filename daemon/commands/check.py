@@ -9,6 +9,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from daemon.assembly import build_setups
+from daemon.commands.felt_poses import felt_over_poses
 from daemon.config.bounds import near
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
@@ -73,6 +74,9 @@ def print_check(config: Path) -> None:
             _remark(console, lack)
     console.print(wiring, joints, travels)
     console.print(TRAVEL_WORDS, style="dim", highlight=False)
+    console.print()
+    for line in felt_over_poses(c, robot.urdf):
+        console.print(line, highlight=False, soft_wrap=True, markup=False)
     frames = frame_table(c.joint_drives, c.period_s, c.bus.master_node)
     console.print(_frames(frames))
     load = bus_load(c.joint_drives, c.period_s, c.bus.bitrate)
