@@ -11,8 +11,8 @@ from daemon.config.load import load_robot
 
 
 def test_a_bar_is_felt_alike_in_every_pose() -> None:
-    """A level of 0.5 Nm, a quarter more while the side is unknown, at 0.2 m; at rest what 0.33 Nm of
-    friction may hide, 0.4 and 0.4 of it, comes to that."""
+    """A level of 0.5 Nm, a quarter more while the side is unknown, at 0.2 m; at rest what 0.33 Nm
+    of friction may hide, 0.4 and 0.4 of it, comes to that."""
     robot = load_robot(SINGLE_JOINT)
     head, moving, resting = felt_over_poses(robot.configuration, robot.urdf)
     assert head.startswith("felt at the centre of mass of bar, from, over 500 poses")
