@@ -256,6 +256,19 @@ def test_no_figure_alone_gets_beyond_its_bound(path: tuple[str, ...], factor: fl
     assert where in [problem.where for problem in beyond(c, ROBOT.urdf)]
 
 
+@pytest.mark.parametrize(("times", "refused"), [(9.9, False), (10.1, True)])
+def test_a_current_of_no_motor(times: float, refused: bool) -> None:
+    """Behind an EDS that would allow it."""
+    joint = ROBOT.configuration.joints[0]
+    wiring = joint.wiring
+    current = times * wiring.rated_current_A
+    c = msgspec.structs.replace(
+        ROBOT.configuration, joints=[changed(joint, ("wiring", "max_current_A"), current)]
+    )
+    found = [problem.where for problem in beyond(c, ROBOT.urdf)]
+    assert found == (["joints[0] (joint).wiring.max_current_A"] if refused else [])
+
+
 def test_the_check_can_fail() -> None:
     """`feels` knows an arm that does not."""
     joint = changed(ROBOT.configuration.joints[0], ("thresholds", "contact"), 800.0)
