@@ -148,7 +148,8 @@ def _add_tool(model: pin.Model) -> tuple[str, int]:
         return f"the origin of {link.name}", index
     center = pin.SE3(np.eye(3), model.inertias[joint].lever)
     frame = pin.Frame("centre of mass of the tool", joint, center, pin.FrameType.OP_FRAME)
-    return f"the centre of mass of {link.name}", model.addFrame(frame)
+    # Adding the frame's inertia, of nothing, would round that of the joint.
+    return f"the centre of mass of {link.name}", model.addFrame(frame, append_inertia=False)
 
 
 def _reach(model: pin.Model) -> float:
