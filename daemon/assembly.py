@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from arrays import Vector
-from daemon.config.identified import objections
+from daemon.config.identified import objections, parameters_known, parameters_missing
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row, sinusoids_of
 from daemon.config.schema import Configuration
@@ -47,7 +47,14 @@ def build_tick(robot: Robot, wire: Wire, clock: Callable[[], float], identificat
         build_estimator(c, robot.urdf),
         build_controller(robot, links_trusted=identification.passed),
         build_fault_detector(c),
-        ArmingChecks(drives.names, drives.nodes, limits_of(c), c.period_s, identification),
+        ArmingChecks(
+            drives.names,
+            drives.nodes,
+            limits_of(c),
+            c.period_s,
+            (identification, check_parameters(robot)),
+            row(c, lambda j: j.thresholds.contact),
+        ),
         c.period_s,
     )
 
@@ -59,6 +66,14 @@ def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:
     against = objections(found, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True)))
     text = "; ".join(against) or f"{c.identified} is of these drives"
     return Check(name="identification", passed=not against, text=text)
+
+
+def check_parameters(robot: Robot) -> Check:
+    """Arming check of gaps, friction and thresholds: identified, or known otherwise. A loop over
+    the links is closed without them: that is how friction is identified."""
+    missing = parameters_missing(robot.identified, robot.configuration)
+    text = "; ".join(missing) or parameters_known(robot.configuration)
+    return Check(name="parameters", passed=not missing, text=text)
 
 
 def build_boot(robot: Robot, wire: Wire, ring: FrameRing | None = None) -> DriveBoot:

@@ -96,7 +96,7 @@ class Estimator:
             gain=settings.gain,
             debounce=settings.debounce,
         )
-        self._contact = thresholds.contact
+        self._contact, self._per_speed = thresholds.contact, thresholds.per_speed
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         t = transmission
         self._has_gap = t.half_gap > 0.0
@@ -193,6 +193,14 @@ class Estimator:
     def _wait(self, dt: float) -> None:
         self.elapsed += dt
         self.since += dt
+
+    def levels_at(self, speed: Vector) -> Vector:
+        """Contact levels (n,) [Nm] that would be in force at motor speeds (n,) [rad/s], with what
+        is known now of friction and gaps. Changes nothing."""
+        side = self.motor_position.side
+        hidden = self._threshold_raise.at(resting(speed), self.stiction.unknown, side)
+        levels: Vector = self._contact + hidden + self._per_speed * np.abs(speed)
+        return levels
 
     def reset(self) -> None:
         """Forget external torque and contacts: r = 0. Positions and velocities are kept, so that

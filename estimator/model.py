@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from arrays import Vector
+from arrays import Matrix, Vector
 from errors import ModelError
-from estimator.urdf import moved_mass
+from estimator.urdf import moved_links
 
 # That of a milligram at a millimetre: what is less is rounding.
 _NO_INERTIA = 1e-12  # kg m2
+_OFF_AXIS = 0.01  # [m]; nearer to the joint, a force has no lever about it
 
 
 class Model:
@@ -21,6 +22,10 @@ class Model:
     Every movable joint of the URDF must be in `joints`: one that is not measured would hang at an
     unknown angle and make gravity wrong, so it is refused; make it `fixed` in the URDF instead.
     The rotors are not in here: B is diagonal and belongs to the transmission.
+
+    `mass` [kg] is that of all links that move; `reach` [m] how far they may extend from the first
+    joint, each body as far beyond its centre of mass as that is from its joint; `tool` says in
+    words which point `tool_jacobian` is about.
 
     Raises ModelError if the file cannot be read, a joint is missing, named twice, not measured or
     not a joint of one coordinate with limits; if the mass or inertia of a link that moves is none
@@ -39,6 +44,9 @@ class Model:
         self.upper: Vector = model.upperPositionLimit[order]
         # Row i of the caller is coordinate order[i] of pinocchio; `None` spares the permutation.
         self._order = None if np.array_equal(order, np.arange(self.n)) else order
+        self.tool, self._tool = _add_tool(model)
+        self.mass = float(sum(body.mass for body in list(model.inertias)[1:]))
+        self.reach = _reach(model)
         self._model = model
         self._data = model.createData()
         self._q = np.zeros(self.n)
@@ -62,6 +70,21 @@ class Model:
         g = pin.computeGeneralizedGravity(self._model, self._data, self._inward(q, self._q))
         return self._outward(g.copy())
 
+    def inertia(self, q: Vector) -> Vector:
+        """Diagonal of M(q), a copy, shape (n,) [kg m2]: what each joint moves about its axis."""
+        M = pin.crba(self._model, self._data, self._inward(q, self._q))
+        return self._outward(np.diag(M).copy())
+
+    def tool_jacobian(self, q: Vector) -> Matrix:
+        """Velocity of the tool point [m/s] per joint velocity [rad/s], along the axes of the URDF's
+        root, (3, n): a copy. Transposed, it makes joint torques of a force at the tool."""
+        model, data, frame = self._model, self._data, self._tool
+        axes = pin.LOCAL_WORLD_ALIGNED
+        full = pin.computeFrameJacobian(model, data, self._inward(q, self._q), frame, axes)
+        full = full.reshape(6, self.n)  # one joint's comes as a vector
+        J: Matrix = full[:3].copy() if self._order is None else full[:3, self._order]
+        return J
+
     def _inward(self, x: Vector, buffer: Vector) -> Vector:
         if self._order is None:
             return x
@@ -77,7 +100,7 @@ def _read(urdf: Path | str) -> pin.Model:
     where = "the URDF" if isinstance(urdf, str) else str(urdf)
     try:
         text = urdf if isinstance(urdf, str) else urdf.read_text(encoding="utf-8")
-        mass = moved_mass(text)
+        mass = sum(link.mass for link in moved_links(text))
         model = pin.buildModelFromXML(text)
     except ModelError as error:
         raise ModelError(f"{where}: {error}") from error
@@ -108,6 +131,37 @@ def _order(model: pin.Model, joints: tuple[str, ...], urdf: str) -> np.ndarray:
         if joint.nq != 1 or joint.nv != 1:
             raise ModelError(f"{urdf}: joint {name!r} must be revolute, with limits")
     return np.array([model.joints[model.getJointId(name)].idx_v for name in joints])
+
+
+def _add_tool(model: pin.Model) -> tuple[str, int]:
+    """The tool point, in words, and its frame: the origin of the URDF's last link if that is off
+    the axis of the last joint, as a fixed `tool0` is; else the centre of mass of what that joint
+    moves, as the origin of a link that turns about it has no lever."""
+    joint = model.njoints - 1
+    links = [
+        (i, frame)
+        for i, frame in enumerate(model.frames)
+        if frame.parentJoint == joint and frame.type == pin.FrameType.BODY
+    ]
+    index, link = links[-1]
+    if np.linalg.norm(link.placement.translation) > _OFF_AXIS:
+        return f"the origin of {link.name}", index
+    center = pin.SE3(np.eye(3), model.inertias[joint].lever)
+    frame = pin.Frame("centre of mass of the tool", joint, center, pin.FrameType.OP_FRAME)
+    # Adding the frame's inertia, of nothing, would round that of the joint.
+    return f"the centre of mass of {link.name}", model.addFrame(frame, append_inertia=False)
+
+
+def _reach(model: pin.Model) -> float:
+    """Longest way [m] from the first joint through the others to the far end of a body."""
+    way = np.zeros(model.njoints)
+    ends = np.zeros(model.njoints)
+    for i in range(1, model.njoints):
+        parent = model.parents[i]
+        if parent:
+            way[i] = way[parent] + np.linalg.norm(model.jointPlacements[i].translation)
+        ends[i] = way[i] + 2.0 * np.linalg.norm(model.inertias[i].lever)
+    return float(ends.max())
 
 
 def _refuse_weightless(model: pin.Model, urdf: str) -> None:

@@ -7,6 +7,7 @@ contact.
 
 import math
 import re
+from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
@@ -23,25 +24,48 @@ _ROUNDING = 1e-3
 _Lines = dict[ET.Element, int]
 
 
-def moved_mass(text: str) -> float:
-    """Mass [kg] of all links that movable joints carry, on a chain of `fixed` joints, too.
+@dataclass(frozen=True, slots=True)
+class MovedLink:
+    """One link that movable joints carry, as its <inertial> describes it; zero without one."""
+
+    name: str
+    line: int
+    joint: str
+    """the movable joint that it turns with"""
+    mass: float = 0.0
+    """[kg]"""
+    moment: float = 0.0
+    """largest principal moment of inertia about the centre of mass [kg m2]"""
+
+    @property
+    def gyration(self) -> float:
+        """Radius at which all of its mass would have that moment [m]."""
+        return math.sqrt(self.moment / self.mass) if self.mass > 0 else 0.0
+
+
+def moved_links(text: str) -> list[MovedLink]:
+    """Links that movable joints carry, on a chain of `fixed` joints, too.
 
     Raises ModelError for a text that is not XML, and for an <inertial> of such a link that lacks
     mass or inertia, gives them as anything but finite numbers, or is that of no possible body. A
     link may be without one: a frame, or one whose mass others include.
     """
     root, lines = _parsed(text)
-    moved = _moved(root)
-    mass = 0.0
+    carried = _carried(root)
+    links = []
     for link in root.findall("link"):
-        inertial = link.find("inertial")
-        if inertial is not None and link.get("name") in moved:
+        name, inertial = link.get("name", ""), link.find("inertial")
+        if name not in carried:
+            continue
+        mass = moment = 0.0
+        if inertial is not None:
             try:
-                mass += _mass(inertial, lines)
-                _check_tensor(inertial, lines)
+                mass = _mass(inertial, lines)
+                moment = _largest_moment(inertial, lines)
             except ModelError as error:
-                raise ModelError(f"link {link.get('name')!r}, {error}") from error
-    return mass
+                raise ModelError(f"link {name!r}, {error}") from error
+        links.append(MovedLink(name, lines[link], carried[name], mass, moment))
+    return links
 
 
 def _parsed(text: str) -> tuple[ET.Element, _Lines]:
@@ -61,16 +85,18 @@ def _parsed(text: str) -> tuple[ET.Element, _Lines]:
     return builder.close(), lines
 
 
-def _moved(root: ET.Element) -> set[str]:
-    """Names of the links that a movable joint carries."""
+def _carried(root: ET.Element) -> dict[str, str]:
+    """Movable joint that each moved link turns with, by the link's name."""
     joints = [
-        (joint.get("type"), _link(joint, "parent"), _link(joint, "child"))
+        (joint.get("type"), joint.get("name", ""), _link(joint, "parent"), _link(joint, "child"))
         for joint in root.findall("joint")
     ]
-    moved = {child for kind, _, child in joints if kind != "fixed"}
+    carried = {child: name for kind, name, _, child in joints if kind != "fixed"}
     for _ in joints:  # no chain is longer
-        moved |= {child for _, parent, child in joints if parent in moved}
-    return moved
+        for _, _, parent, child in joints:
+            if parent in carried:
+                carried.setdefault(child, carried[parent])
+    return carried
 
 
 def _link(joint: ET.Element, role: str) -> str:
@@ -91,7 +117,8 @@ def _mass(inertial: ET.Element, lines: _Lines) -> float:
     return mass
 
 
-def _check_tensor(inertial: ET.Element, lines: _Lines) -> None:
+def _largest_moment(inertial: ET.Element, lines: _Lines) -> float:
+    """Largest principal moment of one link [kg m2]. Raises ModelError that begins with the line."""
     element = _child(inertial, "inertia", lines)
     xx, xy, xz, yy, yz, zz = (
         _numbers(element, name, 1, lines)[0] for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -102,6 +129,7 @@ def _check_tensor(inertial: ET.Element, lines: _Lines) -> None:
             f"line {lines[element]}: its <inertia> has a principal moment of {principal[0]:.3g} "
             "kg m2; none may be negative"
         )
+    return float(principal[-1])
 
 
 def _child(inertial: ET.Element, tag: str, lines: _Lines) -> ET.Element:

@@ -78,9 +78,7 @@ def lossy_steps(rig: Rig, wire: FaultyWire, loss: Loss, lost: Mask) -> Iterator[
             left_out += 1
             continue
         cob_ids = {cob_id for i in np.flatnonzero(row).tolist() for cob_id in pdos[i]}
-        wire.lost, wire.unsent = (
-            (set(), cob_ids) if loss.what == "setpoints" else (cob_ids, set())
-        )
+        wire.lost, wire.unsent = (set(), cob_ids) if loss.what == "setpoints" else (cob_ids, set())
         late_step(rig, left_out)
         left_out = 0
         yield row

@@ -39,7 +39,10 @@ def poor_guesses(written: Written) -> None:
         joint["half_gap"] = 0.01
         joint["rotor_inertia"] = float(f"{0.5 * joint['rotor_inertia']:.3g}")
         joint["friction"] = {name: 0.5 * value for name, value in joint["friction"].items()}
-        joint["thresholds"] = {"contact": 4.0, "collision": 12.0}
+        peak = joint["torque_constant"] * joint["wiring"]["max_current_A"]
+        # So high that nothing stops the arm while its friction is not known.
+        joint["thresholds"] = {"contact": 0.45 * peak, "collision": 2.9 * peak}
+        joint.pop("known", None)
 
 
 class OneHand:

@@ -13,6 +13,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from daemon.clients.felt import felt_lines
 from daemon.modes.table import Mode
 from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Check, Grant, Snapshot, State, Status, Trajectory
@@ -221,6 +222,9 @@ def status_view(status: Status) -> RenderableType:
     frame.add_row(table)
     frame.add_row("")
     frame.add_row(_status_joints(status))
+    if status.felt is not None:
+        frame.add_row("")
+        frame.add_row(Text("\n".join(felt_lines(status.felt))))
     return frame
 
 

@@ -9,9 +9,11 @@ from rich.padding import Padding
 from rich.table import Table
 
 from daemon.assembly import build_setups
-from daemon.commands.worst_loads import Load, worst_loads
+from daemon.commands.felt_poses import felt_over_poses
+from daemon.config.bounds import near
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
+from daemon.config.worst_loads import Load, worst_loads
 from drivers.boot.required_objects import lacks
 from drivers.can.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
 from drivers.codec import receive_pdos, transmit_pdos
@@ -45,7 +47,8 @@ FOLDED = "mapping"  # the column that may wrap
 
 
 def print_check(config: Path) -> None:
-    """Check a configuration and describe it. Raises ConfigurationError with all that is wrong."""
+    """Check a configuration, describe it, and tell what comes near its bounds. Raises
+    ConfigurationError with all that is wrong."""
     robot = load_robot(config)
     c = robot.configuration
     console = Console() if sys.stdout.isatty() else Console(width=FOR_PIPES)
@@ -71,6 +74,9 @@ def print_check(config: Path) -> None:
             _remark(console, lack)
     console.print(wiring, joints, travels)
     console.print(TRAVEL_WORDS, style="dim", highlight=False)
+    console.print()
+    for line in felt_over_poses(c, robot.urdf):
+        console.print(line, highlight=False, soft_wrap=True, markup=False)
     frames = frame_table(c.joint_drives, c.period_s, c.bus.master_node)
     console.print(_frames(frames))
     load = bus_load(c.joint_drives, c.period_s, c.bus.bitrate)
@@ -89,6 +95,8 @@ def print_check(config: Path) -> None:
                 highlight=False,
                 soft_wrap=True,
             )
+    for problem in near(c, robot.urdf):
+        console.print(robot.in_words(problem), highlight=False, soft_wrap=True, markup=False)
     click.echo(f"{robot.path}: good")
 
 

@@ -69,8 +69,10 @@ def enable(options: Options, no_wait: bool) -> None:
 def arm(options: Options, lease_s: float) -> None:
     """Let the arm yield to contact. Refused, with every reason, while it cannot be trusted.
 
-    Shows each check as passed or failed. Arming again renews the lease; while somebody else holds
-    it, it is refused. When the lease runs out the arm is disarmed, and holds if it is being guided.
+    Shows each check as passed or failed, then what the arm feels: the torque of each joint and, in
+    this pose, the force at the tool, in motion and at rest. Arming again renews the lease; while
+    somebody else holds it, it is refused. When the lease runs out the arm is disarmed, and holds if
+    it is being guided.
     """
     with options.connect() as client:
         reply = client.arm(lease_s, detached=True)

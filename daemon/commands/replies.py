@@ -72,6 +72,10 @@ def answer(options: Options, reply: "Reply") -> None:
     else:
         for check in reply.checks:
             click.echo(check, err=not reply.ok)
+        if reply.felt is not None:
+            from daemon.clients.felt import felt_lines
+
+            click.echo("\n".join(felt_lines(reply.felt)))
         said = reply.message or (reply.mode if reply.ok else "refused")
         click.echo(said if reply.ok else f"contactctl: {said}", err=not reply.ok)
         # The failed checks are the reasons, already printed.

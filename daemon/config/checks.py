@@ -3,25 +3,17 @@
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
+from daemon.config.bounds import beyond
 from daemon.config.counts import unrepresentable
-from daemon.config.schema import Configuration, Joint, drive_of
+from daemon.config.problem import Problem, at
+from daemon.config.schema import Configuration, drive_of
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup, problems
 from drivers.can.bus_load import refuse_overload
 from errors import ConfigurationError, ModelError
 from estimator.model import Model
-
-
-@dataclass(frozen=True, slots=True)
-class Problem:
-    """One thing that is wrong: its place in the file, and what is allowed."""
-
-    keys: list[str | int]
-    where: str
-    what: str
 
 
 def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[Problem]:
@@ -38,12 +30,8 @@ def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[
         *_trajectory(configuration),
         *_urdf(configuration, urdf),
     ]
-    # The load of the bus can only be computed where everything else is right.
-    return findings or list(_load(configuration))
-
-
-def _at(index: int, joint: Joint, *path: str) -> tuple[list[str | int], str]:
-    return ["joints", index, *path], ".".join([f"joints[{index}] ({joint.name})", *path])
+    # What is computed from many fields can only be where each is right.
+    return findings or [*beyond(configuration, urdf), *_load(configuration)]
 
 
 def _names_and_nodes(c: Configuration) -> Iterator[Problem]:
@@ -51,24 +39,24 @@ def _names_and_nodes(c: Configuration) -> Iterator[Problem]:
     nodes = Counter(joint.wiring.node for joint in c.joints)
     for i, joint in enumerate(c.joints):
         if names[joint.name] > 1:
-            yield Problem(*_at(i, joint, "name"), "two joints have this name")
+            yield Problem(*at(i, joint, "name"), "two joints have this name")
         if nodes[joint.wiring.node] > 1:
             others = [
                 o.name for o in c.joints if o.wiring.node == joint.wiring.node and o is not joint
             ]
             yield Problem(
-                *_at(i, joint, "wiring", "node"),
+                *at(i, joint, "wiring", "node"),
                 f"node {joint.wiring.node} is also that of {', '.join(others)}; "
                 "each drive needs a node id of its own",
             )
         if joint.wiring.node == c.bus.master_node:
             yield Problem(
-                *_at(i, joint, "wiring", "node"),
+                *at(i, joint, "wiring", "node"),
                 f"node {joint.wiring.node} is the master's (bus.master_node)",
             )
         if joint.wiring.profile not in c.drives:
             yield Problem(
-                *_at(i, joint, "wiring", "profile"),
+                *at(i, joint, "wiring", "profile"),
                 f"no drive profile `{joint.wiring.profile}`; there are: {', '.join(c.drives)}",
             )
 
@@ -77,19 +65,19 @@ def _joints(c: Configuration) -> Iterator[Problem]:
     for i, joint in enumerate(c.joints):
         if joint.limits.lower >= joint.limits.upper:
             yield Problem(
-                *_at(i, joint, "limits", "lower"),
+                *at(i, joint, "limits", "lower"),
                 f"{joint.limits.lower:g} must be less than upper ({joint.limits.upper:g})",
             )
         if joint.thresholds.contact >= joint.thresholds.collision:
             yield Problem(
-                *_at(i, joint, "thresholds", "contact"),
+                *at(i, joint, "thresholds", "contact"),
                 f"{joint.thresholds.contact:g} must be less than collision "
                 f"({joint.thresholds.collision:g})",
             )
         spring = joint.gap_spring
         if joint.half_gap == 0 and (spring.stiffness > 0 or spring.damping > 0):
             yield Problem(
-                *_at(i, joint, "gap_spring"),
+                *at(i, joint, "gap_spring"),
                 "must be zero where half_gap is 0: without a gap there are no borders",
             )
 
@@ -109,7 +97,7 @@ def _estimator(c: Configuration) -> Iterator[Problem]:
             sent = profile and any("motor_position" in p for p in profile.tpdo.values())
             if profile and not sent:
                 yield Problem(
-                    *_at(i, joint, "wiring", "profile"),
+                    *at(i, joint, "wiring", "profile"),
                     f"`{joint.wiring.profile}` sends no motor_position, which "
                     "estimator.motor_position: measured needs: list it under `tpdo`, or choose "
                     "integrated",
@@ -159,7 +147,7 @@ def _counts(c: Configuration) -> Iterator[Problem]:
         profile = c.drives.get(joint.wiring.profile)
         margin = c.supervisor.speed_margin
         for entry, what in unrepresentable(joint, profile, margin) if profile else ():
-            keys, where = _at(i, joint, "wiring")
+            keys, where = at(i, joint, "wiring")
             yield Problem(keys, where, f"{joint.wiring.profile}.{entry}: {what}")
 
 
@@ -210,7 +198,7 @@ def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
         lower, upper = float(model.lower[i]), float(model.upper[i])
         if joint.limits.lower < lower or joint.limits.upper > upper:
             yield Problem(
-                *_at(i, joint, "limits"),
+                *at(i, joint, "limits"),
                 f"[{joint.limits.lower:g}, {joint.limits.upper:g}] goes beyond the URDF's "
                 f"[{lower:g}, {upper:g}] rad",
             )

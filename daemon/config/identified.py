@@ -15,10 +15,26 @@ import msgspec
 import yaml
 from msgspec import Meta
 
-from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels
+from daemon.config.problem import Keys
+from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels, Step
+from daemon.protocol.messages import printable
 from drivers.settings import Settings
 from errors import ConfigurationError
 
+# Step of the identification that finds each of these fields of a joint.
+_STEP_OF = {
+    "half_gap": "gap",
+    "friction": "friction",
+    "gap_spring": "friction",
+    "rotor_inertia": "friction",
+    "thresholds": "thresholds",
+}
+# What arming needs beside the wiring, in the order in which it is identified.
+_PARAMETERS: tuple[tuple[Step, str, str], ...] = (
+    ("gap", "the gap", "`contactd identify gap JOINT`"),
+    ("friction", "the friction", "`contactd identify friction`"),
+    ("thresholds", "the thresholds", "`contactd identify thresholds`"),
+)
 NotNegative = Annotated[float, Meta(ge=0)]
 
 
@@ -137,6 +153,19 @@ def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
     return msgspec.structs.replace(joint, **changes)
 
 
+def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> Keys:
+    """Place in identified.yaml of the value behind the `keys` of config.yaml; empty where that is
+    as written by hand."""
+    match keys:
+        case ["joints", int(index), str(field), *rest] if found and field in _STEP_OF:
+            name, step = c.joint_names[index], _STEP_OF[field]
+            entry = getattr(found.joints.get(name), step, None)
+            # Of a rotor that the current does not show the entry has no value.
+            if getattr(entry, field, None) is not None:
+                return ["joints", name, step, field, *rest]
+    return []
+
+
 def objections(
     found: Identified | None, c: Configuration, urdf: str, serials: dict[str, int | None]
 ) -> list[str]:
@@ -161,18 +190,49 @@ def objections(
             reasons.append(
                 f"{joint.name} was identified on drive {known.serial}, this is drive {serial}"
             )
-    if names := unwired(found, c):
+    if names := unidentified("wiring", found, c):
         reasons.append(
             f"the wiring of {', '.join(names)} was never checked (`contactd identify wiring`)"
         )
     return reasons
 
 
-def unwired(found: Identified | None, c: Configuration) -> list[str]:
-    """Joints whose signs and scales were never checked. A wrong sign makes every loop over the
-    links drive them away."""
-    known = found.joints if found is not None else {}
-    return [j.name for j in c.joints if j.name not in known or known[j.name].wiring is None]
+def unidentified(step: Step, found: Identified | None, c: Configuration) -> list[str]:
+    """Joints that a step of the identification has not passed, and that are not known otherwise.
+    Without that of the wiring a sign may be wrong, and every loop over the links drives them
+    away."""
+    entries = found.joints if found is not None else {}
+    return [
+        joint.name
+        for joint in c.joints
+        if step not in joint.known and getattr(entries.get(joint.name), step, None) is None
+    ]
+
+
+def parameters_missing(found: Identified | None, c: Configuration) -> list[str]:
+    """Reasons not to arm: the gaps, friction and thresholds that nobody has identified, each with
+    the command to run; empty if there are none."""
+    return [
+        f"{what} of {', '.join(names)} never identified ({command}; or, known otherwise, say how: "
+        f"`known: {{{step}: ...}}` in config.yaml)"
+        for step, what, command in _PARAMETERS
+        if (names := unidentified(step, found, c))
+    ]
+
+
+def parameters_known(c: Configuration) -> str:
+    """Evidence that the parameters are right: identified, or how else they are known."""
+    said: dict[tuple[str, str], list[str]] = {}
+    for joint in c.joints:
+        for step, how in joint.known.items():
+            said.setdefault((step, how), []).append(joint.name)
+    if not said:
+        return "gap, friction and thresholds of every joint are identified"
+    everywhere = [joint.name for joint in c.joints]
+    return "known otherwise: " + "; ".join(
+        f"{step} of {'all' if names == everywhere else ', '.join(names)}: {printable(how)}"
+        for (step, how), names in said.items()
+    )
 
 
 def write_identified(path: Path, found: Identified) -> None:

@@ -12,8 +12,9 @@ from typing import Any, TypeVar
 import msgspec
 
 from daemon.config.checks import cross_checks
-from daemon.config.identified import Identified, applied
+from daemon.config.identified import Identified, applied, identified_keys
 from daemon.config.motion import recorded_path
+from daemon.config.problem import Problem
 from daemon.config.schema import Configuration
 from daemon.config.yaml_source import Source, parse_yaml, read_yaml
 from daemon.motion.sampled_path import SampledPath
@@ -48,6 +49,16 @@ class Robot:
         link in the place of config.yaml is kept: its files lie beside the link."""
         return self.folder.resolve() / self.path.name
 
+    def in_words(self, problem: Problem) -> str:
+        """A problem with file and line of its value: config.yaml, or identified.yaml where the
+        value was identified."""
+        path, text = self.path, self.text
+        keys = identified_keys(problem.keys, self.configuration, self.identified)
+        if keys:
+            path, text = self.folder / self.configuration.identified, self.identified_text
+        line = parse_yaml(text, path).line(keys or problem.keys)
+        return f"{path}:{line}: {problem.where}: {problem.what}"
+
     def with_port(self, port: int | None) -> "Robot":
         """Copy of the robot on another TCP port; the robot itself if `port` is None."""
         if port is None:
@@ -73,12 +84,8 @@ def load_robot(path: Path) -> Robot:
             f"{path}:{source.line(['urdf'])}: urdf: {urdf_path} cannot be read: {error}"
         ) from error
     if findings := cross_checks(configuration, urdf, path.parent):
-        raise ConfigurationError(
-            "\n".join(
-                f"{path}:{source.line(finding.keys)}: {finding.where}: {finding.what}"
-                for finding in findings
-            )
-        )
+        robot = Robot(path, configuration, source.text, urdf)
+        raise ConfigurationError("\n".join(robot.in_words(finding) for finding in findings))
     try:
         recorded = recorded_path(configuration, path.parent)
     except TrajectoryError as error:
@@ -93,18 +100,16 @@ def _with_identified(robot: Robot) -> Robot:
     if not path.exists():
         return robot
     text, found = _identified(read_yaml(path), robot.configuration)
-    configuration = applied(robot.configuration, found)
-    if findings := cross_checks(configuration, robot.urdf, robot.folder):
-        raise ConfigurationError(
-            "\n".join(f"{path}: {finding.where}: {finding.what}" for finding in findings)
-        )
-    return replace(
+    robot = replace(
         robot,
-        configuration=configuration,
+        configuration=applied(robot.configuration, found),
         identified=found,
         identified_text=text,
         by_hand=robot.configuration,
     )
+    if findings := cross_checks(robot.configuration, robot.urdf, robot.folder):
+        raise ConfigurationError("\n".join(robot.in_words(finding) for finding in findings))
+    return robot
 
 
 def _identified(source: Source, configuration: Configuration) -> tuple[str, Identified]:

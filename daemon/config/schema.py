@@ -58,6 +58,10 @@ class JointLimits(Settings, frozen=True):
     quick_stop: Annotated[float, Meta(gt=0, le=1000)]  # the drive's own deceleration
 
 
+Step = Literal["wiring", "gap", "friction", "thresholds"]
+"""Step of `contactd identify`: what of a joint it finds."""
+
+
 class Joint(Settings, frozen=True):
     """One joint: its drive, its transmission, its levels and limits."""
 
@@ -72,6 +76,10 @@ class Joint(Settings, frozen=True):
     admittance_gain: Annotated[float, Meta(ge=0, le=MAX_GAIN)]  # K_a [rad/s per Nm]
     virtual_mass_s: VirtualMass | None = None  # instead of `admittance.virtual_mass_s`
     gap_spring: GapSpring = GapSpring()
+    # Steps of `contactd identify` that this joint does without, each with how else its values here
+    # are known: `{gap: "data sheet: none"}`. Without either, `arm` is refused. For a copy of
+    # somebody else's arm this is not true: leave it out.
+    known: dict[Step, Name] = msgspec.field(default_factory=dict)
     # State of the joint when the daemon ends: `hold` leaves the drive in quick stop,
     # where it holds by itself; `brake` and `limp` take its torque away.
     end: Literal["hold", "brake", "limp"] = "hold"

@@ -92,6 +92,28 @@ class Permit(msgspec.Struct, frozen=True, kw_only=True):
     left_s: float
 
 
+class ToolForce(msgspec.Struct, frozen=True, kw_only=True):
+    """Forces at the tool that the arm feels; directions along x, y, z of the URDF's root."""
+
+    least_N: float  # where it feels best
+    least_along: list[float]
+    most_N: float  # where it feels worst, beside where it feels nothing
+    most_along: list[float]
+    unfelt: list[list[float]] = []  # directions in which no joint feels a force
+
+
+class Felt(msgspec.Struct, frozen=True, kw_only=True):
+    """Touches that the arm feels in its present pose: torque at each joint, force at the tool. Both
+    may be a little larger before they are felt, by errors of the model (docs/estimator.md)."""
+
+    joints: list[str]
+    tool: str  # the point, in words
+    moving: PerJoint  # [Nm], every joint at its velocity limit
+    resting: PerJoint  # [Nm], every joint at rest
+    tool_moving: ToolForce
+    tool_resting: ToolForce
+
+
 class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Answer to one `Request`: done or refused, with every reason for a refusal."""
 
@@ -101,6 +123,7 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     mode: Mode | None = None
     armed: bool = False
     checks: list[Check] = []  # of `arm`
+    felt: Felt | None = None  # of `arm` that is done; a client that does not know it leaves it out
     row: int | None = None  # of a trajectory: the first that was refused, from 0
     unproved: list[str] = []  # joints that are told to stop and not seen to stand
     status: "Status | None" = None
@@ -264,3 +287,4 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     serials: list[int | None] = []  # 0x1018:4 of the drives
     unproved: list[str] = []  # joints that were told to stop and not seen to stand
     silenced: bool = False  # the drives hear nothing of the daemon until `reset`
+    felt: Felt | None = None  # None before the first samples

@@ -19,6 +19,7 @@ from daemon.service.set_up import SetUp
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process, snapshot_of, status_of
 from daemon.service.upload import TrajectoryUpload
+from daemon.tick.felt import felt_now
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import state_of
 from drivers.boot.boot_up import DriveBoot
@@ -174,7 +175,8 @@ class Service:
     def _arm(self, request: Request, peer: Peer) -> Reply:
         answer = self.permission.arm(request, peer, self.loop.time_s)
         self.control.spare = self.permission.connection
-        return replace(self._granted(request, answer), checks=list(answer.checks))
+        felt = None if answer.reasons else felt_now(self.loop.tick)
+        return replace(self._granted(request, answer), checks=list(answer.checks), felt=felt)
 
     def _renew(self, request: Request, peer: Peer) -> Reply:
         return self._granted(request, self.permission.renew(request, peer, self.loop.time_s))

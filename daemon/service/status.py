@@ -10,6 +10,7 @@ from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import Mode
 from daemon.protocol.messages import STATE_FORMAT, Grant, Permit, Snapshot, Status, Trajectory
 from daemon.tick.controller import Controller
+from daemon.tick.felt import felt_now
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
 from daemon.tick.tick import Tick
@@ -73,6 +74,7 @@ def status_of(
         serials=process.serials,
         unproved=list(unproved),
         silenced=tick.drives.silenced,
+        felt=felt_now(tick),
     )
 
 

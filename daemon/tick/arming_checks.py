@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.modes.table import ARMABLE, Mode, refusal
@@ -30,7 +31,9 @@ NAMES = (
     "emergencies",
     "set-up",
     "identification",
+    "parameters",
     "estimator",
+    "thresholds",
     "residual",
     "limits",
     "loop",
@@ -38,11 +41,18 @@ NAMES = (
 )
 
 # Those whose evidence is in the samples of a tick, or is only as good as they are.
-SAMPLED = frozenset({"drives", "heartbeats", "set-up", "estimator", "residual", "limits"})
+SAMPLED = frozenset(
+    {"drives", "heartbeats", "set-up", "estimator", "thresholds", "residual", "limits"}
+)
 
 # A busy machine is late now and then, and one tick is made up for; a loop that is not on time is
 # late more than so often in so many seconds.
 LATE_TICKS, LATE_WITHIN_S = 2, 1.0
+# Times its configured contact level that a joint may have in force. A joint at rest hides what its
+# friction holds: with a level of a hundredth of its motor's torque, the least that is identified,
+# that comes to 4.7 on the arms shipped. Beyond, it is friction that decides what is felt, and
+# nobody who reads the configuration would expect it.
+RAISED = 5.0
 # Between two ticks the last one is at most a period old; a thousandth of it is rounding.
 OLDEST = 1.001  # periods
 # EMCY: the drive misses the master's heartbeat (CiA 301).
@@ -67,13 +77,15 @@ class ArmingChecks:
         nodes: Sequence[int],
         limits: Limits,
         period_s: float,
-        identification: Check,
+        settled: Sequence[Check],
+        contact: Vector,
     ) -> None:
-        """joints, nodes: names and node-IDs in the order of the arm. identification: the check of
-        the identified values against the drives that answered, which holds for the whole run."""
+        """joints, nodes: names and node-IDs in the order of the arm. settled: the checks that hold
+        for the whole run: `identification`, of the identified values against the drives that
+        answered, and `parameters`. contact: configured levels (n,) [Nm]."""
         self._joints, self._limits = tuple(joints), limits
         self._period_s = period_s
-        self._identification = identification
+        self._settled, self._contact = tuple(settled), contact
         self._index = {node: i for i, node in enumerate(nodes)}
         self._joint_of = dict(zip(nodes, self._joints, strict=True))
         self._emergencies: dict[int, Emergency] = {}
@@ -137,7 +149,7 @@ class ArmingChecks:
             *([] if mode in ARMABLE else [_failed("mode", refusal(mode, "arm"))]),
             *self._of_findings(record.findings),
             *self._of_drives(silent, unset),
-            *([] if self._identification.passed else [self._identification]),
+            *(check for check in self._settled if not check.passed),
             *self._of_estimate(record.estimate),
             *self._of_limits(record.samples),
             *self._of_loop(record.time_s, time_s),
@@ -180,6 +192,14 @@ class ArmingChecks:
         if estimate.flags:
             words = ", ".join(FLAG_NAMES[flag] for flag in estimate.flags)
             yield _failed("estimator", f"the estimator is not ready: {words}")
+        for i in np.flatnonzero(estimate.threshold > RAISED * self._contact).tolist():
+            yield _failed(
+                "thresholds",
+                f"{self._joints[i]} feels nothing below {estimate.threshold[i]:.2f} Nm now, more "
+                f"than {RAISED:g} times its configured {self._contact[i]:.2f} Nm: friction at rest "
+                "or its speed may hide that much (`contactd identify friction`, then thresholds; "
+                "where it only rests, `contactctl start` first)",
+            )
         for i in np.flatnonzero(estimate.thresholded).tolist():
             yield _failed(
                 "residual",
@@ -208,16 +228,20 @@ class ArmingChecks:
         n = len(self._joints)
         on = samples.states.count(DriveState.OPERATION_ENABLED)
         i = int(np.argmax(np.abs(estimate.residual) / estimate.threshold))
+        k = int(np.argmax(estimate.threshold / self._contact))
         return {
             "drives": f"{on} of {n} in operation, none in fault",
             "samples": "all fresh in this tick",
             "heartbeats": f"heard from {n} drives, none misses ours",
             "emergencies": "none",
             "set-up": "written to the drives and read back",
-            "identification": self._identification.text,
+            **{check.name: check.text for check in self._settled},
             "estimator": "ready",
             "residual": f"at most {estimate.residual[i]:+.2f} of {estimate.threshold[i]:.2f} Nm "
             f"({self._joints[i]})",
+            "thresholds": f"at most {estimate.threshold[k] / self._contact[k]:.1f} times what is "
+            f"configured: {estimate.threshold[k]:.2f} of {self._contact[k]:.2f} Nm "
+            f"({self._joints[k]})",
             "limits": "every joint inside",
             "loop": f"at most {LATE_TICKS} late ticks in {LATE_WITHIN_S:g} s",
         }

@@ -5,7 +5,7 @@ import pytest
 
 from errors import ModelError
 from estimator.model import Model
-from estimator.urdf import moved_mass
+from estimator.urdf import moved_links
 
 MASS = '<mass value="1.5"/>'
 ORIGIN = '<origin xyz="0 0 -0.2" rpy="0 0 0"/>'
@@ -39,7 +39,7 @@ def with_tool(inertial: str) -> str:
 def test_the_line_after_leading_comments_is_the_files() -> None:
     text = ARM.replace("<robot", "<!-- one\n two -->\n<robot").replace(MASS, '<mass value="x"/>')
     with pytest.raises(ModelError, match="line 15: <mass"):
-        moved_mass(text)
+        moved_links(text)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_the_line_after_leading_comments_is_the_files() -> None:
     ],
 )
 def test_what_is_let_through_is_what_pinocchio_reads(text: str, kg: float, capfd) -> None:
-    assert moved_mass(text) == kg
+    assert sum(link.mass for link in moved_links(text)) == kg
     assert pin.buildModelFromXML(text).inertias[1].mass == kg
     assert Model(text, ["swing"]).n == 1
     assert capfd.readouterr().err == ""
@@ -80,7 +80,7 @@ def test_what_is_let_through_is_what_pinocchio_reads(text: str, kg: float, capfd
 def test_what_rests_may_weigh_what_it_likes(old: str, new: str) -> None:
     inertial = f'<inertial><mass value="-4"/>{INERTIA}</inertial>'
     text = ARM.replace(old, new.format(inertial))
-    assert moved_mass(text) == 1.5
+    assert sum(link.mass for link in moved_links(text)) == 1.5
     assert Model(text, ["swing"]).n == 1
 
 
@@ -121,13 +121,13 @@ def test_no_body_is_like_that(old: str, new: str, message: str, capfd) -> None:
 def test_a_tool_that_is_fixed_to_what_moves() -> None:
     text = with_tool('<inertial><mass value="1 kg"/></inertial>')
     with pytest.raises(ModelError, match="link 'tool', line 18: <mass"):
-        moved_mass(text)
+        moved_links(text)
 
 
 @pytest.mark.parametrize("text", ["", "<robot", ARM + "more", ARM.replace("arm", "a & b")])
 def test_no_xml(text: str) -> None:
     with pytest.raises(ModelError, match=r"not XML that can be read: .*line"):
-        moved_mass(text)
+        moved_links(text)
 
 
 def test_tabs_that_only_pinocchio_sees() -> None:

@@ -90,26 +90,62 @@ def test_shipped_arms_hold_themselves(folder):
     assert "more than the motor can hold" not in output
 
 
-@pytest.mark.parametrize("scaled", ["mass value", "xyz"])
-def test_an_arm_in_grams_or_millimetres_is_told(tmp_path, scaled):
-    folder = shutil.copytree(DESK_ARM, tmp_path / "arm")
-    urdf = folder / "arm.urdf"
+def scaled_urdf(folder: Path, tmp_path: Path, attribute: str, factor: float) -> Path:
+    """A copy of an arm, all figures of one attribute of its URDF larger by a factor."""
+    copy = shutil.copytree(folder, tmp_path / "arm")
+    urdf = copy / "arm.urdf"
     urdf.write_text(
         re.sub(
-            rf'({scaled}=")([^"]*)',
-            lambda found: found[1] + " ".join(f"{1000 * float(x):g}" for x in found[2].split()),
+            rf'({attribute}=")([^"]*)',
+            lambda found: found[1] + " ".join(f"{factor * float(x):g}" for x in found[2].split()),
             urdf.read_text(),
         )
     )
+    return copy
+
+
+@pytest.mark.parametrize("scaled", ["mass value", "xyz"])
+def test_an_arm_in_grams_or_millimetres_is_refused(tmp_path, scaled):
+    folder = scaled_urdf(DESK_ARM, tmp_path, scaled, 1000.0)
     result = check(folder)
+    assert result.exit_code == 78
+    assert (
+        "urdf (arm.urdf), joint swing: gravity at worst: 1134 Nm is beyond what can be: up to 9.6 "
+        "Nm, 2 times the motor's 4.8 Nm (torque_constant times max_current_A): are masses in kg "
+        "and lengths in m?"
+    ) in result.output
+    assert "joint column: gravity" not in result.output  # it is upright
+
+
+def test_an_arm_that_its_motors_cannot_hold_everywhere_is_told(tmp_path):
+    result = check(scaled_urdf(DESK_ARM, tmp_path, "mass value", 5.0))
     assert result.exit_code == 0
     *_, exchange, warning, good = result.output.splitlines()
-    assert exchange.startswith("bus load")  # and no warning of the column: it is upright
+    assert exchange.startswith("bus load")
     assert warning == (
-        "swing: gravity is more than the motor can hold (1134 Nm of 4.8 Nm): "
+        "swing: gravity is more than the motor can hold (5.672 Nm of 4.8 Nm): "
         "are masses in kg and lengths in m?"
     )
     assert good.endswith("config.yaml: good")
+
+
+def test_what_comes_near_its_bounds_is_told_with_its_line(tmp_path):
+    folder = shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
+    shutil.copytree(ROMEO, tmp_path / "romeo_left_arm")
+    config = folder / "config.yaml"
+    config.write_text(config.read_text().replace("contact: 0.5,", "contact: 4.3,").replace(
+        "collision: 4.0", "collision: 6.0"))  # fmt: skip
+    result = check(folder)
+    assert result.exit_code == 0
+    *_, warning, good = result.output.splitlines()
+    line = 1 + next(i for i, x in enumerate(config.read_text().splitlines()) if "4.3" in x)
+    assert warning == (
+        f"{config}:{line}: joints[0] (joint).thresholds.contact: 4.3 Nm comes near what can be: "
+        "up to 6 Nm, 0.5 of the motor's 12 Nm (torque_constant times max_current_A): beyond, it "
+        "presses with nearly all it has and feels nothing"
+    )
+    assert good.endswith("config.yaml: good")
+    assert "comes near" not in check(SINGLE_JOINT).output
 
 
 def test_the_tables_of_the_arm_fit_into_80_columns():

@@ -4,6 +4,7 @@ import json
 import os
 import socket
 
+import numpy as np
 import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
@@ -12,7 +13,9 @@ from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Request
 from daemon.protocol.socket_path import Peer
+from daemon.tick.felt import felt_now
 from errors import ControlError
+from estimator.motor_position import Side
 
 
 def armed(served: ServedDaemon) -> bool:
@@ -39,14 +42,55 @@ def test_arm_shows_every_check_and_who_armed(served: ServedDaemon) -> None:
     result = served.contactctl("arm")
     lines = result.stdout.splitlines()
     assert result.exit_code == 0, result.stderr
-    assert all(line.startswith("passed  ") for line in lines[:-1])
-    assert len(lines) == 13
+    assert all(line.startswith("passed  ") for line in lines[:14])
+    assert lines[14].startswith("feels from")
     assert lines[-1] == "arm: holding, armed for 10 min"
     status = json.loads(served.contactctl("status", "--json").stdout)
     permit = status["permit"]
     assert (permit["uid"], permit["pid"], permit["detached"]) == (os.getuid(), os.getpid(), True)
     assert permit["left_s"] == pytest.approx(600.0, abs=0.5)
     assert f"(pid {os.getpid()}) for another" in served.contactctl("status").stdout
+
+
+def test_arm_shows_what_the_arm_feels_now(served: ServedDaemon) -> None:
+    served.rig.enable()
+    shown = served.contactctl("arm").stdout.splitlines()
+    felt = json.loads(served.contactctl("--json", "arm").stdout)["felt"]
+    rig = served.rig
+    joint = rig.robot.configuration.joints[0]
+    # At rest: the level in force, of an arm that rests.
+    assert felt["resting"] == pytest.approx(rig.estimate.threshold.tolist(), rel=1e-3)
+    unsure = 1.25 if rig.estimate.side[0] == Side.UNKNOWN else 1.0
+    assert felt["moving"] == [pytest.approx(unsure * joint.thresholds.contact)]
+    # A bar that hangs down, its centre 0.2 m below the joint: felt along x alone.
+    assert felt["tool"] == "the centre of mass of bar"
+    lever = 0.2
+    assert felt["tool_moving"]["least_N"] == pytest.approx(felt["moving"][0] / lever)
+    assert felt["tool_resting"]["least_N"] == pytest.approx(felt["resting"][0] / lever)
+    assert len(felt["tool_resting"]["unfelt"]) == 2
+    assert f"joint         {felt['moving'][0]:.2f} Nm    {felt['resting'][0]:.2f} Nm" in shown
+    assert shown[-2].startswith(f"  at rest    {felt['resting'][0] / lever:.1f} N where it feels")
+    assert shown[-2] in served.contactctl("status").stdout
+
+
+def test_a_push_as_large_as_it_says_is_felt(served: ServedDaemon) -> None:
+    """And one of half of it is not: less than in motion, for it moves the link through its gap."""
+    served.rig.enable()
+    assert served.contactctl("arm").exit_code == 0
+    served.run(0.5)
+    felt = felt_now(served.rig.tick)
+    assert felt is not None
+    lever = np.linalg.norm(served.rig.tick.estimator.model.tool_jacobian(served.rig.estimate.q))
+    force = felt.tool_resting.least_N
+    for share, yields in ((0.5, False), (1.3, True)):
+        served.rig.arm.external_torque[0] = share * force * lever
+        served.run(1.0)
+        assert (served.rig.mode is Mode.ADMITTANCE) == yields, (share, served.rig.estimate)
+
+
+def test_before_the_first_samples_nothing_is_said_to_be_felt(served: ServedDaemon) -> None:
+    served.rig.tick.last = None
+    assert felt_now(served.rig.tick) is None
 
 
 def test_arm_is_refused_with_the_checks_that_failed(served: ServedDaemon) -> None:
@@ -75,7 +119,8 @@ def test_arming_again_renews(served: ServedDaemon) -> None:
     assert served.contactctl("arm", "--lease", "1").exit_code == 0
     served.run(0.7)
     renewed = served.contactctl("arm", "--lease", "1")
-    assert renewed.stdout == "arm: holding, armed for 1.0 s\n"  # no checks: it is armed already
+    assert renewed.stdout.startswith("feels from")  # no checks: it is armed already
+    assert renewed.stdout.endswith("\narm: holding, armed for 1.0 s\n")
     took, _ = until_disarmed(served, 2.0)
     assert took == pytest.approx(1.0, abs=0.1)
 

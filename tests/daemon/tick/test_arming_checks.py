@@ -8,6 +8,7 @@ import pytest
 from msgspec import structs
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from daemon.config.schema import Configuration
 from daemon.faults.finding import Finding
 from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import Mode
@@ -255,6 +256,38 @@ def test_the_identification_is_checked_elsewhere(passed: bool, text: str) -> Non
         assert checks(rig)["identification"] == check
         assert failed(rig) == ([] if passed else ["identification"])
         assert rig.permit("the test") == ([] if passed else [text])
+
+
+def rubbing(c: Configuration) -> Configuration:
+    """Friction that hides nine times the contact level at rest."""
+    (joint,) = c.joints
+    friction = structs.replace(joint.friction, motor_coulomb=5.0)
+    return structs.replace(c, joints=[structs.replace(joint, friction=friction)])
+
+
+def test_levels_that_friction_raises_too_far() -> None:
+    with lockstep_rig(SINGLE_JOINT, configure=rubbing) as rig:
+        rig.enable()
+        assert failed(rig) == ["thresholds"]
+        force = rig.estimate.threshold[0]
+        assert force > 4.0
+        (reason,) = rig.permit("the test")
+        assert reason.startswith(
+            f"joint feels nothing below {force:.2f} Nm now, more than 5 times its configured "
+            "0.50 Nm"
+        )
+
+
+@pytest.mark.parametrize(("times", "refused"), [(4.99, False), (5.01, True)])
+def test_how_far_levels_may_be_raised(calm: Rig, times: float, refused: bool) -> None:
+    configured = calm.robot.configuration.joints[0].thresholds.contact
+    raised = structs.replace(calm.estimate, threshold=np.array([times * configured]))
+    record = replace(calm.last, estimate=raised)
+    found = calm.tick.arming_checks.run(record, Mode.HOLDING, (), (), calm.time_s - 0.01)
+    assert failing(found) == (["thresholds"] if refused else [])
+    (shown,) = (check for check in found.checks if check.name == "thresholds")
+    assert f"{times * configured:.2f}" in shown.text
+    assert f"{configured:.2f} Nm" in shown.text
 
 
 def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:

@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import minimize
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
-from daemon.commands.worst_loads import Load, worst_loads
 from daemon.config.load import load_robot
+from daemon.config.worst_loads import Load, worst_loads
 from estimator.model import Model
 
 

@@ -1,10 +1,10 @@
-"""Worst case of a configuration: gravity at each joint."""
+"""Worst case of a configuration: gravity and inertia at each joint, beside what its motor gives."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from daemon.config.schema import Configuration
+from daemon.config.schema import Configuration, Joint
 from estimator.model import Model
 
 _POSES = 2000
@@ -12,10 +12,11 @@ _POSES = 2000
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """Worst load of one joint [Nm at the link]."""
+    """Worst load of one joint, at the link [Nm]."""
 
     gravity: float  # largest within the limits of all joints
     motor: float  # at its largest current
+    inertia: float = 0.0  # of what the joint moves, largest, about its axis [kg m2]
 
     @property
     def too_much(self) -> bool:
@@ -24,8 +25,8 @@ class Load:
 
 
 def worst_loads(c: Configuration, urdf: str) -> list[Load]:
-    """Worst load of each joint: max |g_i(q)| over poses within the limits, beside K_c times the
-    largest current.
+    """Worst load of each joint: max |g_i(q)| and M_ii(q) over poses within the limits, beside K_c
+    times the largest current.
 
     The poses are random, always the same; the true maximum is up to some per cent more.
     """
@@ -37,9 +38,15 @@ def worst_loads(c: Configuration, urdf: str) -> list[Load]:
     drawn = np.random.default_rng(0).uniform(
         lower - 0.5 * span, upper + 0.5 * span, (_POSES, model.n)
     )
-    gravity = [np.abs(model.gravity(q)) for q in np.clip(drawn, lower, upper)]
-    worst = np.max(gravity, axis=0)
+    poses = np.clip(drawn, lower, upper)
+    gravity = np.max([np.abs(model.gravity(q)) for q in poses], axis=0)
+    inertia = np.max([model.inertia(q) for q in poses], axis=0)
     return [
-        Load(float(g), joint.torque_constant * joint.wiring.max_current_A)
-        for g, joint in zip(worst, c.joints, strict=True)
+        Load(float(g), peak_torque(joint), float(i))
+        for g, i, joint in zip(gravity, inertia, c.joints, strict=True)
     ]
+
+
+def peak_torque(joint: Joint) -> float:
+    """Torque of a joint's motor at its largest current [Nm at the link]."""
+    return joint.torque_constant * joint.wiring.max_current_A

@@ -1,0 +1,40 @@
+"""Forces at the tool that an arm feels, over poses within the limits of its joints."""
+
+import numpy as np
+
+from daemon.assembly import build_estimator
+from daemon.config.motion import limits_of
+from daemon.config.schema import Configuration
+from estimator.tool_force import ToolSense, tool_sense
+
+_POSES = 500
+
+
+def felt_over_poses(c: Configuration, urdf: str) -> list[str]:
+    """What a hand at the tool must press with to be felt, in words: in motion, every joint at its
+    velocity limit, and at rest, both with nothing known of friction and gaps. The poses are
+    random, always the same."""
+    estimator, limits = build_estimator(c, urdf), limits_of(c)
+    poses = np.random.default_rng(0).uniform(limits.lower, limits.upper, (_POSES, len(c.joints)))
+    jacobians = [estimator.model.tool_jacobian(q) for q in poses]
+    # A new estimator knows nothing yet: its levels are the highest.
+    cases = (
+        ("in motion", estimator.levels_at(limits.velocity)),
+        ("at rest", estimator.levels_at(np.zeros(len(c.joints)))),
+    )
+    return [
+        f"felt at {estimator.model.tool}, from, over {_POSES} poses within the limits:",
+        *(_in_words(name, [tool_sense(J, level) for J in jacobians]) for name, level in cases),
+    ]
+
+
+def _in_words(name: str, senses: list[ToolSense]) -> str:
+    best = [sense.least for sense in senses]
+    parts = [f"{min(best):.1f} to {max(best):.1f} N where it feels best"]
+    # Along a line there is no direction that feels worse.
+    if worst := [sense.most for sense in senses if len(sense.unfelt) < 2]:
+        usual, rare = np.percentile(worst, (50, 95))
+        parts.append(f"{usual:.0f} N where it feels worst, {rare:.0f} N in one pose of 20")
+    if deaf := sum(1 for sense in senses if len(sense.unfelt)):
+        parts.append(f"not felt in some direction in {deaf / len(senses):.0%} of the poses")
+    return f"  {name:9}  {'; '.join(parts)}"

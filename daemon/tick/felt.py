@@ -1,0 +1,36 @@
+"""Touches that the arm feels now, at its joints and at its tool. Asked between two ticks."""
+
+import numpy as np
+
+from daemon.protocol.messages import Felt, ToolForce
+from daemon.tick.tick import Tick
+from estimator.tool_force import ToolSense, tool_sense
+
+
+def felt_now(tick: Tick) -> Felt | None:
+    """What it would feel in the pose of the last estimate, with every joint at its velocity limit,
+    and at rest; None before the first estimate."""
+    if tick.last is None or tick.last.estimate is None:
+        return None
+    estimator, q = tick.estimator, tick.last.estimate.q
+    fastest = tick.controller.motion.limits.velocity
+    moving, resting = estimator.levels_at(fastest), estimator.levels_at(np.zeros_like(fastest))
+    jacobian = estimator.model.tool_jacobian(q)
+    return Felt(
+        joints=list(tick.drives.names),
+        tool=estimator.model.tool,
+        moving=moving.tolist(),
+        resting=resting.tolist(),
+        tool_moving=_message(tool_sense(jacobian, moving)),
+        tool_resting=_message(tool_sense(jacobian, resting)),
+    )
+
+
+def _message(sense: ToolSense) -> ToolForce:
+    return ToolForce(
+        least_N=sense.least,
+        least_along=sense.least_along.tolist(),
+        most_N=sense.most,
+        most_along=sense.most_along.tolist(),
+        unfelt=sense.unfelt.tolist(),
+    )

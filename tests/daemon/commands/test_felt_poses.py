@@ -1,0 +1,45 @@
+"""Forces felt over all poses, in `contactd check`."""
+
+import re
+
+import msgspec
+import pytest
+
+from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
+from daemon.commands.felt_poses import felt_over_poses
+from daemon.config.load import load_robot
+
+
+def test_a_bar_is_felt_alike_in_every_pose() -> None:
+    """A level of 0.5 Nm, a quarter more while the side is unknown, at 0.2 m; at rest what 0.33 Nm
+    of friction may hide, 0.4 and 0.4 of it, comes to that."""
+    robot = load_robot(SINGLE_JOINT)
+    head, moving, resting = felt_over_poses(robot.configuration, robot.urdf)
+    assert head.startswith("felt at the centre of mass of bar, from, over 500 poses")
+    least = 0.625 / 0.2
+    nothing = "not felt in some direction in 100% of the poses"
+    assert moving == f"  in motion  {least:.1f} to {least:.1f} N where it feels best; {nothing}"
+    least = (0.625 + 0.8 * 0.33) / 0.2
+    assert resting == f"  at rest    {least:.1f} to {least:.1f} N where it feels best; {nothing}"
+
+
+@pytest.mark.parametrize(("folder", "deaf"), [(ROMEO, False), (DESK_ARM, True)])
+def test_the_worst_is_worse_than_the_best(folder, deaf: bool) -> None:
+    robot = load_robot(folder)
+    for line in felt_over_poses(robot.configuration, robot.urdf)[1:]:
+        low, high, usual, rare = map(float, re.findall(r"([\d.]+) (?:to|N)", line))
+        assert low <= high < usual < rare
+        assert ("not felt" in line) == deaf
+
+
+def test_more_speed_needs_more_force() -> None:
+    robot = load_robot(SINGLE_JOINT)
+    (joint,) = robot.configuration.joints
+    levels = msgspec.structs.replace(joint.thresholds, per_speed=0.5)
+    c = msgspec.structs.replace(
+        robot.configuration, joints=[msgspec.structs.replace(joint, thresholds=levels)]
+    )
+    slow, fast = (felt_over_poses(x, robot.urdf)[1] for x in (robot.configuration, c))
+    by_speed = 0.5 * joint.limits.velocity / 0.2
+    first, second = (float(re.findall(r"[\d.]+", line)[0]) for line in (slow, fast))
+    assert second - first == pytest.approx(by_speed, abs=0.11)

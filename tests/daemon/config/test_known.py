@@ -1,0 +1,184 @@
+"""What arming needs of each joint: identified, or known otherwise by hand and by name."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
+from daemon.assembly import check_parameters
+from daemon.config.identified import (
+    Entry,
+    FrictionEntry,
+    GapEntry,
+    Identified,
+    IdentifiedJoint,
+    ThresholdsEntry,
+    WiringEntry,
+    fingerprint,
+    identified_keys,
+    objections,
+    write_identified,
+)
+from daemon.config.load import Robot, load_robot
+from daemon.config.schema import Configuration, Friction, Levels
+from daemon.modes.table import Event, Mode
+from daemon.protocol.messages import Check
+from errors import ConfigurationError
+
+DAY = {"date": "2026-01-02T03:04:05+00:00", "log": "0"}
+ENTRIES: dict[str, Entry] = {
+    "wiring": WiringEntry(**DAY, follows=1.0),
+    "gap": GapEntry(**DAY, half_gap=0.02, confidence=0.001),
+    "friction": FrictionEntry(
+        **DAY, friction=Friction(motor_coulomb=0.3), errors={}, r2=1.0, condition=1.0
+    ),
+    "thresholds": ThresholdsEntry(
+        **DAY, thresholds=Levels(contact=0.4, collision=3.0), per_hour=1.0, largest=0.3
+    ),
+}
+COMMANDS = {
+    "wiring": "`contactd identify wiring`",
+    "gap": "`contactd identify gap JOINT`",
+    "friction": "`contactd identify friction`",
+    "thresholds": "`contactd identify thresholds`",
+}
+
+
+def arm(folder: Path, known: str = "", *steps: str) -> Robot:
+    """The single joint with this `known`, and these steps identified."""
+    for name in ("romeo_left_arm", "single_joint"):
+        shutil.copytree(ROMEO.parent / name, folder / name, dirs_exist_ok=True)
+    place = folder / "single_joint"
+    (place / "identified.yaml").unlink()
+    config = place / "config.yaml"
+    lines = config.read_text().splitlines(keepends=True)
+    (at,) = (i for i, line in enumerate(lines) if "known:" in line)
+    lines[at] = f"    known: {known}\n" if known else ""
+    config.write_text("".join(lines))
+    robot = load_robot(place)
+    joint = IdentifiedJoint(serial=1, **{step: ENTRIES[step] for step in steps})
+    mark = fingerprint(robot.configuration, robot.urdf)
+    found = Identified(configuration=mark, joints={"joint": joint})
+    write_identified(place / "identified.yaml", found)
+    return load_robot(place)
+
+
+def refusals(robot: Robot) -> list[str]:
+    """Reasons not to arm for want of a step."""
+    against = objections(robot.identified, robot.configuration, robot.urdf, {"joint": 1})
+    parameters = check_parameters(robot)
+    return against + ([] if parameters.passed else parameters.text.split("; the "))
+
+
+@pytest.mark.parametrize("missing", ENTRIES)
+@pytest.mark.parametrize("otherwise", [False, True])
+def test_each_step_is_needed(missing: str, otherwise: bool, tmp_path: Path) -> None:
+    known = f"{{{missing}: of the data sheet}}" if otherwise else ""
+    robot = arm(tmp_path, known, *(step for step in ENTRIES if step != missing))
+    reasons = refusals(robot)
+    assert bool(reasons) != otherwise
+    if not otherwise:
+        (reason,) = reasons
+        assert f"{missing} of joint" in reason
+        assert COMMANDS[missing] in reason
+    elif missing != "wiring":
+        assert f"{missing} of all: of the data sheet" in check_parameters(robot).text
+
+
+def test_all_that_is_missing_is_named(tmp_path: Path) -> None:
+    reasons = refusals(arm(tmp_path))
+    for command, reason in zip(COMMANDS.values(), reasons, strict=True):
+        assert command in reason
+
+
+def test_nothing_known_otherwise(tmp_path: Path) -> None:
+    check = check_parameters(arm(tmp_path, "", *ENTRIES))
+    assert check == Check(
+        name="parameters",
+        passed=True,
+        text="gap, friction and thresholds of every joint are identified",
+    )
+
+
+@pytest.mark.parametrize(
+    ("known", "words"),
+    [
+        ("{gap: ''}", "joints[0] (joint).known"),
+        ("{speed: measured}", "(allowed: friction, gap, thresholds, wiring)"),
+        ("[gap]", "joints[0] (joint).known: expected `object`"),
+        ("{gap: true}", "expected `str`"),
+    ],
+)
+def test_it_must_be_said_how(known: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        arm(tmp_path, known)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("folder", [ROMEO, DESK_ARM, SINGLE_JOINT])
+def test_every_shipped_arm_says_how(folder: Path) -> None:
+    check = check_parameters(load_robot(folder))
+    assert check.passed
+    assert check.text.startswith("known otherwise: gap of all: as simulated")
+
+
+def test_what_was_written_cannot_speak_to_a_terminal(tmp_path: Path) -> None:
+    robot = arm(tmp_path, '{gap: "\\e[2J"}', "wiring", "friction", "thresholds")
+    assert "gap of all: ?[2J" in check_parameters(robot).text
+
+
+def test_joints_are_named_where_they_differ() -> None:
+    robot = load_robot(DESK_ARM)
+    column, swing = robot.configuration.joints
+    c = msgspec.structs.replace(
+        robot.configuration,
+        joints=[
+            msgspec.structs.replace(column, known={"gap": "a\x1b[2Jb", "friction": "maker"}),
+            msgspec.structs.replace(swing, known={"friction": "maker"}),
+        ],
+    )
+    check = check_parameters(replace(robot, configuration=c))
+    assert not check.passed
+    assert "the gap of swing never identified" in check.text
+    assert "the thresholds of column, swing never identified" in check.text
+    assert "friction" not in check.text.partition("the thresholds")[0]
+
+
+def test_without_them_the_arm_runs_and_is_not_armed() -> None:
+    """Friction is identified in motion: the links are trusted once the wiring was checked."""
+
+    def ask(c: Configuration) -> Configuration:
+        (joint,) = c.joints
+        return msgspec.structs.replace(c, joints=[msgspec.structs.replace(joint, known={})])
+
+    with lockstep_rig(SINGLE_JOINT, configure=ask) as rig:
+        rig.enable()
+        refused = rig.permit()
+        assert len(refused) == 1
+        assert "the gap of joint never identified" in refused[0]
+        rig.request(Event.START)
+        rig.run(1.0)
+        assert rig.mode is Mode.TRACKING
+
+
+def test_places_of_what_was_identified(tmp_path: Path) -> None:
+    robot = arm(tmp_path, "", *ENTRIES)
+    c, found = robot.configuration, robot.identified
+
+    def keys(*path: str) -> list[str | int]:
+        return identified_keys(["joints", 0, *path], c, found)
+
+    assert keys("half_gap") == ["joints", "joint", "gap", "half_gap"]
+    assert keys("friction", "gap_viscous") == [
+        *("joints", "joint", "friction", "friction", "gap_viscous"),
+    ]
+    assert keys("thresholds", "contact") == [
+        *("joints", "joint", "thresholds", "thresholds", "contact"),
+    ]
+    assert keys("rotor_inertia") == []  # the current did not show it
+    assert keys("torque_constant") == []
+    assert identified_keys(["urdf"], c, found) == []
+    assert identified_keys(["joints", 0, "half_gap"], c, None) == []
