@@ -110,17 +110,24 @@ def test_half_of_its_ramp_will_do(deceleration: float, runs_on: bool) -> None:
     assert bool(found.runs_on) is runs_on
 
 
-def test_twenty_readings_say_that_it_runs_on() -> None:
+@pytest.mark.parametrize("velocity_at", [hardly_brakes, lambda t: 1.0])
+def test_twenty_readings_say_that_it_runs_on(velocity_at: Callable[[float], float]) -> None:
     """From its fourth: the first is where it left operation, and it may take 20 ms to brake."""
-    assert Course(hardly_brakes).runs_on[0] == 4 + 20 - 1
+    assert Course(velocity_at).runs_on[0] == 4 + 20 - 1
 
 
-def test_readings_from_before_it_was_in_operation_again_do_not_count() -> None:
+@pytest.mark.parametrize(
+    ("velocity_at", "first"),
+    [(hardly_brakes, 4), (lambda t: math.nan, 1)],  # one that was not read is never a calm one
+)
+def test_readings_from_before_it_was_in_operation_again_do_not_count(
+    velocity_at: Callable[[float], float], first: int
+) -> None:
     watch = told(1.0)
     for k in range(1, 50):
-        seen = RUNS if k == 20 else Seen(STOPS, hardly_brakes(k * T), 0.0, k * T)
+        seen = RUNS if k == 20 else Seen(STOPS, velocity_at(k * T), 0.0, k * T)
         watch.step(k * T, STOP, seen)
-        assert watch.runs_on is (k >= 20 + 4 + 20 - 1)
+        assert watch.runs_on is (k >= 20 + first + 20 - 1)
 
 
 @pytest.mark.parametrize(("start", "velocity"), [(0.0, 1.02), (0.7, 1.02), (0.7, -1.02)])
