@@ -110,6 +110,21 @@ def test_a_joint_counts_as_touched_once_debounced_and_as_long_as_it_is() -> None
     assert told == [[False, False], [True, False], [True, False], [False, True], [False, False]]
 
 
+def test_a_joint_counts_as_hit_past_its_collision_level_likewise() -> None:
+    d = detector(debounce=2)
+    told = []
+    for r in ([2.9, -4.5], [3.5, -4.5], [3.5, -3.5], [2.9, 0.0]):
+        d.step(np.array(r), SIDE, 0.0)
+        told.append(d.hit().tolist())
+    assert told == [[False, False], [False, True], [True, False], [False, False]]
+
+
+def test_collision_levels_are_raised_like_those_of_contacts() -> None:
+    d = detector()
+    d.thresholds(np.array([0.4, 0.0]), SPEED, 0.01)
+    np.testing.assert_allclose(d.collision, [3.4, 4.0])
+
+
 def test_debounce_and_raise_are_remembered() -> None:
     d = detector(debounce=3)
     d.thresholds(np.full(2, 0.4), SPEED, 0.01)
