@@ -137,25 +137,28 @@ class StopWatch:
     monitored ramp is not kept (SS1-r of IEC 61800-5-2). It stands only when it is seen to.
     """
 
+    stage: Stage
+    proved: bool
+    """It was seen to stand, and nothing against it since."""
+    cut: bool
+    """Its quick stop does not stop it within its travel: it is to be without power."""
+    _wrong: float  # ticks without what was asked, less those with
+    _now_s: float
+    _from: float  # position at which it was told [rad]
+    _gone: float  # travel since [rad]
+    _speed: float  # last known [rad/s]
+    _obeyed_s: float  # when it was last seen to
+    _left_s: float  # when it was seen to have left operation...
+    _left_speed: float  # ...and its speed then [rad/s]
+    _still: int  # readings in a row that say so
+    _moving: int  # readings in a row that say otherwise
+    _beyond: int  # those of them that were taken beyond its travel
+    _here: float  # where it has not moved from [rad]...
+    _here_s: float  # ...since when
+
     def __init__(self, bounds: StopBounds) -> None:
         self._bounds = bounds
-        self.stage = Stage.NONE
-        self.proved = False
-        """It was seen to stand, and nothing against it since."""
-        self.cut = False
-        """Its quick stop does not stop it within its travel: it is to be without power."""
-        self._wrong = 0.0  # ticks without what was asked, less those with
-        self._now_s = 0.0
-        self._from = math.nan  # position at which it was told [rad]
-        self._gone = 0.0  # travel since [rad]
-        self._speed = 0.0  # last known [rad/s]
-        self._obeyed_s = -math.inf
-        self._left_s = math.nan  # when it was seen to have left operation, and its speed then
-        self._left_speed = 0.0
-        self._still = 0  # readings in a row that say so
-        self._moving = 0  # readings in a row that say otherwise
-        self._beyond = 0  # those of them that were taken beyond its travel
-        self._here, self._here_s = math.nan, 0.0  # where it has not moved from [rad], since when
+        self.begin(math.nan, Stage.NONE, math.nan, math.nan)
 
     @property
     def unproved(self) -> bool:
