@@ -22,6 +22,7 @@ import click
 import numpy as np
 
 from bench.report import Target, print_report
+from bench.rigs.besieged_person import EFFECT_TICKS, Stops, besieged_person
 from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.processes import pair
 from bench.rigs.rude_clients import ATTACKS, BESIDE, attacking
@@ -112,6 +113,17 @@ def phases(seconds: float) -> list[Phase]:
     return made
 
 
+def stops(seconds: float) -> dict[str, Stops]:
+    """Ticks from a person's stop to its effect, quiet and besieged."""
+    with pair(SINGLE_JOINT) as both:
+        client, _, states = both.subscribed()
+        with client:
+            return {
+                name or "quiet": besieged_person(both.door, states, name, seconds)
+                for name in (None, "siege")
+            }
+
+
 def _merged(some: list[Phase], name: str) -> Phase:
     merged = Phase(name)
     for phase in some:
@@ -130,6 +142,8 @@ def main(seconds: float, as_json: bool) -> None:
     attacked = _merged([p for p in made if p.name in ATTACKS], "attacked")
     calm, busy = quiet.figures(), attacked.figures()
     by_name = {"quiet": calm} | {p.name: p.figures() for p in made if p.name != "quiet"}
+    stopped = stops(2.5 * seconds)
+    besieged = stopped["siege"]
     worst_median = max(by_name[name]["doors_us"]["p50"] for name in ATTACKS)
     targets = [
         Target(
@@ -150,6 +164,9 @@ def main(seconds: float, as_json: bool) -> None:
         ),
         Target("disarms that came to nothing", attacked.unserved, 0, "", "lower"),
         Target("slowest disarm attacked", busy["disarm_ms"]["max"] or np.inf, 1000, "ms", "lower"),
+        Target("stop to effect, p99 besieged", besieged.p(99), EFFECT_TICKS, "ticks", "lower"),
+        Target("stop to effect, most besieged", besieged.p(100), EFFECT_TICKS, "ticks", "lower"),
+        Target("stops besieged", besieged.number, 3.0 * seconds, "", "higher"),
     ]
     if not as_json:
         click.echo(f"{os.cpu_count()} cores; us, median / p99 / max of {seconds:g} s a phase")
@@ -164,7 +181,10 @@ def main(seconds: float, as_json: bool) -> None:
                 f"{row['disarm_ms']['p50']} ms, {row['disarm_ms']['max']} ms at most, "
                 f"{row['unserved']} not served"
             )
-    print_report("flood", 0, targets, {"phases": by_name}, as_json=as_json)
+        for name, counted in stopped.items():
+            click.echo(f"  {name:7} {counted}")
+    data = {"phases": by_name, "stops": {name: s.figures() for name, s in stopped.items()}}
+    print_report("flood", 0, targets, data, as_json=as_json)
 
 
 if __name__ == "__main__":

@@ -378,17 +378,18 @@ def test_an_owner_that_is_gone_is_noticed_although_its_requests_wait(
 ) -> None:
     gone: list[int] = []
     control.on_close = lambda peer: gone.append(peer.connection)
+    flooding(control, dial, Handler())
     owner = dial()
     for _ in range(10):
         owner.send(b'{"command": "status"}')
-    flooding(control, dial, Handler())
+    control.poll(Handler(), turns_s=0.0)
     owner.close()
     for _ in range(9):
         control.poll(Handler(), turns_s=0.0)
-        assert gone == [1]
+        assert gone == [33]
     for _ in range(100):
         control.poll(Handler())
-    assert gone.count(1) == 2
+    assert gone.count(33) == 2
 
 
 def test_who_may_enter_in_a_poll_is_bounded(control: ControlSocket, dial: Dial) -> None:
