@@ -10,6 +10,7 @@ from msgspec import Meta
 
 from arrays import Vector
 from errors import ConfigurationError
+from regular_file import read_text
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
@@ -62,9 +63,9 @@ Script = tuple[AnyAct, ...]
 def read_script(path: Path) -> Script:
     """A YAML (or JSON) list of acts, in order of time. Raises ConfigurationError."""
     try:
-        text = path.read_bytes()
+        text = read_text(path)
         return tuple(sorted(msgspec.yaml.decode(text, type=Script), key=lambda act: act.at_s))
-    except (OSError, msgspec.MsgspecError) as error:
+    except (OSError, UnicodeDecodeError, msgspec.MsgspecError) as error:
         raise ConfigurationError(f"{path}: hand script: {error}") from error
 
 

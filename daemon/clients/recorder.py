@@ -19,6 +19,7 @@ from daemon.clients.client import Client
 from daemon.new_file import refuse_unless_new
 from daemon.protocol.messages import Snapshot, State, format_refusal
 from errors import LogError, UnreachableError
+from regular_file import open_regular
 
 KINDS: dict[str, type[Snapshot] | type[State]] = {"/snapshot": Snapshot, "/state": State}
 MAGIC = b"\x89MCAP0\r\n"
@@ -218,7 +219,7 @@ def read_log(path: Path) -> Iterator[Snapshot | State]:
     messages come first.
     """
     try:
-        stream = path.open("rb")
+        stream = open_regular(path)
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror}") from error
     states = 0

@@ -20,6 +20,7 @@ from daemon.modes.table import SENSING
 from daemon.protocol.messages import Snapshot, State
 from errors import ContactdError, LogError, ShortLogError
 from estimator.identification.motion_log import PAUSE_S, MotionLog
+from regular_file import open_text
 
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position")
 _SENSING = frozenset(mode.value for mode in SENSING)
@@ -173,7 +174,7 @@ def from_csv(path: Path, joints: Sequence[str]) -> Measured:
     Times rounded so coarsely that neighbours are equal are spread evenly. Raises LogError.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
+        with open_text(path, newline="") as stream:
             rows = csv.reader(stream)
             header = [name.strip() for name in next(rows, [])]
             wanted = ["time", *(f"{c}.{j}" for c in COLUMNS[:3] for j in joints)]

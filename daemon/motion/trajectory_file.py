@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from daemon.protocol.messages import printable
 from errors import TrajectoryError
+from regular_file import open_text
 
 if TYPE_CHECKING:
     from _csv import Reader
@@ -55,7 +56,7 @@ def read_trajectory(path: Path, known: Sequence[str]) -> TrajectoryFile:
     """
     try:
         # The mark that some spreadsheets put in front is no part of the header.
-        with path.open(encoding="utf-8-sig", newline="") as stream:
+        with open_text(path, "utf-8-sig", newline="") as stream:
             return _read(path, csv.reader(stream, strict=True), known)
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror}") from error
