@@ -82,7 +82,7 @@ def refuse_shapes(
     velocities: Sequence[Sequence[float]] | None,
 ) -> None:
     """Raise TrajectoryError, with the row, unless the times rise, and positions and velocities have
-    one row for each time and one number for each joint."""
+    one row for each time and one plausible number for each joint."""
     for what, table in (("positions", positions), ("velocities", velocities)):
         if table is None:
             continue
@@ -91,6 +91,12 @@ def refuse_shapes(
         for i, row in enumerate(table):
             if len(row) != joints:
                 raise TrajectoryError(f"{len(row)} {what} for {joints} joints", row=i)
+    # Before any arithmetic: an integer may be beyond all floating point.
+    for i, numbers in enumerate(
+        zip(times, positions, positions if velocities is None else velocities, strict=True)
+    ):
+        if any(abs(x) > PLAUSIBLE for x in (numbers[0], *numbers[1], *numbers[2])):
+            raise TrajectoryError(f"a number of more than {PLAUSIBLE:g}", row=i)
     for i in range(1, len(times)):
         if not times[i] - times[i - 1] >= SHORTEST_STEP_S:  # nor NaN
             raise TrajectoryError(
