@@ -46,6 +46,12 @@ from errors import ContactdError
 TURNS_PER_POLL: Final = 4
 LAST_WORDS: Final = 32  # of who has hung up, among which a stop is looked for
 SHORT_BYTES: Final = 128  # a stop is no longer; what is longer is looked at in its turn
+_MADE_ROOM: Final = msgspec.json.encode(
+    Reply(
+        ok=False,
+        message=f"closed to make room: more than {MAX_CONNECTIONS} connections, and this one idle",
+    )
+)
 SEND_BUFFER_BYTES: Final = 1 << 20  # the kernel grants what net.core.wmem_max allows
 
 
@@ -214,9 +220,8 @@ class ControlSocket:
                 break
         else:
             return
-        text = f"closed to make room: more than {MAX_CONNECTIONS} connections, and this one idle"
         with contextlib.suppress(OSError):
-            connection.socket.send(self._encoder.encode(Reply(ok=False, message=text)))
+            connection.socket.send(_MADE_ROOM)
         self._drop(connection)
 
     def _turn_away(self, accepted: socket.socket, why: str) -> None:

@@ -28,7 +28,7 @@ def test_a_joint_that_was_not_heard_of_has_moved_on() -> None:
 def test_the_controller_tells_how_old_the_samples_are() -> None:
     """Yielding towards a limit, the joint whose samples are old brakes before the other."""
     arm = tracking_arm(reactions=SOFT, bounds=FAR)
-    q, push = np.array([0.9, 0.9]), np.array([2.0, 2.0])
+    q, push = np.array([0.98, 0.98]), np.array([2.0, 2.0])
     felt = {"residual": push, "thresholded": push, "touched": "both feel it"}
     heard = [arm.step(q=q, **felt).velocity for _ in range(60)][-1]
     assert heard[0] == pytest.approx(heard[1], rel=1e-3)
