@@ -27,7 +27,7 @@ def load(owner: object, names: Sequence[str], memory: Mapping[str, Any]) -> None
         old = getattr(owner, name)
         try:
             new = np.array(memory[name], dtype=np.asarray(old).dtype)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise ModelError(f"memory of {what}.{name}: {error}") from error
         if new.shape != np.shape(old):
             raise ModelError(f"memory of {what}.{name}: shape {new.shape}, not {np.shape(old)}")

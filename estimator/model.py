@@ -10,6 +10,7 @@ import pinocchio as pin
 from arrays import Matrix, Vector
 from errors import ModelError
 from estimator.urdf import moved_links
+from regular_file import read_text
 
 # That of a milligram at a millimetre: what is less is rounding.
 _NO_INERTIA = 1e-12  # kg m2
@@ -99,7 +100,7 @@ def _read(urdf: Path | str) -> pin.Model:
     """pinocchio's model of a file, or of the text of one."""
     where = "the URDF" if isinstance(urdf, str) else str(urdf)
     try:
-        text = urdf if isinstance(urdf, str) else urdf.read_text(encoding="utf-8")
+        text = urdf if isinstance(urdf, str) else read_text(urdf)
         mass = sum(link.mass for link in moved_links(text))
         model = pin.buildModelFromXML(text)
     except ModelError as error:

@@ -2,14 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
+import yaml
 from msgspec import Meta
 
 from arrays import Vector
 from errors import ConfigurationError
+from regular_file import read_text
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
@@ -59,12 +61,27 @@ AnyAct = Push | Hold | Guide | Release
 Script = tuple[AnyAct, ...]
 
 
+class _OnceLoader(yaml.SafeLoader):
+    """Safe loader that refuses a key that is given twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for place, key in enumerate(keys):
+            if key in keys[:place]:
+                mark = node.value[place][0].start_mark
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key `{key}` is given twice", mark
+                )
+        return super().construct_mapping(node, deep)
+
+
 def read_script(path: Path) -> Script:
     """A YAML (or JSON) list of acts, in order of time. Raises ConfigurationError."""
     try:
-        text = path.read_bytes()
-        return tuple(sorted(msgspec.yaml.decode(text, type=Script), key=lambda act: act.at_s))
-    except (OSError, msgspec.MsgspecError) as error:
+        text = read_text(path)
+        script = msgspec.convert(yaml.load(text, _OnceLoader), type=Script)
+        return tuple(sorted(script, key=lambda act: act.at_s))
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         raise ConfigurationError(f"{path}: hand script: {error}") from error
 
 

@@ -12,6 +12,7 @@ from canopen import objectdictionary as od
 from canopen.sdo.exceptions import SdoAbortedError
 
 from errors import ConfigurationError
+from regular_file import open_text
 
 NO_OBJECT = 0x06020000
 NO_SUBINDEX = 0x06090011
@@ -140,7 +141,7 @@ class Objects:
 def entries(eds: Path, node: int) -> dict[int, Entry]:
     """All variables of the EDS; parsing takes 30 ms, and an arm has seven."""
     try:
-        with open(str(eds), encoding="utf-8-sig", errors="replace") as file:
+        with open_text(eds, "utf-8-sig", "replace") as file:
             dictionary = canopen.import_od(file, node)
     except (OSError, ValueError, KeyError, configparser.Error) as error:
         raise ConfigurationError(f"{eds}: not a readable EDS: {error}") from error

@@ -6,8 +6,26 @@ whoever runs it. `make fuzz` draws thousands from a random seed that it prints. 
 number of examples of its own writes `max_examples=scaled(50)`, so that `make fuzz` reaches it, too.
 """
 
+import signal
+from collections.abc import Iterator
+
+import pytest
 from hypothesis import settings
 
 settings.register_profile("contactd", deadline=None, derandomize=True)
 settings.register_profile("fuzz", deadline=None, max_examples=3000, print_blob=True)
 settings.load_profile("contactd")
+
+
+@pytest.fixture
+def impatient() -> Iterator[None]:
+    """Ends a test that waits for ever, by an error; no time that a test should take."""
+
+    def give_up(*_: object) -> None:
+        raise TimeoutError("it waits for ever")
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.alarm(30)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)

@@ -78,6 +78,29 @@ def crowd(path: str) -> Iterator[None]:
         yield
 
 
+def siege(path: str) -> Iterator[None]:
+    """Flood and crowd at once: of two such attackers, 32 connections flood and 200 want in."""
+    flooding = _sending(path, [b'{"command":"status"}'] * 4, 32 // ATTACKERS, listens=True)
+    wanting = [_dial(path) for _ in range(200 // ATTACKERS)]
+    while True:
+        next(flooding)
+        for i, one in enumerate(wanting):
+            if _is_out(one):
+                one.close()
+                wanting[i] = _dial(path)
+        yield
+
+
+def _is_out(one: socket.socket) -> bool:
+    """True if a connection never came about, or was closed by the daemon."""
+    try:
+        return not one.recv(1 << 16)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
 def apart(path: str) -> Iterator[None]:
     """Load of the attackers alone: as busy as the others, with a socket of their own."""
     near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -94,6 +117,7 @@ ATTACKS: dict[str, Attack] = {
     "deaf": deaf,
     "upload": upload,
     "crowd": crowd,
+    "siege": siege,
 }
 BESIDE: dict[str, Attack] = {"apart": apart}
 

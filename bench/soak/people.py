@@ -16,7 +16,6 @@ from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.lease import PERSON_S, PROGRAM_S
 from daemon.protocol.messages import COMMANDS, Command, Header, Reply, Request
-from daemon.service.socket import MAX_CONNECTIONS
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,9 +136,8 @@ def explained(reply: Reply) -> bool:
     return reply.ok or bool(reply.reasons) or not reply.message.endswith("refused")
 
 
-# Ticks until the daemon has seen that an owner is gone: in each it serves at least one of those who
-# wait, all connections and all that wait for one.
-HEARD_TICKS = MAX_CONNECTIONS + 1
+# Ticks until the daemon has seen that an owner is gone, whoever else waits.
+HEARD_TICKS = 2
 # The lease is looked at after each tick.
 LAPSES_TICKS = 1
 

@@ -32,7 +32,7 @@ from errors import ControlError, TrajectoryError, UnreachableError
 # More than the daemon's socket can hold (twice its send buffer).
 MAX_PACKET_BYTES = 2 << 20
 
-_RETRY_S = 0.01
+_RETRY_S = 0.001  # where too many wait outside: whoever asks oftener gets in
 # Before these all drives are read, and those that are set up again may have to boot.
 SLOW_COMMANDS = frozenset({"enable", "reset"})
 SLOW_PATIENCE_S = 30.0

@@ -8,7 +8,7 @@ Foxglove and PlotJuggler open such files.
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, get_type_hints
 
 import msgspec
 from mcap.records import Channel, Header, Message
@@ -17,10 +17,22 @@ from mcap.writer import Writer
 
 from daemon.clients.client import Client
 from daemon.new_file import refuse_unless_new
-from daemon.protocol.messages import Snapshot, State, format_refusal
+from daemon.protocol.messages import PerJoint, Snapshot, State, format_refusal
+from daemon.protocol.strict_json import StrictDecoder
 from errors import LogError, UnreachableError
+from regular_file import open_regular
 
 KINDS: dict[str, type[Snapshot] | type[State]] = {"/snapshot": Snapshot, "/state": State}
+DECODERS: dict[type[Snapshot] | type[State], StrictDecoder[Any]] = {
+    kind: StrictDecoder(kind) for kind in KINDS.values()
+}
+# Fields of a State with one entry per joint.
+PER_JOINT = (
+    "fresh",
+    "drives",
+    "side",
+    *(name for name, kind in get_type_hints(State).items() if kind in (PerJoint, PerJoint | None)),
+)
 MAGIC = b"\x89MCAP0\r\n"
 PROFILE = "contactd"
 # Lost at most when the process is killed: 0.25 s of seven joints, 0.75 s of one, at 100 Hz. Files
@@ -218,10 +230,10 @@ def read_log(path: Path) -> Iterator[Snapshot | State]:
     messages come first.
     """
     try:
-        stream = path.open("rb")
+        stream = open_regular(path)
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror}") from error
-    states = 0
+    states = joints = 0
     last = "none"
     topics: dict[int, str] = {}
     with stream:
@@ -232,15 +244,31 @@ def read_log(path: Path) -> Iterator[Snapshot | State]:
                 elif isinstance(found, Message) and (kind := KINDS.get(_topic(found, topics))):
                     if kind is Snapshot:
                         _refuse_other_format(path, found.data)
-                    message: Snapshot | State = msgspec.json.decode(found.data, type=kind)
+                    message = DECODERS[kind].decode(found.data)
+                    joints = _joints_of(message, joints)
                     if isinstance(message, State):
                         states += 1
                         last = str(message.tick)
                     yield message
         except _BrokenError as error:
             raise LogError(f"{path} {error}: {states} states read, last tick {last}") from error
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise LogError(f"{path} is of another version after tick {last}: {error}") from error
+
+
+def _joints_of(message: Snapshot | State, before: int) -> int:
+    """Number of joints from a message on. Raises _BrokenError for a State with another number, or
+    without a Snapshot before it."""
+    if isinstance(message, Snapshot):
+        return len(message.joints)
+    for field in PER_JOINT:
+        values = getattr(message, field)
+        if values is not None and len(values) != before:
+            raise _BrokenError(
+                f"is damaged in tick {message.tick}: {len(values)} values of {field} for {before} "
+                "joints"
+            )
+    return before
 
 
 def _refuse_other_format(path: Path, snapshot: bytes) -> None:

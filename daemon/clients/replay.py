@@ -81,7 +81,12 @@ class _Run:
             snapshot.configuration, "the recorded configuration", snapshot.identified
         )
         self._estimator = build_estimator(configuration, snapshot.urdf)
-        self._estimator.restore(snapshot.memory)
+        try:
+            self._estimator.restore(snapshot.memory)
+        except (LookupError, TypeError, ValueError, OverflowError, AttributeError) as error:
+            raise LogError(
+                f"the estimator's memory after tick {snapshot.tick} is damaged: {error}"
+            ) from error
         self._tick, self._mode = snapshot.tick, ""
         self.stretches += 1
 

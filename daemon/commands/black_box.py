@@ -14,6 +14,7 @@ from daemon.service.black_box import (
 )
 from drivers.can.frame_ring import read_frames
 from errors import LogError, UnreachableError
+from regular_file import open_regular
 
 
 def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -> None:
@@ -36,7 +37,7 @@ def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -
 def _open_to_us(path: Path) -> bool:
     """True if the ring may be read, or does not exist."""
     try:
-        path.open("rb").close()
+        open_regular(path, follow=False).close()
     except PermissionError:
         return False
     except OSError:

@@ -19,6 +19,7 @@ from daemon.config.schema import Configuration
 from daemon.config.yaml_source import Source, parse_yaml, read_yaml
 from daemon.motion.sampled_path import SampledPath
 from errors import ConfigurationError, TrajectoryError
+from regular_file import read_text
 
 T = TypeVar("T", bound=msgspec.Struct)
 # msgspec says "at `key` in `$.drives[...].rpdo`" of a mapping's key, "at `$.bus.port`" of a value.
@@ -78,7 +79,7 @@ def load_robot(path: Path) -> Robot:
     configuration = convert(source, Configuration)
     urdf_path = path.parent / configuration.urdf
     try:
-        urdf = urdf_path.read_text(encoding="utf-8")
+        urdf = read_text(urdf_path)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(
             f"{path}:{source.line(['urdf'])}: urdf: {urdf_path} cannot be read: {error}"
@@ -97,7 +98,7 @@ def load_robot(path: Path) -> Robot:
 def _with_identified(robot: Robot) -> Robot:
     """Robot with the values of identified.yaml, if there is one, in place of hand-written ones."""
     path = robot.folder / robot.configuration.identified
-    if not path.exists():
+    if not os.path.lexists(path):  # a link to nowhere is no reason to go on without
         return robot
     text, found = _identified(read_yaml(path), robot.configuration)
     robot = replace(

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from errors import ConfigurationError
+from regular_file import read_text
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -101,7 +102,7 @@ class Source:
 def read_yaml(path: Path) -> Source:
     """Read one file; raises ConfigurationError with file, line and reason."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:

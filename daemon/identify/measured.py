@@ -17,9 +17,10 @@ from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import SENSING
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.messages import Snapshot, State, printable
 from errors import ContactdError, LogError, ShortLogError
 from estimator.identification.motion_log import PAUSE_S, MotionLog
+from regular_file import open_text
 
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position")
 _SENSING = frozenset(mode.value for mode in SENSING)
@@ -173,18 +174,22 @@ def from_csv(path: Path, joints: Sequence[str]) -> Measured:
     Times rounded so coarsely that neighbours are equal are spread evenly. Raises LogError.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
+        with open_text(path, newline="") as stream:
             rows = csv.reader(stream)
             header = [name.strip() for name in next(rows, [])]
             wanted = ["time", *(f"{c}.{j}" for c in COLUMNS[:3] for j in joints)]
             if missing := [name for name in wanted if name not in header]:
                 raise LogError(f"{path}: no column {', '.join(missing)}")
+            if twice := sorted({name for name in header if name and header.count(name) > 1}):
+                raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
             values = []
             for line, row in enumerate(rows, start=2):
                 if len(row) != len(header):
                     raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
                                    f"{len(header)}: is the file cut off?")  # fmt: skip
                 values.append(_numbers(path, line, row))
+    except csv.Error as error:
+        raise LogError(f"{path}:{rows.line_num}: is not CSV: {error}") from error
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"cannot read {path}: {error}") from error
     table = np.array(values, dtype=np.float64).reshape(-1, len(header))
@@ -204,7 +209,7 @@ def _numbers(path: Path, line: int, row: list[str]) -> list[float]:
     try:
         return [float(field) for field in row]
     except ValueError as error:
-        raise LogError(f"{path}:{line}: not a number: {error}") from error
+        raise LogError(f"{path}:{line}: not a number: {printable(str(error))[:100]}") from error
 
 
 def _spread(time_s: NDArray[np.float64]) -> NDArray[np.float64]:

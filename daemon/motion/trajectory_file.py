@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from daemon.protocol.messages import printable
 from errors import TrajectoryError
+from regular_file import open_text
 
 if TYPE_CHECKING:
     from _csv import Reader
@@ -55,7 +56,7 @@ def read_trajectory(path: Path, known: Sequence[str]) -> TrajectoryFile:
     """
     try:
         # The mark that some spreadsheets put in front is no part of the header.
-        with path.open(encoding="utf-8-sig", newline="") as stream:
+        with open_text(path, "utf-8-sig", newline="") as stream:
             return _read(path, csv.reader(stream, strict=True), known)
     except OSError as error:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror}") from error
@@ -81,7 +82,7 @@ def refuse_shapes(
     velocities: Sequence[Sequence[float]] | None,
 ) -> None:
     """Raise TrajectoryError, with the row, unless the times rise, and positions and velocities have
-    one row for each time and one number for each joint."""
+    one row for each time and one plausible number for each joint."""
     for what, table in (("positions", positions), ("velocities", velocities)):
         if table is None:
             continue
@@ -90,6 +91,12 @@ def refuse_shapes(
         for i, row in enumerate(table):
             if len(row) != joints:
                 raise TrajectoryError(f"{len(row)} {what} for {joints} joints", row=i)
+    # Before any arithmetic: an integer may be beyond all floating point.
+    for i, numbers in enumerate(
+        zip(times, positions, positions if velocities is None else velocities, strict=True)
+    ):
+        if any(abs(x) > PLAUSIBLE for x in (numbers[0], *numbers[1], *numbers[2])):
+            raise TrajectoryError(f"a number of more than {PLAUSIBLE:g}", row=i)
     for i in range(1, len(times)):
         if not times[i] - times[i - 1] >= SHORTEST_STEP_S:  # nor NaN
             raise TrajectoryError(

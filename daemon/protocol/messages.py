@@ -30,6 +30,12 @@ COMMANDS: tuple[str, ...] = get_args(Command)
 MAX_REQUEST_BYTES = 8192  # of one message to the daemon
 # Commands that let the arm move: dropped if the client closed the connection before the answer.
 AWAITED: frozenset[Command] = frozenset({"enable", "start", "arm"})
+# Commands that are served before all others, and what must not be carried out any more if it came
+# before them, or with them, and still waits for its turn.
+OUTDATED_BY: dict[Command, frozenset[Command]] = {
+    "stop": AWAITED,
+    "disarm": frozenset({"arm"}),
+}
 
 PerJoint = list[float]
 """One number per joint, in the order of `Snapshot.joints`, SI at the link side."""

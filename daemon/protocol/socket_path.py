@@ -16,7 +16,7 @@ from pathlib import Path
 from errors import ControlError
 
 GROUP = "contact"
-LISTEN_BACKLOG = 64
+LISTEN_BACKLOG = 256  # net.core.somaxconn is 4096 on Linux 5.4 and newer
 _UCRED = struct.Struct("3i")  # pid, uid, gid
 _SO_PEERGROUPS = 59  # Linux 4.13; not in Python's socket module
 _MOST_GROUPS = 256

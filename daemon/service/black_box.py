@@ -28,6 +28,7 @@ from daemon.service.journal import log_to_stderr
 from drivers.can.frame_ring import KEPT_S, FrameRing, Recorded, read_frames
 from drivers.can.wire import ERROR, EXTENDED, REMOTE
 from errors import LogError
+from regular_file import open_regular
 
 # After a fault the helper waits so long for what the drives do about it.
 AFTERMATH_S: Final = 2.0
@@ -125,7 +126,7 @@ def _start_helper(path: Path, directory: Path) -> "subprocess.Popen[bytes]":
 
 def follow(path: Path, directory: Path, pipe: int, tell: Callable[[str], None]) -> None:
     """Write a log after every fault, and after a death, until the pipe ends. Raises LogError."""
-    with path.open("rb") as ring:
+    with open_regular(path, follow=False) as ring:
         # Whoever finds the ring locked knows that it is being looked after.
         fcntl.flock(ring, fcntl.LOCK_EX)
         alive = True
@@ -181,6 +182,7 @@ def write_log(frames: list[Recorded], target: Path) -> Path:
     refuse_unless_new(target)
     partial = target.with_name(f".{target.name}.partial{target.suffix}")
     try:
+        partial.unlink(missing_ok=True)
         with can.Logger(str(partial)) as log:
             for frame in frames:
                 log(_message(frame))
@@ -202,7 +204,7 @@ def save_left_over(path: Path, directory: Path, patience_s: float = _PATIENCE_S)
     """
     end = time.monotonic() + patience_s
     try:
-        with path.open("rb") as ring:
+        with open_regular(path, follow=False) as ring:
             while True:
                 try:
                     fcntl.flock(ring, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -218,6 +220,8 @@ def save_left_over(path: Path, directory: Path, patience_s: float = _PATIENCE_S)
             return saved
     except FileNotFoundError:
         return None
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from error
 
 
 def _remove(path: Path, ring: IO[bytes]) -> None:

@@ -42,8 +42,10 @@ AT_THE_END = frozenset({"status", "subscribe", "disarm", "stop", "disable"})
 # What may tell the drives to stop, or must wait until they stand: the answer says which are not
 # seen to.
 SEEN_TO_STAND = frozenset({"disarm", "stop", "disable", "reset"})
-# Share of the period after which no more requests are begun in a tick.
-DOORS_SHARE = 0.1
+# Shares of the period after which, in a tick, nobody more is let in (who waits outside may want to
+# stop the arm), and after which no more requests are begun.
+ENTRANCE_SHARE = 0.3
+TURNS_SHARE = 0.1
 
 _LEVELS = {"fault": logging.ERROR, "contact": logging.INFO, "mode": logging.INFO}
 _log = logging.getLogger("contactd")
@@ -120,7 +122,8 @@ class Service:
             self._tell("mode", left_out)
         # After the State, which tells of what was decided in its tick: the next one tells of this.
         self.permission.expire(self.loop.time_s)
-        self.control.poll(self.handle, DOORS_SHARE * self.process.robot.configuration.period_s)
+        period_s = self.process.robot.configuration.period_s
+        self.control.poll(self.handle, TURNS_SHARE * period_s, ENTRANCE_SHARE * period_s)
         self.notifier.ticked(record.wakeup.monotonic_s)
 
     def _tell(self, kind: str, text: str) -> None:

@@ -2,10 +2,16 @@
 
 AF_UNIX with message boundaries (SOCK_SEQPACKET): one JSON message is one packet. Whoever may
 connect is decided by the socket file's group; who did connect is known from the kernel, which is
-asked once more. One call of `poll` serves at most four requests and accepts at most four
-connections, and begins none of this when its time is over, so that no client, however loud, takes
-more than a bounded share of a tick. Where all places are taken, whoever has been silent longest
-makes room: those who only hold connections lock nobody out.
+asked once more.
+
+**`stop` and `disarm` come first.** Every `poll` takes the next packet of everybody who has spoken
+and lets in everybody who waits outside; a stop among these is served on the spot, whatever else is
+waiting. All other requests are kept, one a connection, and get their turn: at most four a poll, and
+none is begun when the time is over, so that no client, however loud, takes more than a bounded
+share of a tick. A connection's own requests stay in their order.
+
+Where all places are taken, whoever has been silent longest makes room: those who only hold
+connections lock nobody out. Nor can one user hold all the places of readers.
 """
 
 import contextlib
@@ -16,31 +22,37 @@ import select
 import socket
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Final, Self
 
 import msgspec
 
-from daemon.protocol.messages import AWAITED, COMMANDS, MAX_REQUEST_BYTES, Reply, Request, State
-from daemon.protocol.socket_path import Peer, groups_of, listen, peer_of
+from daemon.protocol.messages import (
+    AWAITED,
+    COMMANDS,
+    MAX_REQUEST_BYTES,
+    OUTDATED_BY,
+    Command,
+    Reply,
+    Request,
+    State,
+)
+from daemon.protocol.socket_path import LISTEN_BACKLOG, Peer, groups_of, listen, peer_of
+from daemon.protocol.strict_json import StrictDecoder
+from daemon.service.connections import MAX_CONNECTIONS, Connection, Connections
 from errors import ContactdError
 
-MAX_CONNECTIONS = 32
-MAX_READERS = 8
-EVENTS_PER_POLL = 4
-ACCEPTS_PER_EVENT = 4
-SEND_BUFFER_BYTES = 1 << 20  # the kernel grants what net.core.wmem_max allows
-
-
-@dataclass(slots=True)
-class Connection:
-    """One client."""
-
-    socket: socket.socket
-    peer: Peer
-    reads: bool = False
+TURNS_PER_POLL: Final = 4
+LAST_WORDS: Final = 32  # of who has hung up, among which a stop is looked for
+SHORT_BYTES: Final = 128  # a stop is no longer; what is longer is looked at in its turn
+_MADE_ROOM: Final = msgspec.json.encode(
+    Reply(
+        ok=False,
+        message=f"closed to make room: more than {MAX_CONNECTIONS} connections, and this one idle",
+    )
+)
+SEND_BUFFER_BYTES: Final = 1 << 20  # the kernel grants what net.core.wmem_max allows
 
 
 Handler = Callable[[Request, Peer], Reply]
@@ -60,14 +72,16 @@ class ControlSocket:
         self._inode, self._group = file.st_ino, file.st_gid
         self._epoll = select.epoll()
         self._epoll.register(self._listener, select.EPOLLIN)
-        self._connections: dict[int, Connection] = {}
+        self._connections = Connections()
         self._accepted = 0
+        self._poll = 0
+        self._served_in: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)
         self.spare = 0  # the number of a connection that never has to make room
-        self.on_close: Listener = lambda _: None  # told of every connection that ends
+        self.on_close: Listener = lambda _: None  # told of all that end, perhaps twice
         self._buffer = bytearray(MAX_REQUEST_BYTES)
         self._packet = bytearray()
         self._encoder = msgspec.json.Encoder()
-        self._decoder = msgspec.json.Decoder(Request)
+        self._decoder = StrictDecoder(Request)
 
     def __enter__(self) -> Self:
         return self
@@ -83,46 +97,67 @@ class ControlSocket:
     @property
     def connections(self) -> int:
         """Number of open connections."""
-        return len(self._connections)
+        return len(self._connections.all)
 
     @property
     def readers(self) -> list[Connection]:
         """The connections that receive every State."""
-        return [c for c in self._connections.values() if c.reads]
+        return list(self._connections.readers.values())
 
-    def poll(self, handle: Handler, budget_s: float = math.inf) -> None:
+    def poll(
+        self, handle: Handler, turns_s: float = math.inf, entrance_s: float = math.inf
+    ) -> None:
         """Serve what is waiting, without blocking: one system call when nothing is.
 
         `handle` answers each well-formed request; a ContactdError that it raises becomes a refusal.
-        Nothing more is begun when `budget_s` have passed.
+        After `entrance_s` nobody more is let in; after another `turns_s` no request's turn begins.
+        One of each always does.
         """
-        deadline = time.monotonic() + budget_s
-        for _ in range(EVENTS_PER_POLL):
-            # The kernel moves what it reports to the end of its ready list, so every client gets
-            # its turn; one at a time, or those that are not looked at would lose theirs.
-            ready = self._epoll.poll(0, 1)
-            if not ready:
-                return
-            ((file, events),) = ready
-            if file == self._listener.fileno():
-                for _ in range(ACCEPTS_PER_EVENT):
-                    if not self._accept():
-                        break
-            else:
-                self._serve(self._connections[file], handle, gone=bool(events & select.EPOLLHUP))
+        self._poll += 1
+        if events := self._epoll.poll(0, MAX_CONNECTIONS + 1):
+            entrance = self._listener.fileno()
+            for file, what in events:
+                if file != entrance:
+                    self._look_at(self._connections.all[file], handle, what)
+            if any(file == entrance for file, _ in events):
+                self._let_in(handle, entrance_s)
+        self._serve_in_turn(handle, turns_s)
+
+    def _look_at(self, connection: Connection, handle: Handler, events: int) -> None:
+        if connection.file not in self._connections.waiting:
+            self._hear(connection, handle)
+        if events & select.EPOLLHUP and not connection.gone:
+            # What it said before waits for its turn; what it owned must not.
+            connection.gone = True
+            self.on_close(connection.peer)
+
+    def _serve_in_turn(self, handle: Handler, turns_s: float) -> None:
+        waiting = self._connections.waiting
+        if not waiting:
+            return
+        deadline = time.monotonic() + turns_s
+        for _ in range(min(TURNS_PER_POLL, len(waiting))):
+            connection = self._connections.next_turn()
+            self._serve(connection, handle)
             if time.monotonic() >= deadline:
                 return
 
+    def _serve(self, connection: Connection, handle: Handler) -> None:
+        reply = self._answer(connection, handle)
+        if _has_hung_up(connection.socket):
+            self._hear_out(connection, handle)
+            self._drop(connection)
+        else:
+            self._send(connection, reply)
+
     def publish(self, state: State) -> None:
         """Send `state` to every reader that has room for it; encoded once, if there is a reader."""
-        encoded = False
+        readers = self._connections.readers
+        if not readers:
+            return
+        self._encoder.encode_into(state, self._packet)
         dead: list[Connection] | None = None
-        for connection in self._connections.values():
-            if not connection.reads:
-                continue
-            if not encoded:
-                self._encoder.encode_into(state, self._packet)
-                encoded = True
+        for connection in readers.values():
             try:
                 connection.socket.send(self._packet)
             except OSError as error:
@@ -134,7 +169,7 @@ class ControlSocket:
 
     def close(self) -> None:
         """Close every connection and remove the socket file, if it still is this one's."""
-        for connection in list(self._connections.values()):
+        for connection in list(self._connections.all.values()):
             self._drop(connection)
         self._epoll.close()
         self._listener.close()
@@ -142,93 +177,155 @@ class ControlSocket:
             if self.path.stat().st_ino == self._inode:
                 self.path.unlink()
 
-    def _accept(self) -> bool:
-        """Take in the client that waits next; False if none does."""
-        try:
-            accepted, _ = self._listener.accept()
-        except OSError:  # gone again, or out of descriptors: it will be looked at in the next tick
-            return False
-        accepted.setblocking(False)
-        if not self._admitted(accepted):
-            reply = Reply(ok=False, message=f"you are not in the group of {self.path}: refused")
-            with accepted, contextlib.suppress(OSError):
-                accepted.send(self._encoder.encode(reply))
-            return True
-        if len(self._connections) >= MAX_CONNECTIONS:
-            self._make_room()
-        accepted.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-        self._accepted += 1
-        peer = peer_of(accepted, self._accepted)
-        self._connections[accepted.fileno()] = Connection(accepted, peer)
-        self._epoll.register(accepted, select.EPOLLIN)
-        return True
+    def _let_in(self, handle: Handler, entrance_s: float) -> None:
+        """Let in those who wait outside, and hear at once what each has to say."""
+        deadline = time.monotonic() + entrance_s
+        for _ in range(LISTEN_BACKLOG + 1):  # as many as the kernel keeps
+            try:
+                accepted, _ = self._listener.accept()
+            except OSError:  # gone again, or out of descriptors: looked at in the next tick
+                return
+            accepted.setblocking(False)
+            self._accepted += 1
+            try:
+                peer = peer_of(accepted, self._accepted)
+            except OSError:
+                accepted.close()
+                continue
+            if self._admitted(accepted, peer):
+                if self._connections.full:
+                    self._make_room(handle)
+                connection = Connection(accepted, accepted.fileno(), peer)
+                self._connections.add(connection)
+                self._epoll.register(connection.file, select.EPOLLIN)
+                self._hear(connection, handle)
+            else:
+                self._turn_away(accepted, f"you are not in the group of {self.path}: refused")
+            if time.monotonic() >= deadline:
+                return
 
-    def _admitted(self, accepted: socket.socket) -> bool:
+    def _admitted(self, accepted: socket.socket, peer: Peer) -> bool:
         """True if the socket file's group, owner or root is at the other end: what the file's mode
         says, even where somebody has opened it to all."""
         try:
-            return peer_of(accepted).uid in (0, os.getuid()) or self._group in groups_of(accepted)
+            return peer.uid in (0, os.getuid()) or self._group in groups_of(accepted)
         except OSError:  # an old kernel, or too many groups to ask for: the file's mode has decided
             return True
 
-    def _make_room(self) -> None:
-        """Close the connection that has been silent longest, but no reader and not the spared."""
-        idle = (c for c in self._connections.values() if not c.reads)
-        connection = next(c for c in idle if c.peer.connection != self.spare)
-        text = f"closed to make room: more than {MAX_CONNECTIONS} connections, and this one idle"
+    def _make_room(self, handle: Handler) -> None:
+        while self._connections.full:
+            connection = self._connections.makes_room(self.spare)
+            waits = connection.file in self._connections.waiting
+            if waits or not self._hear(connection, handle):  # its last word may be a stop
+                break
+        else:
+            return
         with contextlib.suppress(OSError):
-            connection.socket.send(self._encoder.encode(Reply(ok=False, message=text)))
+            connection.socket.send(_MADE_ROOM)
         self._drop(connection)
 
+    def _turn_away(self, accepted: socket.socket, why: str) -> None:
+        with accepted, contextlib.suppress(OSError):
+            accepted.send(self._encoder.encode(Reply(ok=False, message=why)))
+
     def _drop(self, connection: Connection) -> None:
-        del self._connections[connection.socket.fileno()]
+        self._connections.drop(connection)
         connection.socket.close()  # which also takes it out of the epoll set
+        connection.gone = True
         self.on_close(connection.peer)
 
-    def _serve(self, connection: Connection, handle: Handler, *, gone: bool) -> None:
-        """Read one packet and answer it; a client that is gone or takes no answer is dropped."""
+    def _hear(self, connection: Connection, handle: Handler) -> bool:
+        """Take the next packet of a connection: serve a stop at once, keep anything else for its
+        turn; a client that is gone is dropped. False if there was nothing to hear."""
         try:
-            size, _, flags, _ = connection.socket.recvmsg_into([self._buffer])
+            size = self._receive(connection.socket)
         except BlockingIOError:
-            return
+            return False
         except OSError:
             size = 0
-            flags = 0
-        if size == 0:
+        if not size:
             self._drop(connection)
-            return
-        # Whoever speaks goes to the end of the line of those who make room.
-        self._connections[connection.socket.fileno()] = self._connections.pop(
-            connection.socket.fileno()
-        )
-        if flags & socket.MSG_TRUNC:
-            reply = Reply(ok=False, message=f"a request has at most {MAX_REQUEST_BYTES} bytes")
+            return True
+        connection.packet = bytes(self._buffer[:size]) if size <= MAX_REQUEST_BYTES else None
+        connection.poll = self._poll
+        if size <= SHORT_BYTES and self._is_urgent(bytes(self._buffer[:size])):
+            self._connections.served(connection)
+            self._serve(connection, handle)
         else:
-            reply = self._answer(bytes(self._buffer[:size]), connection, handle, gone=gone)
-        self._send(connection, reply)
+            self._connections.wait(connection)
+        return True
 
-    def _answer(
-        self, packet: bytes, connection: Connection, handle: Handler, *, gone: bool
-    ) -> Reply:
+    def _hear_out(self, connection: Connection, handle: Handler) -> None:
+        """Look for a stop among the last words of who has hung up and waits for no answer."""
+        with contextlib.suppress(OSError):
+            for _ in range(LAST_WORDS):
+                size = self._receive(connection.socket)
+                if not size:
+                    return
+                if size <= SHORT_BYTES and self._is_urgent(bytes(self._buffer[:size])):
+                    connection.packet = bytes(self._buffer[:size])
+                    self._answer(connection, handle)
+
+    def _receive(self, connected: socket.socket) -> int:
+        """Size of the next packet, which may be more than there is room for; 0 at the end."""
+        for _ in range(2):
+            with contextlib.suppress(ConnectionResetError):
+                return connected.recv_into(self._buffer, 0, socket.MSG_TRUNC)
+            # Who hung up with answers unread is reported so once, ahead of its last words.
+        return 0
+
+    def _is_urgent(self, packet: bytes) -> bool:
+        """True for a bare `stop` or `disarm`, the first of its kind in this poll: the arm stops by
+        that one, and a flood of them must not keep others waiting."""
         try:
             request = self._decoder.decode(packet)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        except msgspec.DecodeError:
+            return False
+        return (
+            request.command in OUTDATED_BY
+            and request == Request(request.command)
+            and self._served_in[request.command] != self._poll
+        )
+
+    def _answer(self, connection: Connection, handle: Handler) -> Reply:
+        packet, connection.packet = connection.packet, None
+        if packet is None:
+            return Reply(ok=False, message=f"a request has at most {MAX_REQUEST_BYTES} bytes")
+        try:
+            request = self._decoder.decode(packet)
+        except msgspec.DecodeError as error:
             return Reply(
                 ok=False,
                 message=f'not a request: {error}; expected {{"command": ...}} with one of '
                 + ", ".join(COMMANDS),
             )
-        if gone and request.command in AWAITED:
-            return Reply(ok=False, message=f"{request.command}: nobody waits for the answer")
-        subscribes = request.command == "subscribe"
-        if subscribes and not connection.reads and len(self.readers) >= MAX_READERS:
-            return Reply(ok=False, message=f"too many readers, at most {MAX_READERS}")
+        refusal = self._outdated(request, connection)
+        if request.command == "subscribe":
+            refusal = self._connections.refuse_reader(connection)
+        if refusal:
+            return Reply(ok=False, message=f"{request.command}: {refusal}")
         try:
             reply = handle(request, connection.peer)
         except ContactdError as error:
             return Reply(ok=False, message=str(error))
-        connection.reads = connection.reads or (subscribes and reply.ok)
+        if request.command in OUTDATED_BY:
+            self._served_in[request.command] = self._poll
+        if request.command == "subscribe" and reply.ok:
+            with contextlib.suppress(OSError):
+                connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+            self._connections.set_reading(connection, True)
         return reply
+
+    def _outdated(self, request: Request, connection: Connection) -> str:
+        """Reason why a request that lets the arm move is none any more; empty if it still is."""
+        if request.command not in AWAITED:
+            return ""
+        for stop, outdated in OUTDATED_BY.items():
+            if request.command in outdated and connection.poll <= self._served_in[stop]:
+                return f"a {stop} overtook it; ask again"
+        if _has_hung_up(connection.socket):
+            return "nobody waits for the answer"
+        return ""
 
     def _send(self, connection: Connection, reply: Reply) -> None:
         packet = self._encoder.encode(reply)
@@ -238,6 +335,13 @@ class ControlSocket:
             if error.errno != errno.EMSGSIZE or not reply.ok:
                 self._drop(connection)
                 return
-            connection.reads = False
+            self._connections.set_reading(connection, False)
             text = f"an answer of {len(packet)} bytes does not fit: raise net.core.wmem_max"
             self._send(connection, Reply(ok=False, message=text))
+
+
+def _has_hung_up(connected: socket.socket) -> bool:
+    """True if nobody is at the other end any more."""
+    looked = select.poll()
+    looked.register(connected, 0)
+    return bool(looked.poll(0))

@@ -8,6 +8,7 @@ from canopen.objectdictionary import ODArray, ODVariable
 
 from drivers.codec import STRUCT_CODES, type_limits
 from errors import ConfigurationError
+from regular_file import open_text
 
 # Data types of CiA 301 by their code in an EDS.
 _TYPES: Final = {
@@ -24,7 +25,7 @@ def load_data_sheet(path: Path) -> canopen.ObjectDictionary:
     """Read an EDS; raises ConfigurationError naming the file."""
     try:
         # CiA 306 asks for ASCII. Makers write degrees of some code page, in names and comments.
-        with open(str(path), encoding="utf-8-sig", errors="replace") as file:
+        with open_text(path, "utf-8-sig", "replace") as file:
             sheet = canopen.import_od(file)
     except Exception as error:  # configparser's and canopen's own, and whatever int() meets
         raise ConfigurationError(f"{path}: not a readable EDS: {error}") from error

@@ -17,6 +17,7 @@ from typing import Final
 
 from drivers.can.wire import Frame, Wire
 from errors import LogError
+from regular_file import open_regular
 
 KEPT_S: Final = 60.0
 _MAGIC: Final = b"contactd"
@@ -28,6 +29,7 @@ _RECORD: Final = struct.Struct("<dQIB?2x8s")
 _RECORD_SIZE: Final = _RECORD.size
 _PACK_INTO: Final = _RECORD.pack_into
 _VERSION: Final = 1
+_LARGEST_BYTES: Final = 64 << 20  # of a file that says it is a ring: 40000 frames a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +103,8 @@ def read_frames(path: Path) -> list[Recorded]:
     torn; it is left out when its time shows it.
     """
     try:
-        content = path.read_bytes()
+        with open_regular(path, follow=False) as stream:
+            content = stream.read(_LARGEST_BYTES)
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}") from error
     if len(content) < _HEADER_SIZE or not content.startswith(_MAGIC):

@@ -8,7 +8,7 @@ from typing import Final
 
 import can
 
-from drivers.can.wire import EXTENDED, REMOTE, Frame, OpenBus, first_of
+from drivers.can.wire import EXTENDED, IDENTIFIER, REMOTE, Frame, OpenBus, first_of
 from drivers.settings import BusSettings
 
 
@@ -66,7 +66,8 @@ class SlcanWire:
 def _slcan_frame(kind: bytes, digits: bytes) -> Frame | None:
     """`t` or `r` with three digits of identifier, `T` or `R` with eight; then length and data.
 
-    None for a line that is garbled; what follows the data is a time stamp.
+    None for a line that is garbled, or that no bus can have carried; what follows the data is a
+    time stamp.
     """
     width = 3 if kind in b"tr" else 8
     size = int(digits[width : width + 1] or b"F", 16)
@@ -74,6 +75,8 @@ def _slcan_frame(kind: bytes, digits: bytes) -> Frame | None:
     data = b"" if remote else digits[width + 1 : width + 1 + 2 * size]
     if size > 8 or (not remote and len(data) != 2 * size):
         return None
-    can_id = int(digits[:width], 16) & 0x1FFF_FFFF
+    can_id = int(digits[:width], 16)
+    if can_id > (0x7FF if width == 3 else IDENTIFIER):
+        return None
     can_id |= (REMOTE if remote else 0) | (EXTENDED if width == 8 else 0)
     return can_id, bytes.fromhex(data.decode())

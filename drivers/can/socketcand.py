@@ -8,7 +8,7 @@ from typing import Final
 
 import can
 
-from drivers.can.wire import ERROR, EXTENDED, Frame, OpenBus, first_of
+from drivers.can.wire import ERROR, EXTENDED, IDENTIFIER, Frame, OpenBus, first_of
 from drivers.settings import BusSettings
 from errors import BusError
 
@@ -58,8 +58,9 @@ def _refuse_missing_server(settings: BusSettings) -> None:
 class StreamWire:
     """socketcand's raw mode over TCP: text, any number of frames in a read."""
 
+    # Data may be followed by what other versions add, but not by more data.
     _FRAME: Final = re.compile(
-        rb"< (frame|error) ([0-9A-Fa-f]+) [0-9.]+ ?((?:[0-9A-Fa-f]{2})*) ?[^<>]*>"
+        rb"< (frame|error) ([0-9A-Fa-f]+) [0-9.]+ ?([0-9A-Fa-f]*)(?: [^<>]*)?>"
     )
     _READ_SIZE: Final = 16_384
 
@@ -90,13 +91,27 @@ class StreamWire:
         text = self._rest + text
         end = 0
         for match in self._FRAME.finditer(text):
-            kind, identifier, data = match.groups()
-            can_id = int(identifier, 16)
-            if kind == b"error":
-                can_id = can_id & 0x1FFF_FFFF | ERROR
-            elif len(identifier) != 3:
-                can_id |= EXTENDED
-            self._queue.append((can_id, bytes.fromhex(data.decode())))
+            frame = _socketcand_frame(*match.groups())
+            if frame is not None:
+                self._queue.append(frame)
             end = match.end()
         # A frame may be cut in two; what is no frame at all must not pile up.
         self._rest = text[end:][-64:]
+
+
+def _socketcand_frame(kind: bytes, digits: bytes, data: bytes) -> Frame | None:
+    """Three digits of an 11-bit identifier, or eight of one with 29 bits; at most eight bytes.
+
+    None for a frame that no bus can have carried: the sample that it was to be is then missing, and
+    counts so.
+    """
+    if len(digits) > 8 or len(data) > 16 or len(data) % 2:
+        return None
+    identifier = int(digits, 16)
+    content = bytes.fromhex(data.decode())
+    if kind == b"error":
+        return identifier & IDENTIFIER | ERROR, content
+    highest = {3: 0x7FF, 8: IDENTIFIER}.get(len(digits), -1)
+    if identifier > highest:
+        return None
+    return identifier | (EXTENDED if len(digits) == 8 else 0), content

@@ -19,6 +19,7 @@ import can
 EXTENDED: Final = 0x8000_0000
 REMOTE: Final = 0x4000_0000
 ERROR: Final = 0x2000_0000
+IDENTIFIER: Final = 0x1FFF_FFFF  # what is left below them: 29 bits, of which 11 are usual
 
 Frame = tuple[int, bytes | bytearray]
 

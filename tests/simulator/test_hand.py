@@ -129,6 +129,9 @@ def test_script_file(tmp_path: Path) -> None:
         "- {act: release, at_s: -1}",
         "- {act: release, at_s: 1, speed: 1}",
         "act: release",
+        "- {act: release, at_s: 1, at_s: 2}",
+        "- {act: guide, at_s: 1, speed: 1, to: {a: 1, a: 2}}",
+        "[" * 5000,
         "- [",
     ],
 )

@@ -175,12 +175,13 @@ def test_last_words_are_heard_even_if_they_came_first(listener: socket.socket) -
 
 
 def test_whoever_made_room_is_told_so(fake_daemon: Any) -> None:
-    held = [Client(fake_daemon.path) for _ in range(33)]
-    for client in held[1:]:
-        client.request("status")
-    reply = held[0].request("stop")
+    first = Client(fake_daemon.path)
+    first.request("status")
+    held = [first, *(Client(fake_daemon.path) for _ in range(256))]
+    held[-1].request("status")
+    reply = first.request("stop")
     assert not reply.ok
-    assert "closed to make room: more than 32 connections" in reply.message
+    assert "closed to make room: more than 256 connections" in reply.message
     with Client(fake_daemon.path) as late:
         assert late.request("stop").ok
     for client in held:

@@ -108,6 +108,28 @@ def test_bad_logs_write_nothing(folder, change, says):
     assert not (folder / "identified.yaml").exists()
 
 
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("{header}\n" + "1" * 200_000 + ",2,3,4\n", "bad.csv:2: is not CSV: field larger than"),
+        ("x" * 200_000, "bad.csv:1: is not CSV: field larger than"),
+        ("{header}\n" + "x" * 100_000 + ",2,3,4\n", "bad.csv:2: not a number: could not convert"),
+        ("{header}\n1,2,3\n", "bad.csv:2: 3 fields, the header has 4"),
+        ("{header},time\n1,2,3,4,5\n", "bad.csv: two columns time"),
+        ("{header}\n1,2,3,4\n1,2\x00,3,4\n", "bad.csv:3: "),
+    ],
+)
+def test_what_is_no_log_is_one_clear_word(folder, text, says):
+    header = "time,current.joint,link_position.joint,motor_velocity.joint"
+    log = folder / "bad.csv"
+    log.write_text(text.replace("{header}", header))
+    result = identify(folder, log, "gap")
+    assert result.exit_code == 65
+    assert says in result.output
+    assert len(result.output) < 1000
+    assert "Traceback" not in result.output
+
+
 def test_a_csv_cut_in_the_middle_is_named(folder):
     log = write(folder / "cut.csv", by_hand())
     log.write_text(log.read_text()[:-30])

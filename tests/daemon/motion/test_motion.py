@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from bench.rigs.ideal_arm import MANNER, T, ideal_arm
-from daemon.modes.table import Mode
+from bench.rigs.ideal_arm import MANNER, T, ideal_arm, tracking_arm
+from daemon.modes.contact_reactions import ContactReaction, Reactions
+from daemon.modes.table import Event, Mode
+from daemon.motion.admittance import AllowanceSettings
+
+SOFT = Reactions(ContactReaction.ADMITTANCE, ContactReaction.ADMITTANCE)
+FAR = AllowanceSettings(max_duration_s=100.0, max_excursion=3.0)
 
 
 def test_a_joint_that_was_not_heard_of_has_moved_on() -> None:
@@ -18,6 +23,28 @@ def test_a_joint_that_was_not_heard_of_has_moved_on() -> None:
         speeds.append(motion.velocity.tolist())
     (heard, other), (old, still) = speeds
     assert 0.0 < old < heard == other == still
+
+
+def test_the_controller_tells_how_old_the_samples_are() -> None:
+    """Yielding towards a limit, the joint whose samples are old brakes before the other."""
+    arm = tracking_arm(reactions=SOFT, bounds=FAR)
+    q, push = np.array([0.98, 0.98]), np.array([2.0, 2.0])
+    felt = {"residual": push, "thresholded": push, "touched": "both feel it"}
+    heard = [arm.step(q=q, **felt).velocity for _ in range(60)][-1]
+    assert heard[0] == pytest.approx(heard[1], rel=1e-3)
+    old = np.array([0.1, 0.0])
+    told = [arm.step(q=q, age_s=old, **felt).velocity for _ in range(60)][-1]
+    assert 0.0 < told[0] < 0.9 * told[1]
+    assert told[1] == pytest.approx(heard[1], rel=1e-3)
+
+
+def test_who_was_not_heard_of_does_not_stand_still_yet() -> None:
+    arm = tracking_arm()
+    arm.controller.request(Event.STOP, "me", arm.time_s)
+    arm.run(1.0, age_s=np.array([0.0, 0.01]))
+    assert (arm.mode, arm.decisions[-1].velocity.any()) == (Mode.STOPPING, False)
+    arm.step()
+    assert arm.mode is Mode.HOLDING
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -106,6 +106,9 @@ def test_the_error_of_a_row_is_put_on_its_line(tmp_path: Path) -> None:
         ([0, 1], [[0, 0], [0, 0]], [[0, 0]], None, "2 times, but 1 rows of velocities"),
         ([0, 1], [[0, 0], [0, 0]], [[0, 0], [0, 0, 0]], 1, "3 velocities for 2 joints"),
         ([0, 0], [[0, 0], [0, 0]], None, 1, "time_s: 0 does not come after 0"),
+        ([0, 10**400], [[0, 0], [0, 0]], None, 1, r"a number of more than 1e\+09"),
+        ([0, 1], [[-(10**400), 0], [0, 0]], None, 0, r"a number of more than 1e\+09"),
+        ([0, 1], [[0, 0], [0, 0]], [[0, 0], [0, 2e9]], 1, r"a number of more than 1e\+09"),
         ([0, float("nan")], [[0, 0], [0, 0]], None, 1, "time_s: nan does not come after 0"),
     ],
 )

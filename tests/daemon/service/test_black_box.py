@@ -4,6 +4,7 @@ import fcntl
 import grp
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -281,16 +282,70 @@ def test_the_ring_is_open_to_the_group_of_the_socket(path, logs, monkeypatch):
 
 @pytest.mark.parametrize("more", [[], ["--left-over"]])
 def test_who_may_not_read_the_ring_is_told_how_to_be_let_in(tmp_path, monkeypatch, more):
-    def denied(self, *_):
-        raise PermissionError(13, "Permission denied", str(self))
+    def denied(path, **_):
+        raise PermissionError(13, "Permission denied", str(path))
 
     ring = ring_path(tmp_path / "control")
     filled(ring)
-    monkeypatch.setattr(Path, "open", denied)
+    monkeypatch.setattr("daemon.commands.black_box.open_regular", denied)
     monkeypatch.setattr(Path, "group", lambda _: "contact")
     result = CliRunner().invoke(main, ["black-box", "--socket", str(tmp_path / "control"), *more])
     assert result.exit_code == 69
     assert result.stderr.startswith(f"contactd: you may not use {ring}: join the group contact")
+
+
+def make_fifo(path):
+    os.mkfifo(path)
+
+
+def make_link(path):
+    other = path.with_name("other")
+    filled(other)
+    path.symlink_to(other)
+
+
+def make_link_to_nothing(path):
+    path.symlink_to(path.with_name("nothing"))
+
+
+def make_socket(path):
+    with socket.socket(socket.AF_UNIX) as bound:
+        bound.bind(str(path))
+
+
+def make_folder(path):
+    path.mkdir()
+
+
+@pytest.mark.parametrize(
+    ("make", "word"),
+    [
+        (make_fifo, "is no regular file"),
+        (make_link, "is a link, not a file"),
+        (make_link_to_nothing, "is a link, not a file"),
+        (make_socket, "is no regular file"),
+        (make_folder, "Is a directory"),
+    ],
+)
+def test_what_is_no_ring_in_its_place_is_refused_without_waiting(
+    tmp_path, logs, caplog, impatient, make, word
+):
+    ring = ring_path(tmp_path / "control")
+    make(ring)
+    before = ring.lstat()
+    with BlackBox(ring, logs, 10.0) as box:
+        assert box.ring is None
+    (line,) = caplog.messages
+    assert line == f"no black box: {ring}: {word}"
+    assert ring.lstat().st_ino == before.st_ino, "it is left where it is"
+    for more in ([], ["--left-over"]):
+        result = CliRunner().invoke(
+            main, ["black-box", "--socket", str(tmp_path / "control"), *more]
+        )
+        assert result.exit_code == 65
+        assert result.stderr.startswith(f"contactd: {ring}: "), result.stderr
+    with pytest.raises((LogError, OSError), match=word):
+        follow(ring, logs, -1, print)
 
 
 def test_by_hand(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """Readers of the control socket: each gets every State, or loses some without hurting others."""
 
 import json
+import os
 import select
 import socket
 from collections.abc import Callable
@@ -76,7 +77,8 @@ def test_ninth_reader_is_refused(
 
     control.poll(handler)
     control.poll(handler)
-    assert told(ninth) == {"ok": False, "message": "too many readers, at most 8"}
+    message = f"subscribe: too many readers of one user, at most 8 (pid {os.getpid()})"
+    assert told(ninth) == {"ok": False, "message": message}
     assert not seen
     readers[3].close()
     control.poll(handler)
@@ -84,6 +86,29 @@ def test_ninth_reader_is_refused(
     control.poll(handler)
     assert told(ninth)["ok"] is True
     assert len(control.readers) == 8
+
+
+def test_no_user_can_hold_all_places_of_readers(
+    control: ControlSocket,
+    dial: Dial,
+    make_snapshot: Callable[[int], Snapshot],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The kernel's word on who is at the other end is replaced: connections of three users."""
+    users = iter([os.getuid()] * 8 + [1001, 1001] + [1002] * 7)
+
+    def peer_of(connected: socket.socket, number: int) -> Peer:
+        return Peer(next(users), 4700 + number, number)
+
+    monkeypatch.setattr("daemon.service.socket.peer_of", peer_of)
+    monkeypatch.setattr(ControlSocket, "_admitted", lambda *_: True)
+    for _ in range(16):
+        subscribed(control, dial, make_snapshot(0))
+    assert len(control.readers) == 16
+    client = dial()
+    client.send(b'{"command": "subscribe"}')
+    control.poll(answering(make_snapshot(0)))
+    assert told(client) == {"ok": False, "message": "subscribe: too many readers, at most 16"}
 
 
 def test_reader_may_subscribe_again_although_all_places_are_taken(

@@ -6,14 +6,17 @@ import msgspec
 import numpy as np
 import pytest
 
+from bench.rigs.breakable_arm import MAKES, stage, start
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import State
 from daemon.tick import telemetry
+from daemon.tick.controller import ControlInput, Controller, Decision
 from daemon.tick.telemetry import state_of
 from daemon.tick.tick import LONGEST_STEP
 from drivers.cia402 import DriveState
+from drivers.codec import transmit_pdos
 from estimator.estimate import Flag
 
 ELBOW = 2
@@ -243,3 +246,30 @@ def test_telemetry_fills_every_field_of_a_state(monkeypatch: pytest.MonkeyPatch)
         rig.run(0.1)
         telemetry.state_of(rig.last)
     assert filled == set(State.__struct_fields__)
+
+
+def test_the_controller_learns_how_old_each_joints_sample_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The elbow's drive is not heard for two ticks, the others are."""
+    seen: list[np.ndarray | None] = []
+    step = Controller.step
+
+    def spy(controller: Controller, time_s: float, dt: float, observed: ControlInput) -> Decision:
+        seen.append(observed.age_s)
+        return step(controller, time_s, dt, observed)
+
+    monkeypatch.setattr(Controller, "step", spy)
+    with stage(MAKES[0]) as on:
+        start(on, armed=False)
+        on.rig.step()
+        assert seen[-1] is None
+        drive = on.drives[ELBOW]
+        with on.losing(*(pdo.cob_id for pdo in transmit_pdos(drive))):
+            for missed in (1, 2):
+                on.rig.step()
+                expected = np.zeros(len(on.drives))
+                expected[ELBOW] = missed * T
+                np.testing.assert_allclose(seen[-1], expected)
+        on.rig.run(0.05)
+        assert seen[-1] is None

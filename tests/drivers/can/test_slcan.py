@@ -10,12 +10,12 @@ from contextlib import suppress
 
 import can
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from drivers.can.bus import BUS_FAILURES, open_bus
 from drivers.can.slcan import SlcanWire
-from drivers.can.wire import EXTENDED, REMOTE
+from drivers.can.wire import EXTENDED, IDENTIFIER, REMOTE
 from drivers.settings import BusSettings
 from errors import BusError
 from tests.examples import scaled
@@ -90,6 +90,8 @@ def test_no_adapter_is_said_so():
         (b"t18122702ABCD\r", (0x181, b"\x27\x02")),  # with a time stamp
         (b"T00000181127\r", (0x181 | EXTENDED, b"\x27")),
         (b"r7010\r", (0x701 | REMOTE, b"")),
+        (b"tFFF0\rt8000\rTFFFFFFFF0\rT200000000\rt1810\r", (0x181, b"")),  # more than the bus has
+        (b"T1FFFFFFF0\r", (0x1FFFFFFF | EXTENDED, b"")),
         (b"t\rt1\rt181\rt1819\rt1812AB\r\at1810\r", (0x181, b"")),
     ],
 )
@@ -118,6 +120,31 @@ def test_frames_survive_garbage_and_being_cut(frames, garbage, cut):
             while (frame := wire.receive(0.0)) is not None:
                 got.append(frame)
         assert got[len(got) - len(frames) :] == frames
+    finally:
+        os.close(reader)
+        os.close(writer)
+
+
+LINE = st.tuples(
+    st.sampled_from([b"t", b"T", b"r", b"R", b"", b"z"]),
+    st.integers(0, 1 << 60).map(lambda n: b"%X" % n) | st.binary(max_size=12),
+)
+
+
+@settings(max_examples=scaled(200))
+@given(lines=st.lists(LINE, max_size=10))
+@example(lines=[(b"T", b"FFFFFFFF0"), (b"t", b"FFF0")])
+def test_whatever_an_adapter_says_is_a_frame_that_a_bus_can_carry(lines):
+    reader, writer = os.pipe()
+    os.set_blocking(reader, False)
+    try:
+        wire = SlcanWire(reader)
+        os.write(writer, b"".join(kind + digits + b"\r" for kind, digits in lines) + b"\r")
+        while (frame := wire.receive(0.0)) is not None:
+            can_id, data = frame
+            assert can_id & IDENTIFIER <= (IDENTIFIER if can_id & EXTENDED else 0x7FF)
+            assert can_id & ~(IDENTIFIER | EXTENDED | REMOTE) == 0
+            assert len(data) <= 8
     finally:
         os.close(reader)
         os.close(writer)

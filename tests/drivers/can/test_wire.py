@@ -8,14 +8,14 @@ from collections.abc import Iterator
 import can
 import pytest
 from can.interfaces.socketcand.socketcand import convert_can_message_to_ascii_message
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from bench.rigs.message_wire import MessageWire
 from drivers.can.socketcan import RawWire
 from drivers.can.socketcand import StreamWire
 from drivers.can.virtual import QueueWire
-from drivers.can.wire import ERROR, EXTENDED, REMOTE
+from drivers.can.wire import ERROR, EXTENDED, IDENTIFIER, REMOTE
 
 FRAMES = [(0x080, b""), (0x201, bytearray(b"\x0f\x00\xff\xff\xff\xff")), (0x77F, b"\x05")]
 TPDO = b"\x27\x02\x64\x00\xe8\x03\x00\x0a"
@@ -93,6 +93,53 @@ def test_stream_frames_are_read(stream, text, frame):
     far.sendall(text)
     assert wire.receive(0.1) == frame
     assert wire.receive(0.0) is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"< frame FFFFFFFFF 1.0 00 >",  # 36 bits
+        b"< frame 20000000 1.0 00 >",
+        b"< frame FFFFFFFF 1.0 00 >",
+        b"< frame 800 1.0 00 >",
+        b"< frame 0181 1.0 00 >",
+        b"< frame 81 1.0 00 >",
+        b"< frame 181 1.0 001122334455667788 >",
+        b"< frame 181 1.0 0 >",
+        b"< error FFFFFFFFF 1.0 >",
+        b"< frame 181 1.0 %s >" % (b"00" * 8000),
+    ],
+)
+def test_a_frame_that_no_bus_can_carry_is_left_out(stream, text):
+    near, far = stream
+    wire = StreamWire(near)
+    far.sendall(text + b"< frame 1FFFFFFF 1.0 0011223344556677 >")
+    assert wire.receive(0.1) == (0x1FFFFFFF | EXTENDED, bytes.fromhex("0011223344556677"))
+    assert wire.receive(0.0) is None
+
+
+WORD = st.sampled_from([b"frame", b"error", b"send", b"<", b">", b"", b"ok"])
+DIGITS = st.integers(0, 1 << 40).map(lambda n: b"%03X" % n) | st.binary(max_size=4)
+
+
+@given(parts=st.lists(st.tuples(WORD, DIGITS, DIGITS, DIGITS), max_size=10))
+@example(parts=[(b"frame", b"FFFFFFFFF", b"1.0", b"00")])
+def test_whatever_a_server_says_is_a_frame_that_can_be_kept(parts):
+    """In the black box's ring, and as a message of python-can."""
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    with near, far:
+        wire = StreamWire(near)
+        far.sendall(b"".join(b"< %s %s %s %s >" % part for part in parts) + b"\n>")
+        while (frame := wire.receive(0.0)) is not None:
+            assert_is_possible(frame)
+
+
+def assert_is_possible(frame):
+    can_id, data = frame
+    identifier = can_id & IDENTIFIER
+    assert can_id == identifier | (can_id & (EXTENDED | REMOTE | ERROR))
+    assert can_id & (EXTENDED | ERROR) or identifier <= 0x7FF
+    assert len(data) <= 8
 
 
 def test_half_a_frame_is_not_the_end_of_waiting(stream):
