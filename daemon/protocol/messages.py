@@ -209,8 +209,8 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     timing: Timing
     unproved: list[str] = []  # joints that were told to stop and not seen to stand
     silenced: bool = False  # the drives hear nothing of the daemon until `reset`
-    sensing: list[bool] = []  # joints that sense contact now
-    sensing_since_s: PerJoint = []  # time at which that last changed [s]
+    sensing: list[bool] | None = None  # joints that sense contact now; None in format 1
+    sensing_since_s: PerJoint | None = None  # time at which that last changed [s]
 
 
 STATE_FORMAT = 2

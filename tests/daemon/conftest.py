@@ -66,6 +66,8 @@ def state_at(tick: int, **changes: object) -> State:
         cause="contact at LShoulderYaw" if touched else "start",
         moving=True,
         fresh=[True] * n,
+        sensing=[True] * n,
+        sensing_since_s=[0.03] * n,
         drives=["operation enabled"] * n,
         current=[0.1 * math.sin(t + i) for i in range(n)],
         link_position=[0.5 * math.sin(t + i) for i in range(n)],

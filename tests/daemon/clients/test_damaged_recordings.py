@@ -5,28 +5,37 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
 from daemon.clients.recorder import PROFILE, read_log
 from daemon.clients.replay import replay
 from daemon.commands.contactd import main
 from daemon.config.load import load_robot
 from daemon.identify.measured import read_measured
+from daemon.protocol.messages import Snapshot, State
+from daemon.service.status import snapshot_of
 from errors import ContactdError, LogError
 from tests.examples import scaled
 
-FORMAT_1 = Path(__file__).with_name("format_1.mcap")
-with FORMAT_1.open("rb") as _stream:
-    MESSAGES = [
-        (channel.topic, message.data)
-        for _, channel, message in make_reader(_stream).iter_messages()
-    ]
+
+def _recorded() -> list[tuple[str, bytes]]:
+    """Topic and data of each message of a recording of twenty ticks."""
+    with lockstep_rig(SINGLE_JOINT) as rig:
+        rig.run(0.4)
+        messages: list[tuple[str, Snapshot | State]] = [
+            ("/snapshot", snapshot_of(rig.robot, rig.tick))
+        ]
+        messages += [("/state", state) for state in rig.states(0.2)]
+    return [(topic, msgspec.json.encode(message)) for topic, message in messages]
+
+
+MESSAGES = _recorded()
 CONFIGURATION = load_robot(SINGLE_JOINT).configuration
 HUGE = 10**400
 
