@@ -17,7 +17,6 @@ connections lock nobody out. Nor can one user hold all the places of readers.
 import contextlib
 import errno
 import math
-import os
 import select
 import socket
 import time
@@ -38,9 +37,10 @@ from daemon.protocol.messages import (
     Request,
     State,
 )
-from daemon.protocol.socket_path import LISTEN_BACKLOG, Peer, groups_of, listen, peer_of
+from daemon.protocol.socket_path import Peer
 from daemon.protocol.strict_json import StrictDecoder
 from daemon.service.connections import MAX_CONNECTIONS, Connection, Connections
+from daemon.service.entrance import MOST_OUTSIDE, Entrance
 from errors import ContactdError
 
 TURNS_PER_POLL: Final = 4
@@ -67,13 +67,10 @@ class ControlSocket:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._listener = listen(path)
-        file = path.stat()
-        self._inode, self._group = file.st_ino, file.st_gid
+        self._entrance = Entrance(path)
         self._epoll = select.epoll()
-        self._epoll.register(self._listener, select.EPOLLIN)
+        self._epoll.register(self._entrance, select.EPOLLIN)
         self._connections = Connections()
-        self._accepted = 0
         self._poll = 0
         self._served_in: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)
         self.spare = 0  # the number of a connection that never has to make room
@@ -115,7 +112,7 @@ class ControlSocket:
         """
         self._poll += 1
         if events := self._epoll.poll(0, MAX_CONNECTIONS + 1):
-            entrance = self._listener.fileno()
+            entrance = self._entrance.fileno()
             for file, what in events:
                 if file != entrance:
                     self._look_at(self._connections.all[file], handle, what)
@@ -168,49 +165,26 @@ class ControlSocket:
             self._drop(connection)
 
     def close(self) -> None:
-        """Close every connection and remove the socket file, if it still is this one's."""
+        """Close every connection, and the entrance."""
         for connection in list(self._connections.all.values()):
             self._drop(connection)
         self._epoll.close()
-        self._listener.close()
-        with contextlib.suppress(OSError):
-            if self.path.stat().st_ino == self._inode:
-                self.path.unlink()
+        self._entrance.close()
 
     def _let_in(self, handle: Handler, entrance_s: float) -> None:
         """Let in those who wait outside, and hear at once what each has to say."""
         deadline = time.monotonic() + entrance_s
-        for _ in range(LISTEN_BACKLOG + 1):  # as many as the kernel keeps
-            try:
-                accepted, _ = self._listener.accept()
-            except OSError:  # gone again, or out of descriptors: looked at in the next tick
+        for _ in range(MOST_OUTSIDE):
+            connection = self._entrance.next()
+            if connection is None:
                 return
-            accepted.setblocking(False)
-            self._accepted += 1
-            try:
-                peer = peer_of(accepted, self._accepted)
-            except OSError:
-                accepted.close()
-                continue
-            if self._admitted(accepted, peer):
-                if self._connections.full:
-                    self._make_room(handle)
-                connection = Connection(accepted, accepted.fileno(), peer)
-                self._connections.add(connection)
-                self._epoll.register(connection.file, select.EPOLLIN)
-                self._hear(connection, handle)
-            else:
-                self._turn_away(accepted, f"you are not in the group of {self.path}: refused")
+            if self._connections.full:
+                self._make_room(handle)
+            self._connections.add(connection)
+            self._epoll.register(connection.file, select.EPOLLIN)
+            self._hear(connection, handle)
             if time.monotonic() >= deadline:
                 return
-
-    def _admitted(self, accepted: socket.socket, peer: Peer) -> bool:
-        """True if the socket file's group, owner or root is at the other end: what the file's mode
-        says, even where somebody has opened it to all."""
-        try:
-            return peer.uid in (0, os.getuid()) or self._group in groups_of(accepted)
-        except OSError:  # an old kernel, or too many groups to ask for: the file's mode has decided
-            return True
 
     def _make_room(self, handle: Handler) -> None:
         while self._connections.full:
@@ -223,10 +197,6 @@ class ControlSocket:
         with contextlib.suppress(OSError):
             connection.socket.send(_MADE_ROOM)
         self._drop(connection)
-
-    def _turn_away(self, accepted: socket.socket, why: str) -> None:
-        with accepted, contextlib.suppress(OSError):
-            accepted.send(self._encoder.encode(Reply(ok=False, message=why)))
 
     def _drop(self, connection: Connection) -> None:
         self._connections.drop(connection)

@@ -11,6 +11,7 @@ import pytest
 
 from daemon.protocol.messages import Reply, Request, Snapshot, State
 from daemon.protocol.socket_path import Peer
+from daemon.service.entrance import Entrance
 from daemon.service.socket import ControlSocket, Handler
 
 Dial = Callable[[], socket.socket]
@@ -100,8 +101,8 @@ def test_no_user_can_hold_all_places_of_readers(
     def peer_of(connected: socket.socket, number: int) -> Peer:
         return Peer(next(users), 4700 + number, number)
 
-    monkeypatch.setattr("daemon.service.socket.peer_of", peer_of)
-    monkeypatch.setattr(ControlSocket, "_admitted", lambda *_: True)
+    monkeypatch.setattr("daemon.service.entrance.peer_of", peer_of)
+    monkeypatch.setattr(Entrance, "_admits", lambda *_: True)
     for _ in range(16):
         subscribed(control, dial, make_snapshot(0))
     assert len(control.readers) == 16
