@@ -5,6 +5,7 @@ comes back as frames, what happened as events. One drive in the last stage silen
 our heartbeat is for all of them.
 """
 
+import math
 from collections.abc import Sequence
 
 from drivers.answers import Samples
@@ -34,6 +35,7 @@ class Stops:
         self.silent = False
         """The last stage is reached: only SDO goes out, to drives that are not seen to stand."""
         self._nodes = tuple(drive.node for drive in drives)
+        self._fastest = [drive.velocity for drive in drives]
         self._expedited = [ExpeditedStop(drive) for drive in drives]
         self._by_node = dict(zip(self._nodes, self._expedited, strict=True))
         # From the first command on: noticing is over by then.
@@ -74,10 +76,8 @@ class Stops:
     def begin_all(self, now: float, samples: Samples) -> list[Frame]:
         """Tell every drive to stop, whatever it was told, and without a SYNC."""
         self.busy = True
-        for i, watch in enumerate(self._watches):
-            velocity, position = samples.motor_velocity[i], samples.link_position[i]
-            watch.begin(now, Stage.SDO, float(velocity), float(position))
-            self._expedited[i].begin()
+        for i in range(len(self._watches)):
+            self._begin(now, i, Stage.SDO, samples)
         return self._requests([PowerTarget.QUICK_STOP] * len(self._watches))
 
     def step(
@@ -97,9 +97,7 @@ class Stops:
             seen = self._seen(i, samples)
             if watch.stage is Stage.NONE:
                 told = Stage.SETPOINT if seen and reached[i] else Stage.SDO
-                velocity, position = samples.motor_velocity[i], samples.link_position[i]
-                watch.begin(now, told, float(velocity), float(position))
-                self._expedited[i].begin()
+                self._begin(now, i, told, samples)
             if self.silent:
                 watch.stage = Stage.SILENCE  # whatever it was in: nobody is told anything else
             ran_on, cut = watch.runs_on, watch.cut
@@ -136,6 +134,13 @@ class Stops:
             if event.nodes
         ]
         return frames, events
+
+    def _begin(self, now: float, joint: int, stage: Stage, samples: Samples) -> None:
+        velocity = float(samples.motor_velocity[joint])
+        # What was never heard may be as fast as it is ever told to be.
+        speed = self._fastest[joint] if math.isnan(velocity) else velocity
+        self._watches[joint].begin(now, stage, speed, float(samples.link_position[joint]))
+        self._expedited[joint].begin()
 
     def _seen(self, joint: int, samples: Samples) -> Seen | None:
         """Newest fresh reading of a drive; a sample tells more than what was asked for."""

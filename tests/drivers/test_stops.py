@@ -112,6 +112,18 @@ def test_the_stages_of_a_drive_that_stays_in_operation(arm: Arm) -> None:
     assert arm.drives.unfit() == [*range(N)], "all have missed us"
 
 
+def test_a_drive_that_was_never_heard_may_run_at_full_speed(
+    drives: Drives, scripted: ScriptedWire
+) -> None:
+    """Its silence comes as early as that of one that was seen to."""
+    arm = Arm(drives, scripted)
+    for k in range(40):
+        arm.tick(standing(3))
+        if drives.silenced:
+            break
+    assert k <= 3 * 3 + 1, "at full speed each stage has three ticks, at rest six and nine"
+
+
 def test_a_drive_that_restarted_is_told_by_sdo_alone(arm: Arm) -> None:
     sent, events = arm.tick([frame(0x703, b"\0"), *everything()])
     assert Rebooted(3) in events
