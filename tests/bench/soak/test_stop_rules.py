@@ -38,6 +38,13 @@ BROKEN = [
     ("no motion after a proved stop", MOVES),
     ("no joint goes further than is printed", GOES_ON),
     ("a stop is proved or the arm silent", DOUBTED),
+    (
+        "a stop is proved or the arm silent",  # and nobody moves it
+        [
+            msgspec.structs.replace(s, notices=[PROVED] if s.tick == 3 else s.notices)
+            for s in DOUBTED
+        ],
+    ),
     ("one reset is enough", [faulted(1), reset(2), again(52)]),
 ]
 
@@ -61,6 +68,10 @@ KEPT: dict[str, list[Scene]] = {
             *GOES_ON[:2],
             faulted(3, link_position=[9.0] * 7, motor_velocity=[9.0] * 7, fresh=[False] * 7),
         )
+    ],
+    "it stood, and a hand moves it for long": [
+        (msgspec.structs.replace(s, notices=[PROVED] if s.tick == 3 else s.notices), True, False)
+        for s in DOUBTED
     ],
     "in time": [(each, False, False) for each in DOUBTED[:-1]],
     "silent": [(msgspec.structs.replace(s, silenced=s.tick > 50), False, False) for s in DOUBTED],
