@@ -8,12 +8,11 @@ import pytest
 
 from bench.rigs.faults import CASES
 from bench.soak import outside_faults
-from bench.soak.people import (
-    Person,
-    Step,
-)
+from bench.soak.losses import LOSSES
+from bench.soak.people import Person, Step
 from bench.soak.simulated import FAULTS, UNFIT, run_lockstep
 from daemon.config.schema import Configuration
+from daemon.modes.quiet_timer import QuietTimer
 from daemon.protocol.messages import Request
 from drivers.cia402 import PowerTarget
 from drivers.stop_stages import Seen, StopWatch
@@ -70,6 +69,11 @@ def believes(watch: StopWatch, now: float, target: PowerTarget, seen: Seen | Non
     watch.proved = now > watch._now_s
 
 
+def believes_in_quiet(timer: QuietTimer, touched: bool, time_s: float, *, sure: bool) -> None:
+    timer._touched_s = time_s if touched else timer._touched_s
+    timer.quiet_s = time_s - timer._touched_s
+
+
 @pytest.mark.parametrize(
     ("case", "broken", "rules"),
     [
@@ -94,6 +98,18 @@ def believes(watch: StopWatch, now: float, target: PowerTarget, seen: Seen | Non
             {"daemon.service.set_up.SetUp.prove": lambda self: []},
             {"one reset is enough"},
         ),
+        # A joint that senses nothing is no reason to hold.
+        (
+            "samples of a drive: bursts",
+            {"daemon.faults.detector.FaultDetector._of_sensing": lambda self, sensing: ()},
+            {"no motion without sensing"},
+        ),
+        # What is not felt counts as quiet.
+        (
+            "samples of a drive: bursts",
+            {"daemon.modes.quiet_timer.QuietTimer.sense": believes_in_quiet},
+            {"no quiet time without sensing"},
+        ),
     ],
 )
 def test_a_program_that_is_broken_breaks_a_rule(
@@ -109,15 +125,16 @@ def test_a_program_that_is_broken_breaks_a_rule(
         while True:
             yield Step()
 
-    only = tuple(each for each in CASES if each.name == case)
+    only = tuple(each for each in (*CASES, *LOSSES) if each.name == case)
+    seed = 10 if only[0] in LOSSES else 9  # whose arm has patience with losses, or has not
     monkeypatch.setattr("bench.soak.simulated.FAULTS", only)
     monkeypatch.setattr("bench.soak.simulated.MEAN_PAUSE_S", 6.0)
     monkeypatch.setattr("bench.soak.simulated.hand_script", lambda *_: ())
     monkeypatch.setattr("bench.soak.simulated.operator", resets)
     monkeypatch.setattr("bench.soak.simulated.program", nobody)
-    part = run_lockstep(9, 10.0 / 3600.0)
+    part = run_lockstep(seed, 10.0 / 3600.0)
     assert not part.ledger.broken, part.ledger.cases
     for what, instead in broken.items():
         monkeypatch.setattr(what, instead)
-    part = run_lockstep(9, 10.0 / 3600.0)
+    part = run_lockstep(seed, 10.0 / 3600.0)
     assert rules <= set(part.ledger.broken), part.ledger.cases

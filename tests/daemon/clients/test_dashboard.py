@@ -256,6 +256,7 @@ def test_what_does_not_sense_is_in_the_headline(
         told = " ".join(word for line in lines[:5] for word in line.split())
         assert (f"{DEAF}{words}" in told) == bool(words)
         assert words or DEAF not in "".join(lines)
+    assert "bold red" in str(frame._not_sensing().style)
 
 
 def test_how_long_every_joint_has_sensed(dashboard: Any, fake_daemon: Any) -> None:
