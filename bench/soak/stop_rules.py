@@ -66,7 +66,7 @@ class StopRules:
         if faulted:
             self._travels(state, joints, by_hand)
             self._stays(state, speed, by_hand)
-            self._is_proved(state)
+            self._is_proved(state, by_hand)
         else:
             self._proved_s, self._doubted_s = np.inf, 0.0
         self._before, self._joints = state, joints
@@ -90,10 +90,12 @@ class StopRules:
             moves = np.abs(speed) >= STANDS
             self._all("no motion after a proved stop", moves, state, speed, "rad/s")
 
-    def _is_proved(self, state: State) -> None:
-        """Every stop is proved, or else the drives are left to themselves."""
+    def _is_proved(self, state: State, by_hand: bool) -> None:
+        """Every stop is proved, or else the drives are left to themselves. A hand that creeps with
+        a joint of an arm that stood makes it move for as long as it likes."""
         before_s = self._before.time_s if self._before else state.time_s
-        doubted = bool(state.unproved) and not state.silenced
+        moved = by_hand and self._proved_s < np.inf
+        doubted = bool(state.unproved) and not state.silenced and not moved
         passed = min(state.time_s - before_s, LONGEST_TICK_S)
         self._doubted_s = self._doubted_s + passed if doubted else 0.0
         words = f"{', '.join(state.unproved)} for {self._doubted_s:.2f} s"

@@ -75,6 +75,8 @@ def status_of(
         unproved=list(unproved),
         silenced=tick.drives.silenced,
         felt=felt_now(tick),
+        sensing=last.sensing.tolist() if last else None,
+        sensing_since_s=last.sensing_since_s.tolist() if last else None,
     )
 
 

@@ -3,16 +3,22 @@
 Pure; time is an argument.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Vector
+from daemon.faults.finding import Finding
+from daemon.faults.table import Condition
+from daemon.protocol.messages import Notice
 from estimator.estimate import Estimate, Flag
 
 #: Time constants of the residual until one that began anew, at zero, says what it will.
 SETTLED: Final = 4.0
+#: A joint that sensed for less at a stretch [s] does not sense again: it comes and goes.
+AGAIN_S: Final = 0.5
 #: Flags of an estimate that is right all the same: true intervals were used, gaps were bridged.
 _HARMLESS: Final = Flag.LATE | Flag.BRIDGED
 
@@ -44,3 +50,36 @@ class Sensing:
             self.joints = now
         settled = time_s - self._unsure_s > self._settles_s
         self.sure = settled and bool(now.all())
+
+
+class SensingNews:
+    """News of joints that do not sense contact: each once when it is found, and once when it is
+    over. One that comes and goes with every burst of losses is no news each time."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        """names: of the joints, (n,)."""
+        self._names = tuple(names)
+        self._deaf_s: dict[int, float] = {}  # since when, of the joints that were reported
+
+    def step(
+        self, time_s: float, sensing: Sensing, findings: Sequence[Finding]
+    ) -> tuple[Notice, ...]:
+        """News of one tick; findings: all that hold in it."""
+        notices: list[Notice] = []
+        for finding in findings:
+            if finding.condition is Condition.DEAF:
+                new = set(np.flatnonzero(~sensing.joints).tolist()) - self._deaf_s.keys()
+                self._deaf_s |= {i: float(sensing.since_s[i]) for i in new}
+                if new:
+                    notices.append(Notice(kind="fault", text=str(finding)))
+        again = [
+            i
+            for i in sorted(self._deaf_s)
+            if sensing.joints[i] and time_s - sensing.since_s[i] >= AGAIN_S
+        ]
+        if again:
+            lost_s = {i: sensing.since_s[i] - self._deaf_s.pop(i) for i in again}
+            told = ", ".join(f"{self._names[i]} after {lost_s[i]:.2f} s" for i in again)
+            text = f"sensing contact again for {AGAIN_S:g} s: {told}"
+            notices.append(Notice(kind="mode", text=text))
+        return tuple(notices)

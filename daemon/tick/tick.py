@@ -10,14 +10,14 @@ import numpy as np
 
 from daemon.faults.detector import FaultDetector
 from daemon.faults.finding import Finding
-from daemon.faults.table import Response
+from daemon.faults.table import Condition, Response
 from daemon.modes.table import ENERGISED, SENSING, Mode
 from daemon.motion.limits import all_finite
 from daemon.protocol.messages import Notice
 from daemon.tick.arming_checks import ArmingChecks, ArmingResult
 from daemon.tick.controller import ControlInput, Controller, Decision
 from daemon.tick.record import ON_TIME, TickRecord, Wakeup
-from daemon.tick.sensing import Sensing
+from daemon.tick.sensing import Sensing, SensingNews
 from daemon.tick.telemetry import contact_notice
 from drivers.answers import Samples
 from drivers.cia402 import DriveState, PowerTarget
@@ -54,6 +54,7 @@ class Tick:
         self._time_s = 0.0
         self._sampled_s = np.full(len(drives.names), -period_s)  # time of the last samples
         self._sensing = Sensing(len(drives.names), estimator.residual.gain)
+        self._sensing_news = SensingNews(drives.names)
         self._reported: frozenset[Finding] = frozenset()
         self._standstill = np.zeros(len(drives.names))
 
@@ -201,12 +202,14 @@ class Tick:
     ) -> tuple[Notice, ...]:
         """News of this tick. A finding is reported once until the latch is reset; contacts are
         those of `sensed`, None where a brake may carry the arm and nothing is sensed."""
-        notices = []
+        notices = list(self._sensing_news.step(self._time_s, self._sensing, findings))
         if findings or self._reported:
             notices += [
                 Notice(kind="fault", text=str(finding))
                 for finding in findings
-                if finding.response > Response.CONTINUE and finding not in self._reported
+                if finding.response > Response.CONTINUE
+                and finding not in self._reported
+                and finding.condition is not Condition.DEAF  # in the news of sensing
             ]
             latched = self._reported if self.controller.faulted else frozenset()
             self._reported = latched.union(findings)
