@@ -32,24 +32,30 @@ class Sensing:
         """which joints sense contact (n,)"""
         self.since_s: Vector = np.zeros(n)
         """when that last changed, of each (n,) [s]"""
+        self.settled = False
+        """No residual is still on its way up from zero."""
         self.sure = False
-        """Every joint senses, and no residual is still on its way up from zero."""
+        """Every joint senses, settled, at levels that are not raised for missing samples."""
         self._settles_s = SETTLED / gain
-        self._unsure_s = -np.inf
+        self._unsettled_s = self._raised_s = -np.inf
 
     def step(self, time_s: float, estimate: Estimate | None) -> None:
         """Take the estimate of this tick; None while there is none."""
         if estimate is None:
             return
-        if estimate.flags & ~_HARMLESS:
-            self._unsure_s = time_s
+        if estimate.flags & ~(_HARMLESS | Flag.RAISED):
+            self._unsettled_s = time_s
+        if Flag.RAISED in estimate.flags:
+            self._raised_s = time_s
         now = estimate.sensing
         changed = now != self.joints
         if changed.any():
             self.since_s = np.where(changed, time_s, self.since_s)
             self.joints = now
-        settled = time_s - self._unsure_s > self._settles_s
-        self.sure = settled and bool(now.all())
+        self.settled = time_s - self._unsettled_s > self._settles_s
+        # They fade with half the residual's gain.
+        raised = time_s - self._raised_s <= self._settles_s
+        self.sure = self.settled and not raised and bool(now.all())
 
 
 class SensingNews:

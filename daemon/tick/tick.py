@@ -26,6 +26,8 @@ from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 
 STOP_PROVED = "stop proved: every drive was seen to stand"
+# A sample as old as this still tells whether a joint stands.
+RECENT_TICKS = 2
 # Setpoints are never moved on by more than this at once, however late a tick comes [periods].
 LONGEST_STEP = 2.0
 
@@ -70,7 +72,7 @@ class Tick:
         samples, mode = self.drives.collect(deadline), machine.mode
         complete = all(samples.fresh.tolist())
         interval_s = time_s - before.time_s if before else self._period_s
-        estimate = self._estimated(samples, interval_s, begins=complete)
+        estimate = self._estimated(samples, interval_s)
         self._sensing.step(time_s, estimate)
         command = before.decision if before else None
         finite = _finite(estimate, command)
@@ -84,6 +86,7 @@ class Tick:
             gaps=np.where(samples.fresh, time_s - self._sampled_s, 0.0),
             finite=finite,
             sensing=self._sensing.joints,
+            settled=self._sensing.settled,
         )
         self._sampled_s[samples.fresh] = time_s
         self.arming_checks.watch(samples, findings, time_s)
@@ -114,9 +117,10 @@ class Tick:
             notices=self._notices(findings, news, unproved),
         )
 
-    def _estimated(self, samples: Samples, interval_s: float, *, begins: bool) -> Estimate | None:
-        """Estimate of this tick, from the first complete samples on."""
-        if not begins and (self.last is None or self.last.estimate is None):
+    def _estimated(self, samples: Samples, interval_s: float) -> Estimate | None:
+        """Estimate of this tick, once there was a sample of every joint."""
+        begun = self.last is not None and self.last.estimate is not None
+        if not begun and np.isnan(samples.link_position + samples.motor_velocity).any():
             return None
         return self.estimator.step(
             samples.current,
@@ -193,6 +197,7 @@ class Tick:
             operating=tuple(state is DriveState.OPERATION_ENABLED for state in samples.states),
             statuswords=samples.statuswords,
             findings=findings,
+            recent=bool((samples.age_ticks <= RECENT_TICKS).all()),
             age_s=None if complete else np.multiply(samples.age_ticks, self._period_s),
             play=self.estimator.transmission.play(estimate.phi, estimate.phi_sigma),
         )

@@ -1,5 +1,6 @@
 """An arm that does not sense contact at some joint, in lockstep: what it does, and what it says."""
 
+import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -11,7 +12,6 @@ from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.faults import detector
-from daemon.faults.detector import DEAF_TICKS
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import State
 from daemon.tick.felt import felt_now
@@ -48,6 +48,11 @@ class Losses:
         self.rig.run(0.5)
         assert self.rig.mode is Mode.ADMITTANCE
 
+    def tick(self, joint: int) -> None:
+        """One tick without the samples of this joint."""
+        self._wire.lost = self._pdos[joint]
+        self.rig.step()
+
     def states(self, pattern: str, seconds: float, *joints: int) -> list[State]:
         """States while samples of these joints, by default of the elbow, are lost in every tick of
         `pattern` that is an x."""
@@ -80,7 +85,7 @@ def test_an_arm_that_is_led_holds_within_ticks_of_bursts() -> None:
         lossy.led()
         states = lossy.states(BURSTS, 4.0)
     led = [state for state in states if state.mode == Mode.ADMITTANCE]
-    assert len(led) < 2 + DEAF_TICKS, "it senses for two periods and a half without samples"
+    assert len(led) < 2 + 5, "it senses for two periods and a half without samples"
     assert {state.mode for state in states[len(led) :]} == {Mode.STOPPING, Mode.HOLDING}
     assert not states[-1].armed
 
@@ -89,13 +94,35 @@ def test_bursts_that_the_arm_does_not_hold_for_are_not_quiet(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The quiet time alone: no arm goes on with its trajectory in the hand that leads it."""
-    monkeypatch.setattr(detector, "DEAF_TICKS", 10_000)
+    monkeypatch.setattr(detector.FaultDetector, "_of_sensing", lambda *_: iter(()))
     with lossy_rig() as lossy:
         lossy.led()
         states = lossy.states(BURSTS, 4.0)
     assert {state.mode for state in states} == {Mode.ADMITTANCE}
     felt = np.array([state.thresholded[ELBOW] for state in states[100:]])
     assert not felt.any(), "nothing else keeps the arm in the hand"
+
+
+@pytest.mark.parametrize("event", [Event.STOP, Event.PAUSE])
+def test_an_arm_whose_drives_fail_in_turn_begins_and_stops(event: Event) -> None:
+    """Never a tick with all samples, from the start on."""
+    with lossy_rig() as lossy:
+        rig, names = lossy.rig, lossy.rig.robot.configuration.joint_names
+        turn = itertools.cycle(range(len(names)))
+
+        def run(seconds: float) -> None:
+            for _ in range(round(seconds / T)):
+                lossy.tick(next(turn))
+
+        run(0.1)
+        rig.request(Event.ENABLE)
+        run(0.5)
+        rig.request(Event.START)
+        run(0.5)
+        assert rig.mode is Mode.TRACKING
+        rig.request(event)
+        run(0.4)
+        assert rig.mode is Mode.HOLDING
 
 
 def test_what_comes_and_goes_is_told_once_and_when_it_is_over() -> None:

@@ -92,6 +92,18 @@ def test_sure_is_what_has_settled(name: str) -> None:
     assert sure == sorted(sure), "not at once"
 
 
+def test_raised_levels_are_settled_and_not_sure() -> None:
+    """What is raised for missing samples may hide a hand: nothing is quiet by it."""
+    told = Told().tell(ALL, 30)
+    assert told.sensing.sure
+    told.tell(ALL, 1, Flag.LATE | Flag.RAISED)
+    for _ in range(10):
+        assert (told.sensing.settled, told.sensing.sure) == (True, False)
+        told.tell(ALL)
+    told.tell(ALL, 2)
+    assert told.sensing.sure
+
+
 def test_sure_needs_every_joint() -> None:
     told = Told().tell(ALL, 100)
     assert told.sensing.sure
