@@ -16,7 +16,8 @@ def felt_lines(felt: Felt) -> list[str]:
         lines.append(f"{name:{width}}  {_level(moving)}  {_level(resting)}")
     return [
         *lines,
-        f"at {felt.tool}, in this pose, along x, y, z of the base:",
+        "in motion: all joints at their velocity limits",
+        f"at {felt.tool}, in this pose, by direction along x, y, z of the base:",
         f"  in motion  {_in_words(felt.tool_moving)}",
         f"  at rest    {_in_words(felt.tool_resting)}",
     ]

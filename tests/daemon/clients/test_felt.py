@@ -37,7 +37,8 @@ def test_the_table() -> None:
         "feels from  in motion    at rest",
         "a             0.50 Nm    0.75 Nm",
         "shoulder      1.00 Nm   12.00 Nm",
-        "at the origin of tool0, in this pose, along x, y, z of the base:",
+        "in motion: all joints at their velocity limits",
+        "at the origin of tool0, in this pose, by direction along x, y, z of the base:",
         f"  in motion  {best}; {worst} 0.8)",
         f"  at rest    {best}; {worst} 0.8)",
     ]
