@@ -45,7 +45,7 @@ def pdos_lost_in_most_ticks(on: BreakableArm) -> Iterator[None]:
 
 def deaf_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
     """Never three samples of the drive in a row are missing, but ticks are, beside them."""
-    for _ in range(6):
+    for _ in range(3):
         with on.losing(*_answers(on.drive)):
             with on.late(0.022):
                 yield

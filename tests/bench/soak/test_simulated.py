@@ -101,7 +101,7 @@ def believes_in_quiet(timer: QuietTimer, touched: bool, time_s: float, *, sure: 
         # A joint that senses nothing is no reason to hold.
         (
             "samples of a drive: bursts",
-            {"daemon.faults.detector.FaultDetector._of_sensing": lambda self, sensing: ()},
+            {"daemon.faults.detector.FaultDetector._of_sensing": lambda self, sensing, settled: ()},
             {"no motion without sensing"},
         ),
         # What is not felt counts as quiet.
