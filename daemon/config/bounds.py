@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from daemon.config.problem import Keys, Problem, at
 from daemon.config.schema import Configuration, Joint
 from daemon.config.worst_loads import Load, worst_loads
+from daemon.faults.detector import patience_deaf
+from estimator.estimator import SENSED_PERIODS
 from estimator.model import Model
 from estimator.urdf import MovedLink, moved_links
 
@@ -91,7 +93,7 @@ def beyond(c: Configuration, urdf: str) -> list[Problem]:
 
 def near(c: Configuration, urdf: str) -> list[Problem]:
     """What comes near its bounds, of a configuration that is within them."""
-    return [b.problem for b in bounded(c, urdf) if b.near and not b.refused]
+    return [*_deaf(c), *(b.problem for b in bounded(c, urdf) if b.near and not b.refused)]
 
 
 def bounded(c: Configuration, urdf: str) -> Iterator[Bounded]:
@@ -107,6 +109,19 @@ def bounded(c: Configuration, urdf: str) -> Iterator[Bounded]:
         yield from _links(c, joint, load)
     for link in moved_links(urdf):
         yield _shape(c, link, reach)
+
+
+def _deaf(c: Configuration) -> Iterator[Problem]:
+    """Not refused: such a loop is slow, and holds all the same."""
+    seconds = (SENSED_PERIODS + patience_deaf(c.period_s)) * c.period_s
+    if seconds > LATEST_S:
+        yield Problem(
+            ["period_ms"],
+            "period_ms",
+            f"{c.period_ms} ms: where samples go missing, the arm stops or holds only after "
+            f"{seconds:.2g} s in which a touch may not be felt; up to 40 ms it takes at most "
+            f"{LATEST_S:g} s",
+        )
 
 
 def _sensing(c: Configuration) -> Iterator[Bounded]:

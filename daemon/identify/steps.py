@@ -11,6 +11,7 @@ from daemon.config import identified as file
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Friction, GapSpring, Levels
 from daemon.identify.measured import Measured
+from daemon.tick.arming_checks import RAISED
 from errors import LogError
 from estimator.identification.friction import (
     FrictionFit,
@@ -142,11 +143,25 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
         raise LogError("thresholds need residuals: a recording of `contactctl record`, not a CSV")
     if measured.outdated:
         raise LogError(f"{measured.outdated}: start the daemon again, and record anew")
+    hidden = _hidden_at_rest(c)
+    settings = _level_settings(c, per_hour, hidden)
     levels = identify_levels(
-        measured.log.joints, measured.log.period_s, r, raised, touched, _level_settings(c, per_hour)
+        measured.log.joints, measured.log.period_s, r, raised, touched, settings
     )
-    lines, entries = [], dict[str, file.Entry]()
-    for one, joint in zip(levels, c.joints, strict=True):
+    lines, entries, notes = [], dict[str, file.Entry](), list(measured.notes)
+    discarded_s = len(touched) * measured.log.period_s - levels[0].used_s
+    if touched.any():
+        notes.append(
+            f"{discarded_s:.0f} s discarded, in which a joint was beyond its contact level: if "
+            "nobody touched the arm then, these were false contacts, and the new levels are too "
+            "low; give higher ones in config.yaml, and measure again"
+        )
+    for one, joint, rests in zip(levels, c.joints, hidden, strict=True):
+        if one.floored and one.contact == rests / (RAISED - 1.0):
+            notes.append(
+                f"{one.joint}: its friction hides {rests:.2g} Nm at rest, and `arm` is refused "
+                f"beyond {RAISED:g} times the contact level; less was seen"
+            )
         good = one.verdict is LevelVerdict.GOOD
         figures = ""
         if np.isfinite(one.contact):
@@ -166,14 +181,22 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
                 per_hour=per_hour,
                 largest=float(f"{one.largest:.4g}"),
             )
-    return Outcome(lines, entries, measured.notes)
+    return Outcome(lines, entries, tuple(notes))
 
 
-def _level_settings(c: Configuration, per_hour: float) -> LevelSettings:
-    """Floor and ceiling of the levels. Two counts of the current's noise, the floor, cannot be a
-    touch. The ceiling is a fifth of the drive's largest torque: a level above protects nobody."""
+def _hidden_at_rest(c: Configuration) -> Vector:
+    """Torque (n,) [Nm] that the friction of a joint at rest hides, at most."""
+    t = build_transmission(c)
+    hidden: Vector = (c.estimator.stiction_share + t.stiction) * t.engaged_coulomb
+    return hidden
+
+
+def _level_settings(c: Configuration, per_hour: float, hidden: Vector) -> LevelSettings:
+    """Floor and ceiling of the levels. Two counts of the current's noise cannot be a touch, and
+    what is `hidden` (n,) [Nm] at rest raises a level no further than `arm` allows: the floor. The
+    ceiling is a fifth of the drive's largest torque: a level above protects nobody."""
     strongest = np.array([j.torque_constant * j.wiring.max_current_A for j in c.joints])
-    floor: Vector = 0.01 * strongest
+    floor: Vector = np.maximum(0.01 * strongest, hidden / (RAISED - 1.0))
     return LevelSettings(per_hour, per_hour / 100.0, floor, 0.2 * strongest)
 
 

@@ -4,11 +4,14 @@ AF_UNIX with message boundaries (SOCK_SEQPACKET): one JSON message is one packet
 connect is decided by the socket file's group; who did connect is known from the kernel, which is
 asked once more.
 
-**`stop` and `disarm` come first.** Every `poll` takes the next packet of everybody who has spoken
-and lets in everybody who waits outside; a stop among these is served on the spot, whatever else is
-waiting. All other requests are kept, one a connection, and get their turn: at most four a poll, and
-none is begun when the time is over, so that no client, however loud, takes more than a bounded
-share of a tick. A connection's own requests stay in their order.
+**`stop` and `disarm` come first.** Every `poll` takes what everybody has said and lets in everybody
+who waits outside; a stop among these is served on the spot, whatever else is waiting. All other
+requests are kept, four a connection, and get their turn: at most four a poll, and none is begun
+when the time is over, so that no client, however loud, takes more than a bounded share of a tick. A
+connection's own requests stay in their order.
+
+What lets the arm move is refused where a stop has overtaken it: read before the stop or with it, or
+after it while there still was more to read than time, for then it may have been sent before.
 
 Where all places are taken, whoever has been silent longest makes room: those who only hold
 connections lock nobody out. Nor can one user hold all the places of readers.
@@ -73,6 +76,7 @@ class ControlSocket:
         self._connections = Connections()
         self._poll = 0
         self._served_in: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)
+        self._overtaken = dict(self._served_in)  # the last poll whose packets each has overtaken
         self.spare = 0  # the number of a connection that never has to make room
         self.on_close: Listener = lambda _: None  # told of all that end, perhaps twice
         self._buffer = bytearray(MAX_REQUEST_BYTES)
@@ -111,18 +115,24 @@ class ControlSocket:
         One of each always does.
         """
         self._poll += 1
+        caught_up = True
         if events := self._epoll.poll(0, MAX_CONNECTIONS + 1):
             entrance = self._entrance.fileno()
             for file, what in events:
                 if file != entrance:
                     self._look_at(self._connections.all[file], handle, what)
             if any(file == entrance for file, _ in events):
-                self._let_in(handle, entrance_s)
+                caught_up = self._let_in(handle, entrance_s)
+            caught_up &= not any(c.full for c in self._connections.waiting.values())
         self._serve_in_turn(handle, turns_s)
+        if not caught_up:
+            for stop, poll in self._overtaken.items():
+                if poll == self._poll:
+                    self._overtaken[stop] = poll + 1
 
     def _look_at(self, connection: Connection, handle: Handler, events: int) -> None:
-        if connection.file not in self._connections.waiting:
-            self._hear(connection, handle)
+        if not connection.gone:
+            self._hear_all(connection, handle)
         if events & select.EPOLLHUP and not connection.gone:
             # What it said before waits for its turn; what it owned must not.
             connection.gone = True
@@ -135,17 +145,21 @@ class ControlSocket:
         deadline = time.monotonic() + turns_s
         for _ in range(min(TURNS_PER_POLL, len(waiting))):
             connection = self._connections.next_turn()
-            self._serve(connection, handle)
+            packet, poll = connection.said.popleft()
+            self._serve(connection, packet, poll, handle)
             if time.monotonic() >= deadline:
                 return
 
-    def _serve(self, connection: Connection, handle: Handler) -> None:
-        reply = self._answer(connection, handle)
-        if _has_hung_up(connection.socket):
+    def _serve(
+        self, connection: Connection, packet: bytes | None, poll: int, handle: Handler
+    ) -> None:
+        """Answer a packet that was read in this poll; who has hung up is dropped after the last."""
+        reply = self._answer(connection, packet, poll, handle)
+        if not _has_hung_up(connection.socket):
+            self._send(connection, reply)
+        elif not connection.said:
             self._hear_out(connection, handle)
             self._drop(connection)
-        else:
-            self._send(connection, reply)
 
     def publish(self, state: State) -> None:
         """Send `state` to every reader that has room for it; encoded once, if there is a reader."""
@@ -171,20 +185,22 @@ class ControlSocket:
         self._epoll.close()
         self._entrance.close()
 
-    def _let_in(self, handle: Handler, entrance_s: float) -> None:
-        """Let in those who wait outside, and hear at once what each has to say."""
+    def _let_in(self, handle: Handler, entrance_s: float) -> bool:
+        """Let in those who wait outside, and hear at once what each has to say. False if the time
+        was over before nobody was left."""
         deadline = time.monotonic() + entrance_s
         for _ in range(MOST_OUTSIDE):
             connection = self._entrance.next()
             if connection is None:
-                return
+                return True
             if self._connections.full:
                 self._make_room(handle)
             self._connections.add(connection)
             self._epoll.register(connection.file, select.EPOLLIN)
-            self._hear(connection, handle)
+            self._hear_all(connection, handle)
             if time.monotonic() >= deadline:
-                return
+                break
+        return False
 
     def _make_room(self, handle: Handler) -> None:
         while self._connections.full:
@@ -204,24 +220,32 @@ class ControlSocket:
         connection.gone = True
         self.on_close(connection.peer)
 
+    def _hear_all(self, connection: Connection, handle: Handler) -> None:
+        """Take what a connection has said, as far as it may be kept."""
+        while not connection.full and self._hear(connection, handle):
+            if connection.file not in self._connections.all:
+                return
+
     def _hear(self, connection: Connection, handle: Handler) -> bool:
         """Take the next packet of a connection: serve a stop at once, keep anything else for its
-        turn; a client that is gone is dropped. False if there was nothing to hear."""
+        turn; a client that is gone and waits for no turn is dropped. False if there was none."""
         try:
             size = self._receive(connection.socket)
         except BlockingIOError:
             return False
         except OSError:
             size = 0
-        if not size:
-            self._drop(connection)
-            return True
-        connection.packet = bytes(self._buffer[:size]) if size <= MAX_REQUEST_BYTES else None
-        connection.poll = self._poll
-        if size <= SHORT_BYTES and self._is_urgent(bytes(self._buffer[:size])):
-            self._connections.served(connection)
-            self._serve(connection, handle)
+        if not size:  # gone, or an empty packet, which nobody sends
+            if not connection.said:
+                self._drop(connection)
+            return False
+        packet = bytes(self._buffer[:size]) if size <= MAX_REQUEST_BYTES else None
+        if packet is not None and size <= SHORT_BYTES and self._is_urgent(packet):
+            if not connection.said:
+                self._connections.served(connection)
+            self._serve(connection, packet, self._poll, handle)
         else:
+            connection.said.append((packet, self._poll))
             self._connections.wait(connection)
         return True
 
@@ -233,8 +257,7 @@ class ControlSocket:
                 if not size:
                     return
                 if size <= SHORT_BYTES and self._is_urgent(bytes(self._buffer[:size])):
-                    connection.packet = bytes(self._buffer[:size])
-                    self._answer(connection, handle)
+                    self._answer(connection, bytes(self._buffer[:size]), self._poll, handle)
 
     def _receive(self, connected: socket.socket) -> int:
         """Size of the next packet, which may be more than there is room for; 0 at the end."""
@@ -257,8 +280,10 @@ class ControlSocket:
             and self._served_in[request.command] != self._poll
         )
 
-    def _answer(self, connection: Connection, handle: Handler) -> Reply:
-        packet, connection.packet = connection.packet, None
+    def _answer(
+        self, connection: Connection, packet: bytes | None, poll: int, handle: Handler
+    ) -> Reply:
+        """Carry out a packet that was read in this poll."""
         if packet is None:
             return Reply(ok=False, message=f"a request has at most {MAX_REQUEST_BYTES} bytes")
         try:
@@ -269,7 +294,7 @@ class ControlSocket:
                 message=f'not a request: {error}; expected {{"command": ...}} with one of '
                 + ", ".join(COMMANDS),
             )
-        refusal = self._outdated(request, connection)
+        refusal = self._outdated(request, poll, connection)
         if request.command == "subscribe":
             refusal = self._connections.refuse_reader(connection)
         if refusal:
@@ -279,19 +304,19 @@ class ControlSocket:
         except ContactdError as error:
             return Reply(ok=False, message=str(error))
         if request.command in OUTDATED_BY:
-            self._served_in[request.command] = self._poll
+            self._served_in[request.command] = self._overtaken[request.command] = self._poll
         if request.command == "subscribe" and reply.ok:
             with contextlib.suppress(OSError):
                 connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
             self._connections.set_reading(connection, True)
         return reply
 
-    def _outdated(self, request: Request, connection: Connection) -> str:
+    def _outdated(self, request: Request, poll: int, connection: Connection) -> str:
         """Reason why a request that lets the arm move is none any more; empty if it still is."""
         if request.command not in AWAITED:
             return ""
         for stop, outdated in OUTDATED_BY.items():
-            if request.command in outdated and connection.poll <= self._served_in[stop]:
+            if request.command in outdated and poll <= self._overtaken[stop]:
                 return f"a {stop} overtook it; ask again"
         if _has_hung_up(connection.socket):
             return "nobody waits for the answer"

@@ -15,7 +15,9 @@ from daemon.assembly import build_estimator
 from daemon.config.bounds import beyond, bounded, near
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint
+from daemon.faults.detector import patience_deaf
 from errors import ConfigurationError
+from estimator.estimator import SENSED_PERIODS
 from estimator.residual import Residual, Variant
 
 ELBOW = r"(?s)(<link name=.LElbowRollLink.>\s*)<inertial>.*?</inertial>"
@@ -278,3 +280,17 @@ def test_the_check_can_fail() -> None:
     slow = msgspec.structs.replace(ROBOT.configuration.estimator, gain=3.0)
     assert not feels(msgspec.structs.replace(ROBOT.configuration, estimator=slow))
     assert feels(ROBOT.configuration)
+
+
+@pytest.mark.parametrize("period_ms", [1, 4, 10, 20, 40, 50, 100])
+def test_a_period_that_is_deaf_for_long_is_told(period_ms: int) -> None:
+    robot = load_robot(SINGLE_JOINT)
+    c = msgspec.structs.replace(robot.configuration, period_ms=period_ms)
+    told = [p.what for p in near(c, robot.urdf) if p.where == "period_ms"]
+    assert len(told) == (period_ms > 40)
+    patience = patience_deaf(period_ms / 1000)
+    assert 1 <= patience <= 5
+    if period_ms <= 40:
+        assert (SENSED_PERIODS + patience) * period_ms <= 150
+    # No sooner than it must: on a fast loop a few samples are no doubt.
+    assert patience == 5 or (patience + 1) * period_ms > 60

@@ -212,7 +212,7 @@ def test_a_flood_of_stops_takes_one_of_each_kind_a_poll_beside_the_turns(
     control.poll(handler, turns_s=0.0)
     assert [request.command for request, _ in handler.seen] == ["stop", "disarm", "stop"]
     control.poll(handler)
-    assert len(handler.seen) == 3 + 1 + 4
+    assert len(handler.seen) == 3 + 4
     for _ in range(10):
         control.poll(handler)
     assert len(handler.seen) == 41
@@ -221,12 +221,56 @@ def test_a_flood_of_stops_takes_one_of_each_kind_a_poll_beside_the_turns(
 def test_what_one_connection_says_stays_in_its_order(control: ControlSocket, dial: Dial) -> None:
     handler = Handler()
     client = dial()
-    for command in ("pause", "stop", "start"):
+    commands = ["pause", "status", "start", "gain", "enable", "reset"]
+    for command in commands:
         client.send(json.dumps({"command": command}).encode())
-    for _ in range(3):
+    for _ in range(6):
         control.poll(handler)
-    assert [request.command for request, _ in handler.seen] == ["pause", "stop", "start"]
-    assert all(told(client)["ok"] for _ in range(3))
+    assert [request.command for request, _ in handler.seen] == commands
+    assert all(told(client)["ok"] for _ in range(6))
+
+
+def test_a_stop_overtakes_what_the_same_connection_has_said(
+    control: ControlSocket, dial: Dial
+) -> None:
+    """Beside 64 others whose turns come first, and with no time for more than one of them."""
+    handler = Handler()
+    for _ in range(64):
+        dial().send(b'{"command": "status"}')
+    client = dial()
+    for command in ("start", "gain", "stop"):
+        client.send(json.dumps({"command": command}).encode())
+    control.poll(handler, turns_s=0.0)
+    assert [request.command for request, _ in handler.seen] == ["stop", "status"]
+    assert told(client)["ok"] is True
+    for _ in range(70):
+        control.poll(handler)
+    assert "a stop overtook it" in str(told(client)["message"])
+    assert told(client)["ok"] is True
+    assert handler.seen[-1][0].command == "gain"
+
+
+def test_what_may_have_been_sent_before_a_stop_does_not_move_the_arm(
+    control: ControlSocket, dial: Dial
+) -> None:
+    """Deep in what a connection has said, or outside: read after a stop that was sent after it."""
+    handler = Handler()
+    deep, person = dial(), dial()
+    control.poll(handler)
+    for command in (*["gain"] * 9, "start"):
+        deep.send(json.dumps({"command": command}).encode())
+    outside = [dial() for _ in range(3)]
+    outside[2].send(b'{"command": "start"}')
+    person.send(b'{"command": "stop"}')
+    for _ in range(20):
+        control.poll(handler, entrance_s=0.0)
+    seen = [request.command for request, _ in handler.seen]
+    assert seen == ["stop", *["gain"] * 9]
+    assert "a stop overtook it" in str(told(outside[2])["message"])
+    # Once everything is read that was there, what comes is new.
+    outside[1].send(b'{"command": "start"}')
+    control.poll(handler, entrance_s=0.0)
+    assert told(outside[1])["ok"] is True
 
 
 @pytest.mark.parametrize(
@@ -269,7 +313,7 @@ def test_a_stop_of_who_hung_up_without_reading_counts(control: ControlSocket, di
     client.send(b'{"command": "stop"}')
     client.close()
     control.poll(handler)
-    assert [request.command for request, _ in handler.seen] == ["status", "status", "stop"]
+    assert [request.command for request, _ in handler.seen] == ["status", "stop", "status"]
     assert control.connections == 0
 
 
