@@ -13,7 +13,7 @@ from typing import Final
 from daemon.protocol.socket_path import Peer
 
 MAX_CONNECTIONS: Final = 256  # silent ones cost nothing, loud ones wait for their turn
-MOST_SAID: Final = 4  # packets of a connection that are kept for its turns
+MOST_SAID: Final = 8  # packets of a connection that are kept for its turns
 MAX_READERS: Final = 16
 MAX_READERS_OF_ONE_USER: Final = 8
 
@@ -26,9 +26,12 @@ class Connection:
     file: int  # its descriptor
     peer: Peer
     reads: bool = False
-    gone: bool = False  # it has hung up, and still is in the lines for what it said before
-    # Packets that wait for their turns, None if too long, each with the poll in which it was read.
+    gone: bool = False  # it says no more, and still is in the lines for what it said before
+    # Packets that wait for their turns, None if too long, each with a moment after which it was
+    # sent.
     said: deque[tuple[bytes | None, int]] = field(default_factory=deque)
+    silent_at: int = 0  # the last moment at which it was known to have nothing more to say
+    looked: int = 0  # the last poll in which it had something to say
 
     @property
     def full(self) -> bool:

@@ -142,8 +142,9 @@ def test_what_comes_near_its_bounds_is_told_with_its_line(tmp_path):
     line = 1 + next(i for i, x in enumerate(config.read_text().splitlines()) if "4.3" in x)
     assert warning == (
         f"{config}:{line}: joints[0] (joint).thresholds.contact: 4.3 Nm comes near what can be: "
-        "up to 6 Nm, 0.5 of the motor's 12 Nm (torque_constant times max_current_A): beyond, it "
-        "presses with nearly all it has and feels nothing"
+        "0.012 to 6 Nm, 0.001 to 0.5 of the motor's 12 Nm (torque_constant times max_current_A): "
+        "beyond, it presses with nearly all it has and feels nothing; below, its current's noise "
+        "is a touch"
     )
     assert good.endswith("config.yaml: good")
     assert "comes near" not in check(SINGLE_JOINT).output

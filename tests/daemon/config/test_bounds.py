@@ -28,7 +28,16 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "levels of 800 Nm on a motor of 12": (
         SINGLE_JOINT, "config.yaml", "contact: 0.5, collision: 4.0",
         "contact: 800, collision: 900", "joints[0] (joint).thresholds.contact",
-        ("800 Nm is beyond", "up to 6 Nm", f"0.5 of the motor's 12 {OF_MOTOR}"),
+        ("800 Nm is beyond", "0.012 to 6 Nm", f"0.5 of the motor's 12 {OF_MOTOR}"),
+    ),
+    "levels below all noise": (
+        SINGLE_JOINT, "config.yaml", "contact: 0.5", "contact: 1e-12",
+        "joints[0] (joint).thresholds.contact", ("1e-12 Nm is beyond", "its current's noise"),
+    ),
+    "one link in grams": (
+        ROMEO, "arm.urdf", 'mass value="0.694[0-9]*"', 'mass value="694"',
+        "urdf (arm.urdf), line 20",
+        ("694 kg is beyond", "30 times all other moving links together: is it in kg?"),
     ),
     "a collision that no gear stands": (
         SINGLE_JOINT, "config.yaml", "collision: 4.0", "collision: 36.1",
@@ -38,11 +47,11 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "a residual that never rises": (
         SINGLE_JOINT, "config.yaml", "estimator:\n", "estimator:\n  gain: 1e-300\n",
         "estimator.gain",
-        ("1e-300 /s is beyond", "from 4.621 on /s", "felt within ln 2 / gain = 0.15 s"),
+        ("1e-300 /s is beyond", "from 4.951 on /s", "ln 2 / gain and a period = 0.15 s"),
     ),
     "a touch that must last too long": (
         SINGLE_JOINT, "config.yaml", "estimator:\n", "estimator:\n  debounce: 14\n",
-        "estimator.debounce", ("14 ticks is beyond", "up to 13.23 ticks", "ln 2 / gain"),
+        "estimator.debounce", ("14 ticks is beyond", "up to 12.23 ticks", "ln 2 / gain"),
     ),
     "levels that grow with speed": (
         SINGLE_JOINT, "config.yaml", "collision: 4.0}", "collision: 4.0, per_speed: 1e6}",

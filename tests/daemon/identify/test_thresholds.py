@@ -86,7 +86,10 @@ def test_a_level_is_one_that_arm_accepts_at_rest(make_state) -> None:
     )
     hidden = c.estimator.stiction_share * (8.0 + rough.link_coulomb)
     level = outcome.entries["joint"].thresholds.contact
-    assert hidden + level == pytest.approx(RAISED * level, rel=1e-3)
+    unsure = c.estimator.unknown_side_share
+    raised_to = hidden + (1.0 + unsure) * level
+    assert raised_to == pytest.approx(RAISED * level, rel=1e-3)
+    assert raised_to <= RAISED * level
     (note,) = outcome.notes
     assert note.startswith(f"joint: its friction hides {hidden:.2g} Nm at rest")
 
@@ -99,7 +102,7 @@ def test_what_was_discarded_is_told(make_state) -> None:
     outcome = thresholds_step(robot, from_states(states, ["joint"]), 1.0, "2026-01-02")
     (note,) = outcome.notes
     assert note.startswith(
-        "2 s discarded, in which a joint was beyond its contact level: if nobody"
+        "2 s discarded, in which a joint was beyond its contact level, or samples"
     )
     assert "joint" in outcome.entries
 
