@@ -3,7 +3,7 @@
 import importlib
 from collections.abc import Sequence
 
-MODULES = ("elementary", "dynamics")
+MODULES = ("elementary", "dynamics", "gap", "kernel")
 
 
 def uncompiled(names: Sequence[str] = MODULES) -> list[str]:

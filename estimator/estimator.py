@@ -96,6 +96,7 @@ class Estimator:
             gain=settings.gain,
             debounce=settings.debounce,
         )
+        self._thresholds = thresholds
         self._contact, self._per_speed = thresholds.contact, thresholds.per_speed
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         t = transmission

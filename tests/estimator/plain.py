@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 FOLDER = Path(__file__).parents[2] / "estimator"
-MODULES = ("elementary", "dynamics")
+MODULES = ("elementary", "dynamics", "gap", "kernel")
 
 
 def plain() -> dict[str, ModuleType]:

@@ -1,0 +1,147 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Where each rotor is in its gap: theta, its uncertainty, and the side that is engaged.
+
+The rules are those of `motor_position`, one joint at a time. Ordinary Python, which runs as it is;
+`gap.pxd` names the types for the compiler, decision 0037.
+"""
+
+import numpy as np
+
+from estimator.motor_position import GapSettings
+from estimator.transmission import Transmission
+
+LINK_REST = 0.01
+"""[rad/s]; a link encoder's noise stays below it"""
+# Standard uncertainties between phi and a border that it is clear of. Where phi rests, a border is
+# near that is not where it is believed: inside the gap the link would fall.
+CLEAR, CLEAR_AT_REST = 1.3, 2.5
+RESTS_S, RESTS_WITHIN = 0.3, 0.0005  # [rad]
+PULL = 0.2  # share of a border's error that is corrected in one tick
+LEFT, INSIDE, RIGHT, UNKNOWN = -1, 0, 1, 2  # `motor_position.Side`
+
+
+class Gap:
+    """Rotors of an arm; theta [rad], sigma [rad], `side` and the rest of the state, each (n,)."""
+
+    def __init__(self, transmission: Transmission, settings: GapSettings, measured: bool) -> None:
+        s, t = settings, transmission
+        self._alpha, self._coulomb = t.half_gap.copy(), t.motor_coulomb.copy()
+        self._viscous = t.motor_viscous.copy()
+        self._compliance = s.compliance * (t.half_gap > 0.0)
+        self._friction_error, self._rotor_error = s.friction_error, s.rotor_error
+        self._current_error, self._half_gap_error = s.current_error, s.half_gap_error
+        self._margin, self._hysteresis = s.margin, s.hysteresis
+        self._scale_error, self._bias = s.velocity_scale_error, s.velocity_bias
+        self._standstill, self._hold_ticks, self._measured = s.standstill, s.hold_ticks, measured
+        n = t.n
+        self.theta, self.sigma, self.q = np.zeros((3, n))
+        # How far the link has moved while theta was held, and how far at most [rad]; where phi has
+        # been for how long [rad, s].
+        self.slipped, self.slipped_most, self.rested_at, self.rested_s = np.zeros((4, n))
+        # Streak: ticks in a row in which the transmitted torque clearly had one sign, signed as
+        # that. Gap: sure to be in it; unlike `side`, never in doubt.
+        self.side, self.streak, self.gap = np.zeros((3, n), dtype=np.int64)
+        for i in range(n):
+            self.start(i, 0.0)
+
+    def start(self, i: int, q: float) -> None:
+        """Forget everything of joint i but that phi is somewhere in the gap."""
+        self.theta[i] = self.q[i] = q
+        self.sigma[i] = self._alpha[i]
+        self.side[i], self.streak[i], self.gap[i] = UNKNOWN, 0, 0
+        self.slipped[i] = self.slipped_most[i] = self.rested_at[i] = self.rested_s[i] = 0.0
+
+    def step(
+        self,
+        i: int,
+        dt: float,
+        q: float,
+        q_dot: float,
+        theta_dot: float,
+        resting: float,
+        tau_M: float,
+        advance: float,
+        rotor: float,
+        transmitted: float,
+    ) -> None:
+        """Advance joint i by dt [s]; arguments are those of `motor_position.MOTION`."""
+        alpha, load, speed = self._alpha[i], abs(transmitted), abs(theta_dot)
+        if self._measured:
+            self.theta[i] += advance
+        elif speed > self._standstill or abs(q_dot) > LINK_REST:
+            self.theta[i] += advance
+            self.sigma[i] += (self._scale_error * speed + self._bias) * dt
+        else:
+            self._hold(i, q - self.q[i])
+        self.q[i] = q
+
+        # How wrong the transmitted torque may be; near rest friction may have any value. A torque
+        # that may be friction shows nothing: neither the side, nor that there is a load.
+        doubt = self._friction_error * (self._coulomb[i] + self._viscous[i] * speed)
+        doubt += self._coulomb[i] * resting
+        doubt += self._rotor_error * abs(rotor) + self._current_error * abs(tau_M)
+        if load <= doubt:
+            self.streak[i] = 0
+        elif transmitted > 0.0:
+            self.streak[i] = max(self.streak[i], 0) + 1
+        else:
+            self.streak[i] = min(self.streak[i], 0) - 1
+        engaged = abs(self.streak[i]) >= self._hold_ticks
+
+        phi = self._correct(i, q, engaged, load * self._compliance[i])
+        if abs(phi - self.rested_at[i]) > RESTS_WITHIN:
+            self.rested_at[i], self.rested_s[i] = phi, 0.0
+        # It follows, so that a theta which drifts, slower than 2 mrad/s, rests all the same.
+        self.rested_at[i] += (phi - self.rested_at[i]) * dt / RESTS_S
+        self.rested_s[i] += dt
+        clearance = CLEAR_AT_REST if self.rested_s[i] > RESTS_S else CLEAR
+        border = alpha - max(self._margin * alpha, clearance * self.sigma[i])
+        # Inside the gap the border itself counts; to enter it phi must go further.
+        if not self.gap[i]:
+            border -= self._hysteresis
+        clear = abs(phi) < border
+        self.gap[i] = clear and load < doubt and not engaged
+        if self.gap[i]:
+            self.side[i] = INSIDE
+        elif not engaged and (self.sigma[i] >= alpha > 0.0 or clear):
+            # Nothing is known, or a load that came just now contradicts what is.
+            self.side[i] = UNKNOWN
+        elif engaged or alpha == 0.0:
+            self.side[i] = LEFT if transmitted > 0.0 else RIGHT
+        else:
+            self.side[i] = LEFT if phi < 0.0 else RIGHT
+
+    def _hold(self, i: int, moved: float) -> None:
+        """Hold theta at standstill. A link that creeps may take its rotor along, or be moved by a
+        hand while the rotor stands: phi is as uncertain as the link has crept. Back and forth, as
+        an encoder's counts do, it comes to nothing."""
+        self.slipped[i] += moved
+        most = abs(self.slipped[i])
+        if most > self.slipped_most[i]:
+            self.sigma[i] += most - self.slipped_most[i]
+            self.slipped_most[i] = most
+
+    def _correct(self, i: int, q: float, engaged: bool, bent: float) -> float:
+        """Move theta to where phi = q - theta can be, and return that: at its border while
+        engaged, and never further than the load may bend the gear, `bent`."""
+        alpha, phi = self._alpha[i], q - self.theta[i]
+        # The torque pushes the link up where phi is at its lower border, and the other way round.
+        border = -1.0 if self.streak[i] > 0 else 1.0
+        outward = border * phi
+        lowest = alpha if engaged else -(alpha + bent)
+        error = border * (outward - min(max(outward, lowest), alpha + bent))
+        if engaged:
+            # What is not known at all is taken at once, what is known a little at a time.
+            pull = PULL if self.sigma[i] < alpha else 1.0
+            error *= pull
+            self.sigma[i] = min(self.sigma[i], alpha)
+            self.sigma[i] += pull * (
+                min(self._half_gap_error * alpha + bent, alpha) - self.sigma[i]
+            )
+            self.slipped[i] = self.slipped_most[i] = 0.0
+        elif self.sigma[i] > alpha:
+            self.sigma[i] = alpha
+        self.theta[i] += error
+        phi -= error
+        return float(phi)
