@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from arrays import Vector
 from errors import ModelError
 from estimator import memory
+from estimator.kernel import Kernel
 from estimator.thresholds import LEVELS, Level, Thresholds
 
 CLEAR = 0.35
@@ -41,6 +42,52 @@ class Contact:
     side: int
     """gap state of the joint, `motor_position.Side`"""
     time_s: float
+
+
+class Touch:
+    """What the kernel counted of each joint's residual, as contacts."""
+
+    def __init__(
+        self, joints: Sequence[str], thresholds: Thresholds, kernel: Kernel, debounce: int
+    ) -> None:
+        self._joints, self._debounce = tuple(joints), debounce
+        self._levels = np.stack([thresholds.contact, thresholds.collision])
+        self._streak, self._begins = np.asarray(kernel.streak), np.asarray(kernel.begins)
+        self._above, self._side = np.asarray(kernel.above), np.asarray(kernel.rotors.side)
+        self._residual = np.asarray(kernel.residual)
+
+    def begun(self, time_s: float) -> tuple[Contact, ...]:
+        """Contacts that begin in this tick, at most one per joint and level."""
+        if not np.count_nonzero(self._begins):
+            return ()
+        levels = self._levels + self._above
+        return tuple(
+            Contact(
+                joint=self._joints[i],
+                torque=float(self._residual[0, i]),
+                threshold=float(levels[level, i]),
+                level=LEVELS[level],
+                side=int(self._side[i]),
+                time_s=time_s,
+            )
+            for level, i in np.argwhere(self._begins)
+        )
+
+    def touched(self) -> NDArray[np.bool_]:
+        """Joints that are past their contact level now, debounced; shape (n,)."""
+        touched: NDArray[np.bool_] = np.abs(self._streak[0]) >= self._debounce
+        return touched
+
+    def hit(self) -> NDArray[np.bool_]:
+        """Joints that are past their collision level now, debounced; shape (n,)."""
+        hit: NDArray[np.bool_] = np.abs(self._streak[1]) >= self._debounce
+        return hit
+
+    @property
+    def collision(self) -> Vector:
+        """Collision levels in force [Nm], shape (n,)."""
+        in_force: Vector = self._levels[1] + self._above
+        return in_force
 
 
 class ContactDetector:

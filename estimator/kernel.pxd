@@ -1,5 +1,7 @@
 # Types of kernel.py, for the compiler alone.
 
+cimport cython
+
 from estimator.dynamics cimport Dynamics
 from estimator.elementary cimport decay, smooth_sign
 from estimator.gap cimport Gap
@@ -23,26 +25,32 @@ cdef class Kernel:
     cdef double[::1] _link_viscous, _gap_coulomb, _gap_viscous, _held, _K_phi_p, _K_phi_d
     cdef double[::1] _contact, _collision, _per_speed, _raise_at_rest, _raise_unsure, _corrected
     cdef double[:, ::1] _always, _engaged
-    cdef public double elapsed
-    cdef readonly double[:, ::1] samples, aligned, ends, stiction, residual
+    cdef double[::1] _theta, _phi, _sigma, _thresholded
+    cdef readonly double[:, ::1] shown, samples, aligned, ends, stiction, residual
     cdef readonly double[:, :, ::1] history
-    cdef readonly double[::1] since, interval, interval_before, raised
+    cdef readonly double[::1] since, interval, interval_before, raised, above
     cdef readonly double[::1] q, q_dot, tau_M, threshold
-    cdef double[::1] _gaps, _above, _now, _impulse
+    cdef double[::1] _gaps, _now, _impulse
     cdef readonly long long[::1] came, count, going, sensing
     cdef readonly long long[:, ::1] streak, begins
 
     cpdef long long step(self, double dt) noexcept
+    @cython.locals(ready=bint, counted=bint)
     cdef long long _take(self) noexcept
     cpdef void restart(self, Py_ssize_t i) noexcept
     cpdef void reset(self, Py_ssize_t i) noexcept
     cpdef void still(self, Py_ssize_t i, double q) noexcept
+    cpdef void resume(self) noexcept
+    cdef void _show(self, Py_ssize_t i) noexcept
     cdef void _push(self, Py_ssize_t i, double dt) noexcept
     cdef void _align(self, Py_ssize_t i, double dt) noexcept
     cdef double _earlier(self, Py_ssize_t i, Py_ssize_t row, double share) noexcept
+    @cython.locals(going=bint)
     cdef long long _advance(self, double dt) noexcept
+    @cython.locals(everything=double)
     cdef double _joint(self, Py_ssize_t i, double gap, double dt) noexcept
     cdef double _presliding(self, Py_ssize_t i, double gap, double moved) noexcept
+    @cython.locals(e=double, engaged=double)
     cdef void _balance(
         self, Py_ssize_t i, double dt, double q, double q_dot, double theta_dot, double rest,
         double tau_M

@@ -37,12 +37,6 @@ MOMENTUM, ROTOR, THETA = 0, 1, 2
 THETA_DOT, BETA, TAU_M, MOTOR_FRICTION, ENGAGED_LINK_FRICTION = 3, 4, 5, 6, 7
 LINK_FRICTION, GAP_FRICTION, STICTION, TERMS = 8, 9, 10, 11
 
-STATE = (
-    *("since", "going", "q", "q_dot", "tau_M", "threshold", "aligned"),
-    *("count", "interval", "interval_before", "history"),
-    *("ends", "stiction", "residual", "raised", "streak"),
-)
-
 
 class Kernel:
     """State of the estimator, and its step. The caller writes `samples` (4, n): current, motor
@@ -86,7 +80,6 @@ class Kernel:
         self._always, self._engaged, self._corrected = always, engaged, corrected
         self._variants = len(corrected)
 
-        self.elapsed = 0.0
         self.samples, self.came = np.zeros((4, n)), np.ones(n, dtype=np.int64)
         self._gaps = np.zeros(n)
         self.since = np.zeros(n)
@@ -99,9 +92,12 @@ class Kernel:
         self._now, self._impulse = np.zeros((2, TERMS))
         self.stiction = np.repeat([[-1.0], [1.0]], n, axis=1)
         self.residual = np.zeros((len(corrected), n))
-        self.raised, self._above = np.zeros((2, n))
+        self.raised, self.above = np.zeros((2, n))
         self.streak, self.begins = np.zeros((2, 2, n), dtype=np.int64)
-        self.q, self.q_dot, self.tau_M, self.threshold = np.zeros((4, n))
+        shown = np.zeros((8, n))
+        self.shown = shown
+        self.q, self.q_dot, self._theta, self._phi = shown[:4]
+        self._sigma, self.tau_M, self.threshold, self._thresholded = shown[4:]
 
     def step(self, dt: float) -> int:
         """Take the samples of one tick, dt [s] after the one before. Returns its `Flag`s; with
@@ -113,7 +109,6 @@ class Kernel:
                     everything += self.samples[row, i]
         valid = everything - everything == 0.0 and dt > 0.0
         step = dt if dt > 0.0 and dt - dt == 0.0 else self._period
-        self.elapsed += step
         for i in range(self.n):
             self.since[i] += step
         if not valid:
@@ -167,7 +162,7 @@ class Kernel:
         """Forget external torque and contacts of joint i."""
         for row in range(self._variants):
             self.residual[row, i] = 0.0
-        self.raised[i] = self._above[i] = 0.0
+        self.raised[i] = self.above[i] = 0.0
         self.streak[0, i] = self.streak[1, i] = 0
 
     def still(self, i: int, q: float) -> None:
@@ -177,6 +172,20 @@ class Kernel:
         self._raise(i, most, 0.0, self._period)
         self.q[i], self.q_dot[i], self.tau_M[i] = q, 0.0, 0.0
         self.sensing[i] = self.begins[0, i] = self.begins[1, i] = 0
+        self._show(i)
+
+    def resume(self) -> None:
+        """Go on from a state that was written from outside."""
+        for i in range(self.n):
+            self.above[i], self.sensing[i] = self.raised[i], 0
+            self._show(i)
+
+    def _show(self, i: int) -> None:
+        """What follows from the state of joint i; the thresholded residual has no jump."""
+        r, threshold = self.residual[0, i], self.threshold[i]
+        self._theta[i], self._sigma[i] = self.rotors.theta[i], self.rotors.sigma[i]
+        self._phi[i] = self.q[i] - self._theta[i]
+        self._thresholded[i] = r - min(max(r, -threshold), threshold)
 
     def _push(self, i: int, dt: float) -> None:
         """Take the sample of joint i, dt [s] after the one before."""
@@ -244,6 +253,7 @@ class Kernel:
             self.sensing[i] = going
             self.going[i] = self.going[i] or self.count[i] >= SAMPLES
             self.q[i], self.q_dot[i] = self.aligned[0, i], self.aligned[1, i]
+            self._show(i)
         return flags
 
     def _joint(self, i: int, gap: float, dt: float) -> float:
@@ -354,15 +364,15 @@ class Kernel:
         """Levels of joint i in force: raised by what is `hidden` [Nm]. After break-away friction
         still builds up while the residual forgets, so the raise fades with half its gain."""
         self.raised[i] = max(self.raised[i] * decay(0.5 * self._gain * dt), hidden)
-        self._above[i] = self.raised[i] + self._per_speed[i] * speed
-        self.threshold[i] = self._contact[i] + self._above[i]
+        self.above[i] = self.raised[i] + self._per_speed[i] * speed
+        self.threshold[i] = self._contact[i] + self.above[i]
 
     def _detect(self, i: int) -> None:
         """Count the samples of joint i in a row past each level, signed; mark contacts that begin.
         Without a sample what counted before stays."""
         r = self.residual[0, i]
         for k in range(2):
-            level = self._above[i] + (self._contact[i] if k == 0 else self._collision[i])
+            level = self.above[i] + (self._contact[i] if k == 0 else self._collision[i])
             self.begins[k, i] = 0
             if not self.came[i]:
                 continue

@@ -18,9 +18,9 @@ def dump(owner: object, names: Sequence[str]) -> dict[str, Any]:
     return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in values}
 
 
-def load(owner: object, names: Sequence[str], memory: Mapping[str, Any]) -> None:
+def load(owner: object, names: Sequence[str], memory: Mapping[str, Any], what: str = "") -> None:
     """Put `dump`'s values back. Raises ModelError where names, shapes or numbers do not fit."""
-    what = type(owner).__name__
+    what = what or type(owner).__name__
     if set(memory) != set(names):
         raise ModelError(f"memory of {what}: fields {sorted(memory)}, expected {sorted(names)}")
     for name in names:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from arrays import Matrix, Vector
 from errors import ModelError
 from estimator import memory
-from estimator.interval import Form
+from estimator.interval import ROW, Form
 
 Kind = Literal["classical", "backlash", "two_mass"]
 
@@ -96,6 +96,31 @@ def forms(variant: Variant) -> tuple[Form, Form]:
         always.update(sides.always)
         engaged.update(sides.engaged)
     return always, engaged
+
+
+def weights(
+    variants: Sequence[Variant], gain: float, period: float
+) -> tuple[Matrix, Matrix, Vector]:
+    """Weights of `interval.TERMS` in each variant's e(k), always and while engaged, each (variants,
+    TERMS); and 1 for variants (variants,) whose tau_M a fit corrects: those with engagement.
+
+    Raises ModelError for gain * period >= 2, where the pole of (13) would be negative and the
+    residual would ring, and for variants that are alike or contradict themselves.
+    """
+    if not 0.0 < gain * period < 2.0:
+        raise ModelError(f"residual gain {gain} /s at {period} s: gain * period must be < 2")
+    names = [variant.name for variant in variants]
+    if len(set(names)) != len(names):
+        raise ModelError(f"residuals must have different names: {', '.join(names)}")
+    tables = np.zeros((2, len(variants), len(ROW)))
+    for row, variant in enumerate(variants):
+        if variant.kind == "two_mass" and not variant.rotor_inertia:
+            raise ModelError("a two_mass residual without rotor inertia has only one mass")
+        for table, form in zip(tables, forms(variant), strict=True):
+            for name, weight in form.items():
+                table[row, ROW[name]] = weight
+    corrected = np.array([float(variant.kind == "backlash") for variant in variants])
+    return tables[0], tables[1], corrected
 
 
 class Residual:

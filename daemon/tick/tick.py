@@ -53,7 +53,7 @@ class Tick:
         self._period_s = period_s
         self._time_s = 0.0
         self._sampled_s = np.full(len(drives.names), -period_s)  # time of the last samples
-        self._sensing = Sensing(len(drives.names), estimator.residual.gain)
+        self._sensing = Sensing(len(drives.names), estimator.settings.gain)
         self._reported: frozenset[Finding] = frozenset()
         self._standstill = np.zeros(len(drives.names))
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from estimator.estimate import Estimate, Flag
-from estimator.estimator import Estimator
+from estimator.estimator import Estimator as Chain
 from estimator.interval import TERMS
 from estimator.residual import Variant, forms
+from tests.estimator.in_arrays import Estimator
 from tests.estimator.plain import built, plain
 
 T = 0.01
@@ -49,6 +50,12 @@ def kernel_of(modules: dict[str, ModuleType], like: Estimator) -> object:
         ages=(a._back, a._current_age, a._velocity_age, a._position_age),
         **weights((s.residual, *s.beside)),
     )
+
+
+def in_arrays(chain: Chain) -> Estimator:
+    """The estimator in arrays with the parameters of another."""
+    c = chain
+    return Estimator(c.model, c.transmission, c.settings, c._thresholds, c.period_s)
 
 
 def samples(recording: object, k: int) -> np.ndarray:
@@ -102,9 +109,10 @@ def test_the_kernel_is_the_estimator(
     make_estimator, sine_motion, pushed_motion, source, debounce, lossy, seed, method
 ) -> None:
     for motion in (sine_motion, pushed_motion):
-        estimator = make_estimator(
+        chain = make_estimator(
             beside=BESIDE, motor_position=source, debounce=debounce, link_velocity=method
         )
+        estimator = in_arrays(chain)
         kernel = kernel_of(built(), estimator)
         ticks = 1200 if motion is pushed_motion else 500
         came = masks(seed, ticks) if lossy else np.ones((ticks, N), dtype=bool)
@@ -128,7 +136,7 @@ def test_the_kernel_is_the_estimator(
 @pytest.mark.parametrize(("dt", "bad"), [(T, np.nan), (T, -np.inf), (0.0, 0.0), (np.inf, 0.0),
                                          (T, 1e200), (T, -1e300)])  # fmt: skip
 def test_what_is_not_finite(make_estimator, sine_motion, dt: float, bad: float) -> None:
-    estimator = make_estimator(beside=BESIDE)
+    estimator = in_arrays(make_estimator(beside=BESIDE))
     kernel = kernel_of(built(), estimator)
     came = np.ones(N, dtype=bool)
     for k in range(300):
@@ -150,7 +158,7 @@ def test_what_is_not_finite(make_estimator, sine_motion, dt: float, bad: float) 
 def test_compiled_and_plain_are_the_same_to_the_last_bit(
     make_estimator, pushed_motion, source: str
 ) -> None:
-    estimator = make_estimator(beside=BESIDE, motor_position=source, debounce=2)
+    estimator = in_arrays(make_estimator(beside=BESIDE, motor_position=source, debounce=2))
     compiled, python = (kernel_of(modules, estimator) for modules in (built(), plain()))
     if type(compiled).step is type(python).step:
         pytest.skip("the modules are not compiled here")

@@ -16,6 +16,7 @@ from daemon.config.bounds import beyond, bounded, near
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint
 from errors import ConfigurationError
+from estimator.contact import ContactDetector
 from estimator.residual import Residual, Variant
 
 ELBOW = r"(?s)(<link name=.LElbowRollLink.>\s*)<inertial>.*?</inertial>"
@@ -226,7 +227,8 @@ def feels(c: Configuration) -> bool:
     joint: Joint = c.joints[0]
     estimator = build_estimator(c, ROBOT.urdf)
     motor = joint.torque_constant * joint.wiring.max_current_A
-    detector, moving = estimator.detector, np.full(1, joint.limits.velocity)
+    moving = np.full(1, joint.limits.velocity)
+    detector = ContactDetector(estimator.model.names, estimator._thresholds, gain=c.estimator.gain)
     in_motion = detector.thresholds(np.zeros(1), moving, c.period_s)[0]
     at_rest = detector.thresholds(estimator._threshold_raise.most, 0.0 * moving, c.period_s)[0]
     residual = Residual([Variant()], c.estimator.gain, c.period_s, 1)
