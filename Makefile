@@ -6,7 +6,8 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.complete
 # Extensions that are older than their sources would run in place of them.
 KERNEL := $(VENV)/.compiled
-SOURCE := hatch_build.py $(wildcard estimator/*.pxd) $(patsubst %.pxd,%.py,$(wildcard estimator/*.pxd))
+TYPES  := $(wildcard *.pxd */*.pxd)
+SOURCE := hatch_build.py $(TYPES) $(TYPES:.pxd=.py)
 MUTMUT := build/mutants/venv/bin/mutmut
 
 # Where `make install` puts things; DESTDIR in front of it all, for packages and images.
@@ -171,5 +172,5 @@ lock:  ## resolve the dependencies anew and write both lock files (names and ver
 	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock > requirements-dev.lock
 
 clean:  ## remove the environment and everything that was built
-	rm -rf $(VENV) estimator/*.so build dist bench/out .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) *.so estimator/*.so simulator/*.so build dist bench/out .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

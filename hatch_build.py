@@ -17,7 +17,7 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-MODULES = ("elementary", "dynamics", "gap", "kernel")
+MODULES = ("elementary", "estimator/dynamics", "estimator/gap", "estimator/kernel")
 # No contraction: a fused product would round otherwise than the plain module.
 FLAGS = ("-shared", "-fPIC", "-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-w")
 
@@ -40,28 +40,29 @@ class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
         if self.target_name != "wheel":
             return
         root = Path(self.root)
-        out = root / "estimator" if version == "editable" else root / "build" / "extensions"
+        out = root if version == "editable" else root / "build" / "extensions"
         try:
             made = [build(root, module, out) for module in MODULES]
         except (OSError, subprocess.CalledProcessError) as error:
             self.app.display_warning(f"no compiled modules, they run as plain Python: {error}")
             return
         if version != "editable":
-            build_data["force_include"] |= {str(so): f"estimator/{so.name}" for so in made}
+            build_data["force_include"] |= {str(so): str(so.relative_to(out)) for so in made}
             build_data["pure_python"], build_data["infer_tag"] = False, True
 
 
 def build(root: Path, module: str, out: Path) -> Path:
-    """Compile estimator/MODULE.py. Raises OSError or CalledProcessError where that fails."""
+    """Compile MODULE.py into the same folder below `out`. Raises OSError or CalledProcessError
+    where that fails."""
     include = sysconfig.get_path("include")
     if not (Path(include) / "Python.h").exists():
         raise FileNotFoundError(f"{include}/Python.h (apt install python3-dev)")
     work = root / "build" / "c"
-    work.mkdir(parents=True, exist_ok=True)
-    out.mkdir(parents=True, exist_ok=True)
     c = work / f"{module}.c"
     extension = out / f"{module}{sysconfig.get_config_var('EXT_SUFFIX')}"
-    cython = [sys.executable, "-m", "cython", "-3", f"estimator/{module}.py", "-o", str(c)]
+    for file in (c, extension):
+        file.parent.mkdir(parents=True, exist_ok=True)
+    cython = [sys.executable, "-m", "cython", "-3", f"{module}.py", "-o", str(c)]
     subprocess.run(cython, cwd=root, check=True)
     # Put in place whole: who runs the old one keeps it.
     new = extension.with_suffix(".new")
@@ -71,4 +72,4 @@ def build(root: Path, module: str, out: Path) -> Path:
 
 if __name__ == "__main__":
     for each in MODULES:
-        print(build(Path(__file__).parent, each, Path(__file__).parent / "estimator"))
+        print(build(Path(__file__).parent, each, Path(__file__).parent))

@@ -1,6 +1,6 @@
 # Types of dynamics.py, for the compiler alone.
 
-from estimator.elementary cimport cosine, sine
+from elementary cimport cosine, sine
 
 cdef class Dynamics:
     cdef readonly Py_ssize_t n

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from arrays import Matrix, Vector
-from estimator.elementary import cosine, sine
+from elementary import cosine, sine
 
 
 @dataclass(frozen=True, slots=True)

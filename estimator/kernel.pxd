@@ -3,7 +3,7 @@
 cimport cython
 
 from estimator.dynamics cimport Dynamics
-from estimator.elementary cimport decay, smooth_sign
+from elementary cimport decay, smooth_sign
 from estimator.gap cimport Gap
 
 cdef long long INVALID, LATE, RESTARTED, STARTING, BRIDGED, SIDE_UNKNOWN

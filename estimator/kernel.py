@@ -9,8 +9,8 @@ What is not finite raises nothing here: the tick is taken back, and everything s
 import numpy as np
 
 from arrays import Matrix
+from elementary import decay, smooth_sign
 from estimator.dynamics import Dynamics
-from estimator.elementary import decay, smooth_sign
 from estimator.gap import Gap
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds

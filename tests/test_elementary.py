@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from estimator.elementary import cosine, decay, sine, smooth_sign
+from elementary import cosine, decay, sine, smooth_sign
 
 RNG = np.random.default_rng(1)
 ANGLES = np.concatenate(

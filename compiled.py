@@ -1,0 +1,12 @@
+"""Which of the modules that should be compiled run as plain Python, decision 0037."""
+
+import importlib
+from collections.abc import Sequence
+
+ESTIMATOR = ("elementary", "estimator.dynamics", "estimator.gap", "estimator.kernel")
+
+
+def uncompiled(names: Sequence[str]) -> list[str]:
+    """Those of the modules that are run from their source."""
+    modules = [importlib.import_module(name) for name in names]
+    return [m.__name__ for m in modules if str(m.__file__).endswith(".py")]
