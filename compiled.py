@@ -4,6 +4,10 @@ import importlib
 from collections.abc import Sequence
 
 ESTIMATOR = ("elementary", "estimator.dynamics", "estimator.gap", "estimator.kernel")
+SIMULATOR = (
+    *("elementary", "simulator.links", "simulator.two_masses"),
+    *("simulator.servo", "simulator.sensors", "simulator.servo_periods"),
+)
 
 
 def uncompiled(names: Sequence[str]) -> list[str]:

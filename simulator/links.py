@@ -92,9 +92,7 @@ class Links:
             x, y, u = R[k, row, 0], R[k, row, 1], R[k, row, 2]
             away = x * self._offset[i, 0] + y * self._offset[i, 1] + u * self._offset[i, 2]
             x, y, u = R[i, row, 0], R[i, row, 1], R[i, row, 2]
-            z[i, row] = (
-                x * self._turning[i, 0] + y * self._turning[i, 1] + u * self._turning[i, 2]
-            )
+            z[i, row] = x * self._turning[i, 0] + y * self._turning[i, 1] + u * self._turning[i, 2]
             s[i, row] = 0.0
             if self._slides[i]:
                 s[i, row] = (

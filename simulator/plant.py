@@ -2,19 +2,44 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from arrays import Vector
+from compiled import uncompiled
 from simulator.links import Links
 from simulator.mismatch import PlantParameters
 from simulator.two_masses import TwoMasses
 
 External = Callable[[Vector, Vector, Vector], None]
 """(q, q_dot, out): writes the external joint torque of this instant [Nm] into out (n,)."""
+
+
+class ArticulatedBodies:
+    """What `Links` does, by pinocchio: for where that is not compiled, and takes longer in plain
+    Python than the time that it simulates."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.n, self._model, self._data = model.nv, model, model.createData()
+
+    @property
+    def gravity(self) -> Any:
+        """The model's own (3,)."""
+        return self._model.gravity.linear
+
+    def accelerate(self, q: Vector, q_dot: Vector, tau: Vector, out: Vector) -> None:
+        """As that of `Links`."""
+        out[:] = pin.aba(self._model, self._data, q, q_dot, tau)
+
+
+def links_of(model: pin.Model) -> Links:
+    """Dynamics of the links, as fast as can be."""
+    if uncompiled(["simulator.links"]):
+        return cast(Links, ArticulatedBodies(model))
+    return Links(model)
 
 
 class Plant:
@@ -39,7 +64,7 @@ class Plant:
         self.parameters, self.n, self.step_s = parameters, parameters.model.nv, step_s
         self._model, self._data = parameters.model, parameters.model.createData()
         self.masses = masses = TwoMasses(
-            Links(parameters.model),
+            links_of(parameters.model),
             parameters,
             step_s,
             stiction=friction == "dahl",
@@ -71,7 +96,7 @@ class Plant:
     @property
     def friction_torque(self) -> Vector:
         """Torque of friction (2n,) [Nm], link then motor, of the last step."""
-        return self._friction.flatten()
+        return np.concatenate(list(self._friction))
 
     @property
     def in_gap(self) -> NDArray[np.bool_]:

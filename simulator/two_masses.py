@@ -10,7 +10,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from arrays import Vector
 from elementary import smooth_sign
 from simulator.links import Links
 from simulator.mismatch import PlantParameters
@@ -79,7 +78,7 @@ class TwoMasses:
     def _border(self, i: int, delta: float, delta_dot: float) -> float:
         """A spring and a damper, behind delta: a border pushes, it never pulls."""
         torque = delta * self._stiffness[i] + self._damping[i] * delta_dot
-        return torque if torque * delta > 0.0 else 0.0
+        return float(torque) if torque * delta > 0.0 else 0.0
 
     def _rub(self, side: int, i: int, velocity: float) -> float:
         """Coulomb's torque over the velocity's tanh, or Dahl's with stiction; and viscous."""
@@ -88,7 +87,7 @@ class TwoMasses:
             torque = self._slide(side, i, way, coulomb)
         else:
             torque = smooth_sign(way) * coulomb
-        return torque + self.viscous[side, i] * velocity
+        return float(torque + self.viscous[side, i] * velocity)
 
     def _slide(self, side: int, i: int, way: float, coulomb: float) -> float:
         """Dahl: z_dot = v - |v| z / z_max, torque = T_c z / z_max + sigma_1 z_dot, at most T_c.
@@ -100,7 +99,7 @@ class TwoMasses:
         z = (before + way) / (abs(way) + 1.0)
         self.deflection[side, i] = z
         torque = (z - before) * self._bristle_damping[side, i] + z * coulomb
-        return max(min(torque, coulomb), -coulomb)
+        return float(max(min(torque, coulomb), -coulomb))
 
     def _move(self, i: int) -> None:
         """Semi-implicit Euler: the new velocities move joint i."""
