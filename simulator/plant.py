@@ -91,12 +91,12 @@ class Plant:
     @property
     def gear_torque(self) -> Vector:
         """Torque of the gear on the link (n,) [Nm], of the last step."""
-        return np.negative(self._gear)
+        return np.asarray(np.negative(self._gear))
 
     @property
     def friction_torque(self) -> Vector:
         """Torque of friction (2n,) [Nm], link then motor, of the last step."""
-        return np.concatenate(list(self._friction))
+        return np.asarray(self._friction.flatten())
 
     @property
     def in_gap(self) -> NDArray[np.bool_]:
