@@ -74,77 +74,105 @@ class Links:
     def _pose(self, i: int, q: float, q_dot: float) -> None:
         """Rotation, place, axis and bias acceleration of joint i from those of its parent."""
         k = self._parent[i] if self._parent[i] >= 0 else self.n
-        R, T, p, z, s = self._R, self._turned, self._p, self._z, self._s
-        w, wd, a = self._w, self._wd, self._a
         sin, versine = sine(q), 1.0 - cosine(q)
         for row in range(3):
             for c in range(3):
-                T[row, c] = (
+                self._turned[row, c] = (
                     self._fixed[i, row, c]
                     + sin * self._sine[i, row, c]
                     + versine * self._versine[i, row, c]
                 )
         for row in range(3):
-            x, y, u = R[k, row, 0], R[k, row, 1], R[k, row, 2]
+            x, y, u = self._R[k, row, 0], self._R[k, row, 1], self._R[k, row, 2]
             for c in range(3):
-                R[i, row, c] = x * T[0, c] + y * T[1, c] + u * T[2, c]
+                self._R[i, row, c] = (
+                    x * self._turned[0, c] + y * self._turned[1, c] + u * self._turned[2, c]
+                )
         for row in range(3):
-            x, y, u = R[k, row, 0], R[k, row, 1], R[k, row, 2]
+            x, y, u = self._R[k, row, 0], self._R[k, row, 1], self._R[k, row, 2]
             away = x * self._offset[i, 0] + y * self._offset[i, 1] + u * self._offset[i, 2]
-            x, y, u = R[i, row, 0], R[i, row, 1], R[i, row, 2]
-            z[i, row] = x * self._turning[i, 0] + y * self._turning[i, 1] + u * self._turning[i, 2]
-            s[i, row] = 0.0
+            x, y, u = self._R[i, row, 0], self._R[i, row, 1], self._R[i, row, 2]
+            self._z[i, row] = (
+                x * self._turning[i, 0] + y * self._turning[i, 1] + u * self._turning[i, 2]
+            )
+            self._s[i, row] = 0.0
             if self._slides[i]:
-                s[i, row] = (
+                self._s[i, row] = (
                     x * self._sliding[i, 0] + y * self._sliding[i, 1] + u * self._sliding[i, 2]
                 )
-            p[i, row] = p[k, row] + away + q * s[i, row]
+            self._p[i, row] = self._p[k, row] + away + q * self._s[i, row]
         # Acceleration of the parent's body in this place, and what comes with sliding along it.
-        dx, dy, dz = p[i, 0] - p[k, 0], p[i, 1] - p[k, 1], p[i, 2] - p[k, 2]
-        wx, wy, wz = w[k, 0], w[k, 1], w[k, 2]
+        dx, dy, dz = (
+            self._p[i, 0] - self._p[k, 0],
+            self._p[i, 1] - self._p[k, 1],
+            self._p[i, 2] - self._p[k, 2],
+        )
+        wx, wy, wz = self._w[k, 0], self._w[k, 1], self._w[k, 2]
         slip = 2.0 * q_dot
         vx, vy, vz = (
-            wy * dz - wz * dy + slip * s[i, 0],
-            wz * dx - wx * dz + slip * s[i, 1],
-            wx * dy - wy * dx + slip * s[i, 2],
+            wy * dz - wz * dy + slip * self._s[i, 0],
+            wz * dx - wx * dz + slip * self._s[i, 1],
+            wx * dy - wy * dx + slip * self._s[i, 2],
         )
-        a[i, 0] = a[k, 0] + wd[k, 1] * dz - wd[k, 2] * dy + wy * vz - wz * vy
-        a[i, 1] = a[k, 1] + wd[k, 2] * dx - wd[k, 0] * dz + wz * vx - wx * vz
-        a[i, 2] = a[k, 2] + wd[k, 0] * dy - wd[k, 1] * dx + wx * vy - wy * vx
-        zx, zy, zz = z[i, 0], z[i, 1], z[i, 2]
-        wd[i, 0] = wd[k, 0] + q_dot * (wy * zz - wz * zy)
-        wd[i, 1] = wd[k, 1] + q_dot * (wz * zx - wx * zz)
-        wd[i, 2] = wd[k, 2] + q_dot * (wx * zy - wy * zx)
-        w[i, 0], w[i, 1], w[i, 2] = wx + q_dot * zx, wy + q_dot * zy, wz + q_dot * zz
-        s[i, 0] += p[i, 1] * zz - p[i, 2] * zy
-        s[i, 1] += p[i, 2] * zx - p[i, 0] * zz
-        s[i, 2] += p[i, 0] * zy - p[i, 1] * zx
+        self._a[i, 0] = (
+            self._a[k, 0] + self._wd[k, 1] * dz - self._wd[k, 2] * dy + wy * vz - wz * vy
+        )
+        self._a[i, 1] = (
+            self._a[k, 1] + self._wd[k, 2] * dx - self._wd[k, 0] * dz + wz * vx - wx * vz
+        )
+        self._a[i, 2] = (
+            self._a[k, 2] + self._wd[k, 0] * dy - self._wd[k, 1] * dx + wx * vy - wy * vx
+        )
+        zx, zy, zz = self._z[i, 0], self._z[i, 1], self._z[i, 2]
+        self._wd[i, 0] = self._wd[k, 0] + q_dot * (wy * zz - wz * zy)
+        self._wd[i, 1] = self._wd[k, 1] + q_dot * (wz * zx - wx * zz)
+        self._wd[i, 2] = self._wd[k, 2] + q_dot * (wx * zy - wy * zx)
+        self._w[i, 0], self._w[i, 1], self._w[i, 2] = (
+            wx + q_dot * zx,
+            wy + q_dot * zy,
+            wz + q_dot * zz,
+        )
+        self._s[i, 0] += self._p[i, 1] * zz - self._p[i, 2] * zy
+        self._s[i, 1] += self._p[i, 2] * zx - self._p[i, 0] * zz
+        self._s[i, 2] += self._p[i, 0] * zy - self._p[i, 1] * zx
 
     def _body(self, i: int) -> None:
         """Inertia and bias force of the body of joint i alone, about the origin."""
-        R, w, wd, a, m = self._R, self._w, self._wd, self._a, self._mass[i]
-        T, lever, J = self._turned, self._lever, self._inertia
-        for row in range(3):
-            x, y, z = R[i, row, 0], R[i, row, 1], R[i, row, 2]
-            for c in range(3):
-                T[row, c] = x * J[i, 0, c] + y * J[i, 1, c] + z * J[i, 2, c]
-        xx = T[0, 0] * R[i, 0, 0] + T[0, 1] * R[i, 0, 1] + T[0, 2] * R[i, 0, 2]
-        xy = T[0, 0] * R[i, 1, 0] + T[0, 1] * R[i, 1, 1] + T[0, 2] * R[i, 1, 2]
-        xz = T[0, 0] * R[i, 2, 0] + T[0, 1] * R[i, 2, 1] + T[0, 2] * R[i, 2, 2]
-        yy = T[1, 0] * R[i, 1, 0] + T[1, 1] * R[i, 1, 1] + T[1, 2] * R[i, 1, 2]
-        yz = T[1, 0] * R[i, 2, 0] + T[1, 1] * R[i, 2, 1] + T[1, 2] * R[i, 2, 2]
-        zz = T[2, 0] * R[i, 2, 0] + T[2, 1] * R[i, 2, 1] + T[2, 2] * R[i, 2, 2]
+        m = self._mass[i]
+        R00, R01, R02 = self._R[i, 0, 0], self._R[i, 0, 1], self._R[i, 0, 2]
+        R10, R11, R12 = self._R[i, 1, 0], self._R[i, 1, 1], self._R[i, 1, 2]
+        R20, R21, R22 = self._R[i, 2, 0], self._R[i, 2, 1], self._R[i, 2, 2]
+        J00, J01, J02 = self._inertia[i, 0, 0], self._inertia[i, 0, 1], self._inertia[i, 0, 2]
+        J11, J12, J22 = self._inertia[i, 1, 1], self._inertia[i, 1, 2], self._inertia[i, 2, 2]
+        # R J R^T, which is symmetric, too.
+        x = R00 * J00 + R01 * J01 + R02 * J02
+        y = R00 * J01 + R01 * J11 + R02 * J12
+        z = R00 * J02 + R01 * J12 + R02 * J22
+        xx = x * R00 + y * R01 + z * R02
+        xy = x * R10 + y * R11 + z * R12
+        xz = x * R20 + y * R21 + z * R22
+        x = R10 * J00 + R11 * J01 + R12 * J02
+        y = R10 * J01 + R11 * J11 + R12 * J12
+        z = R10 * J02 + R11 * J12 + R12 * J22
+        yy = x * R10 + y * R11 + z * R12
+        yz = x * R20 + y * R21 + z * R22
+        x = R20 * J00 + R21 * J01 + R22 * J02
+        y = R20 * J01 + R21 * J11 + R22 * J12
+        z = R20 * J02 + R21 * J12 + R22 * J22
+        zz = x * R20 + y * R21 + z * R22
         # Lever of the centre of mass, from the joint and from the origin.
-        rx = R[i, 0, 0] * lever[i, 0] + R[i, 0, 1] * lever[i, 1] + R[i, 0, 2] * lever[i, 2]
-        ry = R[i, 1, 0] * lever[i, 0] + R[i, 1, 1] * lever[i, 1] + R[i, 1, 2] * lever[i, 2]
-        rz = R[i, 2, 0] * lever[i, 0] + R[i, 2, 1] * lever[i, 1] + R[i, 2, 2] * lever[i, 2]
+        cx, cy, cz = self._lever[i, 0], self._lever[i, 1], self._lever[i, 2]
+        rx = R00 * cx + R01 * cy + R02 * cz
+        ry = R10 * cx + R11 * cy + R12 * cz
+        rz = R20 * cx + R21 * cy + R22 * cz
         x, y, z = self._p[i, 0] + rx, self._p[i, 1] + ry, self._p[i, 2] + rz
         # Newton: force is mass times the acceleration of the centre of mass.
-        wx, wy, wz, ax, ay, az = w[i, 0], w[i, 1], w[i, 2], wd[i, 0], wd[i, 1], wd[i, 2]
+        wx, wy, wz = self._w[i, 0], self._w[i, 1], self._w[i, 2]
+        ax, ay, az = self._wd[i, 0], self._wd[i, 1], self._wd[i, 2]
         vx, vy, vz = wy * rz - wz * ry, wz * rx - wx * rz, wx * ry - wy * rx
-        fx = m * (a[i, 0] + ay * rz - az * ry + wy * vz - wz * vy)
-        fy = m * (a[i, 1] + az * rx - ax * rz + wz * vx - wx * vz)
-        fz = m * (a[i, 2] + ax * ry - ay * rx + wx * vy - wy * vx)
+        fx = m * (self._a[i, 0] + ay * rz - az * ry + wy * vz - wz * vy)
+        fy = m * (self._a[i, 1] + az * rx - ax * rz + wz * vx - wx * vz)
+        fz = m * (self._a[i, 2] + ax * ry - ay * rx + wx * vy - wy * vx)
         self._F[i, 0], self._F[i, 1], self._F[i, 2] = fx, fy, fz
         # Euler: moment is the change of angular momentum.
         kx = xx * wx + xy * wy + xz * wz
@@ -165,25 +193,31 @@ class Links:
     def _carry(self, i: int) -> None:
         """Row i of mass matrix and bias, once joint i has all that it carries; then its parent
         carries that, too."""
-        F, N, h, J, z, s = self._F, self._N, self._h, self._J, self._z, self._s
-        zx, zy, zz, sx, sy, sz = z[i, 0], z[i, 1], z[i, 2], s[i, 0], s[i, 1], s[i, 2]
-        hx, hy, hz, m = h[i, 0], h[i, 1], h[i, 2], self._m[i]
-        self._bias[i] = zx * N[i, 0] + zy * N[i, 1] + zz * N[i, 2]
-        self._bias[i] += sx * F[i, 0] + sy * F[i, 1] + sz * F[i, 2]
+        zx, zy, zz, sx, sy, sz = (
+            self._z[i, 0],
+            self._z[i, 1],
+            self._z[i, 2],
+            self._s[i, 0],
+            self._s[i, 1],
+            self._s[i, 2],
+        )
+        hx, hy, hz, m = self._h[i, 0], self._h[i, 1], self._h[i, 2], self._m[i]
+        self._bias[i] = zx * self._N[i, 0] + zy * self._N[i, 1] + zz * self._N[i, 2]
+        self._bias[i] += sx * self._F[i, 0] + sy * self._F[i, 1] + sz * self._F[i, 2]
         # Momentum, linear and angular, of all that joint i carries, at q_dot_i = 1.
         lx, ly, lz = (
             m * sx + zy * hz - zz * hy,
             m * sy + zz * hx - zx * hz,
             m * sz + zx * hy - zy * hx,
         )
-        kx = J[i, 0] * zx + J[i, 1] * zy + J[i, 2] * zz + hy * sz - hz * sy
-        ky = J[i, 1] * zx + J[i, 3] * zy + J[i, 4] * zz + hz * sx - hx * sz
-        kz = J[i, 2] * zx + J[i, 4] * zy + J[i, 5] * zz + hx * sy - hy * sx
+        kx = self._J[i, 0] * zx + self._J[i, 1] * zy + self._J[i, 2] * zz + hy * sz - hz * sy
+        ky = self._J[i, 1] * zx + self._J[i, 3] * zy + self._J[i, 4] * zz + hz * sx - hx * sz
+        kz = self._J[i, 2] * zx + self._J[i, 4] * zy + self._J[i, 5] * zz + hx * sy - hy * sx
         j = i
         while j >= 0:
             self._M[i, j] = (
-                z[j, 0] * kx + z[j, 1] * ky + z[j, 2] * kz
-                + s[j, 0] * lx + s[j, 1] * ly + s[j, 2] * lz
+                self._z[j, 0] * kx + self._z[j, 1] * ky + self._z[j, 2] * kz
+                + self._s[j, 0] * lx + self._s[j, 1] * ly + self._s[j, 2] * lz
             )  # fmt: skip
             j = self._parent[j]
         k = self._parent[i]
@@ -191,30 +225,29 @@ class Links:
             return
         self._m[k] += m
         for row in range(3):
-            F[k, row] += F[i, row]
-            N[k, row] += N[i, row]
-            h[k, row] += h[i, row]
+            self._F[k, row] += self._F[i, row]
+            self._N[k, row] += self._N[i, row]
+            self._h[k, row] += self._h[i, row]
         for row in range(6):
-            J[k, row] += J[i, row]
+            self._J[k, row] += self._J[i, row]
 
     def _solve(self, x: Vector) -> None:
         """Solve M x = x by M = L^T D L, whose L is as sparse as the tree branches."""
-        M, parent = self._M, self._parent
         for i in range(self.n - 1, -1, -1):
-            j = parent[i]
+            j = self._parent[i]
             while j >= 0:
-                share = M[i, j] / M[i, i]
+                share = self._M[i, j] / self._M[i, i]
                 k = j
                 while k >= 0:
-                    M[j, k] -= share * M[i, k]
-                    k = parent[k]
-                M[i, j] = share
+                    self._M[j, k] -= share * self._M[i, k]
+                    k = self._parent[k]
+                self._M[i, j] = share
                 x[j] -= share * x[i]
-                j = parent[j]
+                j = self._parent[j]
         for i in range(self.n):
-            solved = x[i] / M[i, i]
-            j = parent[i]
+            solved = x[i] / self._M[i, i]
+            j = self._parent[i]
             while j >= 0:
-                solved -= M[i, j] * x[j]
-                j = parent[j]
+                solved -= self._M[i, j] * x[j]
+                j = self._parent[j]
             x[i] = solved
