@@ -41,8 +41,8 @@ class Sensors:
         profile: SimulatedMake = PROFILE,
     ) -> None:
         joints, n = description.joints, len(description.joints)
-        gear = np.array([joint.gear for joint in joints])
-        rated = np.array([joint.rated_current_A for joint in joints])
+        gear = np.array([joint.gear for joint in joints], dtype=np.float64)
+        rated = np.array([joint.rated_current_A for joint in joints], dtype=np.float64)
         self._n = n
         self._rng = np.random.default_rng((settings.seed, 1))
         self._link_per_rad, self._link_zero = profile.link_counts / TURN, profile.link_zero

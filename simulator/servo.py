@@ -30,13 +30,13 @@ class Servo:
         n = self._n = len(joints)
         rotor = np.array([joint.rotor_inertia for joint in joints])
         constant = np.array([joint.torque_constant for joint in joints])
-        kp = (rotor + link_inertia) * BANDWIDTH / constant
+        kp: Vector = (rotor + link_inertia) * BANDWIDTH / constant
         self.damping = constant * kp
         """Of the proportional part (n,) [Nm s/rad], with nominal torque constants."""
         self.stiffness = self.damping * INTEGRAL_RATE
         """Of the spring like which a stop is held (n,) [Nm/rad], likewise."""
         self._kp, self._ki_step = kp, kp * INTEGRAL_RATE * SERVO_PERIOD_S
-        self._highest = np.array([joint.max_current_A for joint in joints])
+        self._highest = np.array([joint.max_current_A for joint in joints], dtype=np.float64)
         self.target, self.reference, self.rate, self.current = np.zeros((4, n))
         # The same arrays, for others to read and write as such, and for `update`.
         self._targets, self._references = self.target, self.reference

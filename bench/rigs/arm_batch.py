@@ -1,7 +1,7 @@
 """Batch of arms in one plant, without a bus: contact-free motions of arms that all differ, quickly.
 
-The links of all arms are branches of one tree, which one plant moves: what is done in Python between
-its steps is done once for all of them. Servos, sensors, friction and gaps are those of the
+The links of all arms are branches of one tree, which one plant moves: what is done in Python
+between its steps is done once for all of them. Servos, sensors, friction and gaps are those of the
 simulator.
 """
 
