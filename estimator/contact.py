@@ -22,6 +22,8 @@ from estimator.thresholds import LEVELS, Level, Thresholds
 CLEAR = 0.35
 """Share of its contact level that a residual does not reach by the model's errors alone."""
 _ABSENT = 0.5 * CLEAR
+WAITS = 2
+"""Ticks for which a contact beside a missing sample may wait for it."""
 
 
 def dead_band(residual: Vector, threshold: Vector) -> Vector:
@@ -99,7 +101,7 @@ class ContactDetector:
     gain: of the residual [1/s].
     """
 
-    _MEMORY = ("raised", "streak")
+    _MEMORY = ("raised", "streak", "waited")
 
     def __init__(
         self,
@@ -123,6 +125,8 @@ class ContactDetector:
         self._above = self.raised  # what is added to both levels in this tick
         # Ticks in a row past each level, signed as the residual.
         self.streak = np.zeros((2, n), dtype=np.int64)
+        # Ticks for which a contact has waited for the sample of another joint.
+        self.waited = np.zeros((2, n), dtype=np.int64)
 
     def thresholds(self, hidden: Vector, theta_dot: Vector, dt: float) -> Vector:
         """Contact thresholds in force [Nm], raised by what stiction may hide in this tick, `hidden`
@@ -147,18 +151,27 @@ class ContactDetector:
         time_s: float,
         absent: NDArray[np.bool_] | None = None,
     ) -> tuple[Contact, ...]:
-        """Contacts that begin in this tick, at most one per joint and level. What counts of joints
-        that are `absent` (n,), without a new sample, is what counted before."""
+        """Contacts that begin in this tick, at most one per joint and level.
+
+        What counts of joints that are `absent` (n,), without a new sample, is what counted before.
+        Beside them a contact waits, for `WAITS` ticks at most, for the tick that shows whether they
+        went on as they were taken to: what they did else is a torque on the others until then.
+        """
         levels = self._levels + self._above
         if absent is None and not np.count_nonzero(np.abs(residual) > levels[0]):
             self.streak[:] = 0
+            self.waited[:] = 0
             return ()
         past = (residual > levels).astype(np.int64) - (residual < -levels)
         streak = np.where(past * self.streak > 0, self.streak + past, past)
         begins = np.abs(streak) == self._debounce
         if absent is not None:
             streak = np.where(absent, self.streak, streak)
-            begins &= ~absent
+            waits = begins & ~absent & (self.waited < WAITS)
+            self.waited[waits] += 1
+            streak = np.where(waits, self.streak, streak)
+            begins &= ~absent & ~waits
+        self.waited *= (past != 0) & ~begins
         self.streak[:] = streak
         if not begins.any():
             return ()
@@ -194,6 +207,7 @@ class ContactDetector:
         """Forget the raise and all contacts, of these joints or of all."""
         self.raised[joints] = 0.0
         self.streak[:, joints] = 0
+        self.waited[:, joints] = 0
 
     def memory(self) -> dict[str, Any]:
         return memory.dump(self, self._MEMORY)

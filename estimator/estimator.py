@@ -33,7 +33,7 @@ from estimator.thresholds import ThresholdRaise, Thresholds
 from estimator.transmission import Transmission, resting
 
 _INPUTS = ("current", "link_position", "motor_velocity")
-_FLAGS = tuple(Flag(i) for i in range(2 * int(Flag.BRIDGED)))  # making one costs a microsecond
+_FLAGS = tuple(Flag(i) for i in range(2 * int(Flag.RAISED)))  # making one costs a microsecond
 INVALID = int(Flag.INVALID)
 _ROTORS = (
     *("theta", "sigma", "streak", "side", "gap"),
@@ -114,7 +114,7 @@ class Estimator:
             "motor_position": {name: getattr(k.rotors, name) for name in _ROTORS},
             "stiction": {"ends": k.stiction},
             "residual": {"values": k.residual},
-            "detector": {"raised": k.raised, "streak": k.streak},
+            "detector": {"raised": k.raised, "streak": k.streak, "waited": k.waited},
         }
         return {
             part: SimpleNamespace(**{name: np.asarray(x) for name, x in views.items()})

@@ -6,8 +6,8 @@ from estimator.dynamics cimport Dynamics
 from estimator.elementary cimport decay, smooth_sign
 from estimator.gap cimport Gap
 
-cdef long long INVALID, LATE, RESTARTED, STARTING, BRIDGED, SIDE_UNKNOWN
-cdef double CREEP, LINK_REST, REST_VELOCITY, SHORTEST_S, SENSED_PERIODS, BRIDGED_PERIODS
+cdef long long INVALID, LATE, RESTARTED, STARTING, BRIDGED, RAISED, SIDE_UNKNOWN, WAITS
+cdef double CREEP, LINK_REST, REST_VELOCITY, SHORTEST_S, SENSED_PERIODS, BRIDGED_PERIODS, RAISED_PERIODS
 cdef double MISSING_SHARE, MISSING_MOST
 cdef Py_ssize_t SAMPLES, MOMENTUM, ROTOR, THETA, THETA_DOT, BETA, TAU_M, MOTOR_FRICTION
 cdef Py_ssize_t ENGAGED_LINK_FRICTION, LINK_FRICTION, GAP_FRICTION, STICTION, TERMS
@@ -32,7 +32,7 @@ cdef class Kernel:
     cdef readonly double[::1] q, q_dot, tau_M, threshold
     cdef double[::1] _gaps, _now, _impulse
     cdef readonly long long[::1] came, count, going, sensing
-    cdef readonly long long[:, ::1] streak, begins
+    cdef readonly long long[:, ::1] streak, waited, begins
 
     cpdef long long step(self, double dt) noexcept
     @cython.locals(ready=bint, counted=bint)
@@ -45,10 +45,10 @@ cdef class Kernel:
     cdef void _push(self, Py_ssize_t i, double dt) noexcept
     cdef void _align(self, Py_ssize_t i, double dt) noexcept
     cdef double _earlier(self, Py_ssize_t i, Py_ssize_t row, double share) noexcept
-    @cython.locals(going=bint)
+    @cython.locals(going=bint, beside=bint)
     cdef long long _advance(self, double dt) noexcept
     @cython.locals(everything=double)
-    cdef double _joint(self, Py_ssize_t i, double gap, double dt) noexcept
+    cdef double _joint(self, Py_ssize_t i, double gap, double dt, bint beside) noexcept
     cdef double _presliding(self, Py_ssize_t i, double gap, double moved) noexcept
     @cython.locals(e=double, engaged=double)
     cdef void _balance(
@@ -56,4 +56,5 @@ cdef class Kernel:
         double tau_M
     ) noexcept
     cdef void _raise(self, Py_ssize_t i, double hidden, double speed, double dt) noexcept
-    cdef void _detect(self, Py_ssize_t i) noexcept
+    @cython.locals(begins=bint, past="long long", streak="long long")
+    cdef void _detect(self, Py_ssize_t i, bint beside) noexcept

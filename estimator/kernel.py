@@ -16,7 +16,7 @@ from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
 
-INVALID, LATE, RESTARTED, STARTING, BRIDGED = 1, 2, 4, 8, 16  # `estimate.Flag`
+INVALID, LATE, RESTARTED, STARTING, BRIDGED, RAISED = 1, 2, 4, 8, 16, 32  # `estimate.Flag`
 SIDE_UNKNOWN = 2  # `motor_position.Side`
 CREEP = 0.003
 """[rad/s]; a slower motor velocity may be noise and bias, and its integral nothing."""
@@ -28,6 +28,8 @@ SHORTEST_S = 1e-9
 SENSED_PERIODS = 2.5
 #: Over a longer gap nothing is bridged [periods]: Tustin's rule does not know what happened in it.
 BRIDGED_PERIODS = 5.5
+RAISED_PERIODS = 2.5
+WAITS = 2
 # Of the contact level, for each sample that was missing beyond the first, and at most: what the
 # mean of both ends may be wrong by over an interval in which a motor crossed its gap.
 MISSING_SHARE, MISSING_MOST = 0.4, 1.2
@@ -93,7 +95,7 @@ class Kernel:
         self.stiction = np.repeat([[-1.0], [1.0]], n, axis=1)
         self.residual = np.zeros((len(corrected), n))
         self.raised, self.above = np.zeros((2, n))
-        self.streak, self.begins = np.zeros((2, 2, n), dtype=np.int64)
+        self.streak, self.waited, self.begins = np.zeros((3, 2, n), dtype=np.int64)
         shown = np.zeros((8, n))
         self.shown = shown
         self.q, self.q_dot, self._theta, self._phi = shown[:4]
@@ -116,7 +118,8 @@ class Kernel:
         flags = self._take()
         if flags & STARTING:
             for i in range(self.n):
-                self.still(i, self.samples[3, i] if self.came[i] else self.q[i])
+                known = self.samples[3, i]
+                self.still(i, known if known - known == 0.0 else self.q[i])
             return flags
         flags |= self._advance(dt)
         if flags & INVALID:
@@ -164,6 +167,7 @@ class Kernel:
             self.residual[row, i] = 0.0
         self.raised[i] = self.above[i] = 0.0
         self.streak[0, i] = self.streak[1, i] = 0
+        self.waited[0, i] = self.waited[1, i] = 0
 
     def still(self, i: int, q: float) -> None:
         """Joint i without a velocity yet: no residual, the highest threshold."""
@@ -235,17 +239,20 @@ class Kernel:
 
     def _advance(self, dt: float) -> int:
         """Estimate dt [s] after the one before; returns flags."""
-        flags = 0
+        flags, beside = 0, False
         for i in range(self.n):
             self._align(i, dt)
             if not self.going[i]:
-                flags = STARTING
+                flags |= STARTING
                 self.rotors.start(i, self.aligned[0, i])
                 self._gaps[i] = 0.0
+            if self._gaps[i] > RAISED_PERIODS * self._period:
+                flags |= RAISED
+            beside = beside or not self.came[i]
         self._dynamics.at(self.aligned[0], self.aligned[1])
         everything = 0.0
         for i in range(self.n):
-            everything += self._joint(i, self._gaps[i], dt)
+            everything += self._joint(i, self._gaps[i], dt, beside)
         if everything - everything != 0.0:
             return INVALID
         for i in range(self.n):
@@ -256,7 +263,7 @@ class Kernel:
             self._show(i)
         return flags
 
-    def _joint(self, i: int, gap: float, dt: float) -> float:
+    def _joint(self, i: int, gap: float, dt: float, beside: bool) -> float:
         """From the aligned samples of joint i to its residuals, levels and contacts. gap: since its
         last sample [s], 0 without one. Returns a sum that is finite if everything is."""
         a, now = self.aligned, self._now
@@ -299,7 +306,7 @@ class Kernel:
         missing = max(gap / self._period - 2.0, 0.0)
         hidden += min(missing * MISSING_SHARE, MISSING_MOST) * self._contact[i]
         self._raise(i, hidden, abs(theta_dot), dt)
-        self._detect(i)
+        self._detect(i, beside)
         self.tau_M[i] = tau_M
         everything = q + q_dot + tau_M + self.rotors.theta[i] + self.rotors.sigma[i]
         for row in range(self._variants):
@@ -367,19 +374,24 @@ class Kernel:
         self.above[i] = self.raised[i] + self._per_speed[i] * speed
         self.threshold[i] = self._contact[i] + self.above[i]
 
-    def _detect(self, i: int) -> None:
+    def _detect(self, i: int, beside: bool) -> None:
         """Count the samples of joint i in a row past each level, signed; mark contacts that begin.
-        Without a sample what counted before stays."""
+        Without a sample what counted before stays. `beside` a missing sample a contact waits."""
         r = self.residual[0, i]
         for k in range(2):
             level = self.above[i] + (self._contact[i] if k == 0 else self._collision[i])
-            self.begins[k, i] = 0
-            if not self.came[i]:
-                continue
-            if r > level:
-                self.streak[k, i] = max(self.streak[k, i], 0) + 1
-            elif r < -level:
-                self.streak[k, i] = min(self.streak[k, i], 0) - 1
-            else:
-                self.streak[k, i] = 0
-            self.begins[k, i] = abs(self.streak[k, i]) == self._debounce
+            past = 1 if r > level else (-1 if r < -level else 0)
+            begins = False
+            if self.came[i]:
+                streak = past
+                if past * self.streak[k, i] > 0:
+                    streak += self.streak[k, i]
+                begins = abs(streak) == self._debounce
+                if begins and beside and self.waited[k, i] < WAITS:
+                    self.waited[k, i] += 1
+                    begins = False
+                else:
+                    self.streak[k, i] = streak
+            if past == 0 or begins:
+                self.waited[k, i] = 0
+            self.begins[k, i] = begins

@@ -19,6 +19,8 @@ from estimator.transmission import Transmission
 # Of the contact level, for each sample that was missing beyond the first, and at most: what the
 # mean of both ends may be wrong by over an interval in which a motor crossed its gap.
 _MISSING_SHARE, _MISSING_MOST = 0.4, 1.2
+RAISED_PERIODS = 2.5
+"""An interval of so many periods [-] raises the levels of its joint: two samples were missing."""
 
 Level = Literal["contact", "collision"]
 LEVELS: tuple[Level, Level] = ("contact", "collision")

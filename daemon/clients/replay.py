@@ -48,7 +48,7 @@ def replay(path: Path) -> Replay:
     Raises LogError if there is nothing to read; a recording that breaks off is compared up to
     there.
     """
-    run = _Run()
+    run = _Run(path)
     broken = ""
     try:
         for message in read_log(path):
@@ -64,7 +64,8 @@ def replay(path: Path) -> Replay:
 
 
 class _Run:
-    def __init__(self) -> None:
+    def __init__(self, path: Path) -> None:
+        self._path = path
         self.states = self.skipped = self.stretches = 0
         self.difference: Difference | None = None
         self._estimator: Estimator | None = None
@@ -74,8 +75,8 @@ class _Run:
     def restart(self, snapshot: Snapshot) -> None:
         if snapshot.format < STATE_FORMAT:
             raise LogError(
-                f"of format {snapshot.format}, whose estimator remembered other things: replay it "
-                "with the contactd that recorded it"
+                f"{self._path} is of format {snapshot.format}, by {snapshot.program}, whose "
+                "estimator remembered other things: replay it with that version"
             )
         configuration = parse_configuration(
             snapshot.configuration, "the recorded configuration", snapshot.identified
@@ -98,15 +99,17 @@ class _Run:
             return
         self._tick = state.tick
         motor = state.motor_position
-        estimate = self._estimator.step(
-            np.array(state.current),
-            np.array(state.link_position),
-            np.array(state.motor_velocity),
-            None if motor is None else np.array(motor),
-            state.interval_s,
-            time_s=state.time_s,
-            fresh=np.array(state.fresh),
-        )
+        # What makes no finite number of them is flagged in the estimate.
+        with np.errstate(all="ignore"):
+            estimate = self._estimator.step(
+                np.array(state.current),
+                np.array(state.link_position),
+                np.array(state.motor_velocity),
+                None if motor is None else np.array(motor),
+                state.interval_s,
+                time_s=state.time_s,
+                fresh=np.array(state.fresh),
+            )
         # As the tick does when the arm begins to hold.
         if self._mode == Mode.ENABLING and state.mode == Mode.HOLDING:
             self._estimator.reset()

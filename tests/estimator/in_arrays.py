@@ -29,7 +29,7 @@ from estimator.motor_position import MOTION, MotorPosition
 from estimator.residual import Residual
 from estimator.settings import EstimatorSettings
 from estimator.stiction import Stiction, displacement
-from estimator.thresholds import ThresholdRaise, Thresholds
+from estimator.thresholds import RAISED_PERIODS, ThresholdRaise, Thresholds
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
@@ -187,7 +187,7 @@ class Estimator:
                 return self._invalid()
             self._last = made
         else:
-            known = np.where(came, link_position, self._last.q)
+            known = np.where(np.isfinite(link_position), link_position, self._last.q)
             self._last = self._still(known, flags | Flag.STARTING)
         return self._last
 
@@ -300,6 +300,8 @@ class Estimator:
         self._balance(q, q_dot, theta_dot, tau_M, rest, gaps)
         side = self.motor_position.side
         periods = gaps / self.period_s if Flag.LATE in flags else None
+        if periods is not None and periods.max() > RAISED_PERIODS:
+            flags |= Flag.RAISED
         hidden = self._threshold_raise.at(rest, self.stiction.unknown, side, periods)
         threshold = self.detector.thresholds(hidden, theta_dot, dt)
         contacts = self.detector.step(self.residual.values[0], side, time_s, absent)

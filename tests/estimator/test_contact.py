@@ -176,3 +176,27 @@ def test_a_force_is_never_felt_beyond_its_link(romeo_urdf) -> None:
         assert answer is None or answer <= link
         right += answer == link
     assert right > 80  # many forces have no lever about the link's own joint
+
+
+@pytest.mark.parametrize(
+    ("residual", "absent", "begins"),
+    [
+        ([9, 9, 9], [0, 0, 0], [0]),
+        ([9, 9, 9], [1, 0, 0], [1]),  # the tick that the missing sample comes in
+        ([9, 0, 0], [1, 0, 0], []),  # it was not as it was taken to be
+        ([9, 9, 9, 9], [1, 1, 1, 1], [2]),  # and no longer than so
+        ([9, 0, 9, 9, 9], [1, 0, 1, 1, 1], [4]),  # each contact for itself
+        ([9, 9, 9, 9], [0, 1, 1, 1], [0]),  # one that has begun goes on
+    ],
+)
+def test_a_contact_beside_a_missing_sample_waits_for_it(
+    residual: list[int], absent: list[int], begins: list[int]
+) -> None:
+    d, none = detector(), np.zeros(2)
+    found = []
+    for k, (r, missing) in enumerate(zip(residual, absent, strict=True)):
+        d.thresholds(none, none, 0.01)
+        other = np.array([False, True]) if missing else None
+        if d.step(np.array([0.2 * r, 0.0]), SIDE, 0.01 * k, other):
+            found.append(k)
+    assert found == begins

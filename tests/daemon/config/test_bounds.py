@@ -63,7 +63,7 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "inertias 1e7 too large": (
         SINGLE_JOINT, "arm.urdf", r'(i(?:xx|yy|zz)=)"([^"]*)"', r'\1"\2e7"',
         "urdf (arm.urdf), line 13: link 'bar'",
-        ("1.35e+05 kg m2 is beyond", "up to 0.04 kg m2", "1 kg at half the reach", "(0.4 m)"),
+        ("1.35e+05 kg m2 is beyond", "up to 0.0625 kg m2", "1 kg at half the reach", "(0.5 m)"),
     ),
     "masses 1e7 too large": (
         SINGLE_JOINT, "arm.urdf", 'mass value="1.0"', 'mass value="1.0e7"',
@@ -114,7 +114,7 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "a motor that makes room for any level": (
         SINGLE_JOINT, "config.yaml", "torque_constant: 3.0", "torque_constant: 300",
         "joints[0] (joint).torque_constant",
-        ("300 Nm/A is beyond", "up to 49.05", "50 times the weight of the whole arm"),
+        ("300 Nm/A is beyond", "up to 61.31", "50 times the weight of the whole arm"),
     ),
     "no motor's torque constant": (
         SINGLE_JOINT, "config.yaml", "torque_constant: 3.0", "torque_constant: 1e-9",
