@@ -17,7 +17,10 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-MODULES = ("elementary", "dynamics", "gap", "kernel")
+MODULES = (
+    *("elementary", "dynamics", "link_velocity", "stiction", "motor_position"),
+    *("interval", "residual", "contact_detector", "kernel"),
+)
 # No contraction: a fused product would round otherwise than the plain module.
 FLAGS = ("-shared", "-fPIC", "-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-w")
 

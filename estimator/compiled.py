@@ -3,7 +3,10 @@
 import importlib
 from collections.abc import Sequence
 
-MODULES = ("elementary", "dynamics", "gap", "kernel")
+MODULES = (
+    *("elementary", "dynamics", "link_velocity", "stiction", "motor_position"),
+    *("interval", "residual", "contact_detector", "kernel"),
+)
 
 
 def uncompiled(names: Sequence[str] = MODULES) -> list[str]:
