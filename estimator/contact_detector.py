@@ -122,7 +122,8 @@ class ContactDetector:
     def begun(
         self, residual: Vector, side: NDArray[np.int64], time_s: float
     ) -> tuple[Contact, ...]:
-        """Contacts that begin in this tick, at most one per joint and level; residual, side: (n,)."""
+        """Contacts that begin in this tick, at most one per joint and level; residual [Nm] and side
+        are (n,)."""
         return tuple(
             Contact(
                 joint=self._joints[i],

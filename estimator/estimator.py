@@ -139,3 +139,42 @@ class Estimator:
     def memory(self) -> dict[str, Any]:
         """The complete internal state, fit for JSON; `restore` continues bit-identically."""
         return memory.dump(self._kernel)
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from `memory()`. Raises ModelError if it belongs to another arm."""
+        memory.load(self._kernel, state)
+        self._last = self._estimate((), Flag(0))
+
+    def _check_shape(self, name: str, values: Vector) -> None:
+        """Raise ModelError for another shape: numpy would stretch one number over all joints."""
+        if getattr(values, "shape", None) != self._shape:
+            given = getattr(values, "shape", type(values).__name__)
+            raise ModelError(f"{name} is {given}; it must be an array of shape {self._shape}")
+
+    def _estimate(self, contacts: tuple[Contact, ...], flags: Flag) -> Estimate:
+        residuals, side = self._residuals.copy(), self._side.astype(np.int8)
+        q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded = self._shown.copy()
+        return Estimate(
+            q=q,
+            q_dot=q_dot,
+            theta=theta,
+            phi=phi,
+            phi_sigma=phi_sigma,
+            side=side,
+            tau_M=tau_M,
+            residual=residuals[0],
+            beside={name: residuals[row] for row, name in self._beside},
+            threshold=threshold,
+            thresholded=thresholded,
+            contacts=contacts,
+            touched_link=self._touched_link(residuals[0], threshold)
+            if np.count_nonzero(thresholded)
+            else "",
+            flags=flags,
+            sensing=self._sensing.astype(np.bool_),
+        )
+
+    def _touched_link(self, residual: Vector, threshold: Vector) -> str:
+        # A residual that stiction may explain near rest is no sign of a touch.
+        link = touched_link(dead_band(residual, threshold - self._contact), self._contact)
+        return "" if link is None else self.model.names[link]

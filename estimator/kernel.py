@@ -12,7 +12,7 @@ from estimator.contact_detector import ContactDetector
 from estimator.dynamics import Dynamics
 from estimator.elementary import decay, smooth_sign
 from estimator.estimate import Flag
-from estimator.interval import ROW, Interval
+from estimator.interval import Interval
 from estimator.link_velocity import SAMPLES, Alignment
 from estimator.motor_position import MotorPosition, Side
 from estimator.residual import Residual
@@ -25,10 +25,9 @@ from estimator.transmission import REST_VELOCITY, Transmission
 _SAMPLES, _SIDE_UNKNOWN, _REST_VELOCITY = SAMPLES, int(Side.UNKNOWN), REST_VELOCITY
 _INVALID, _LATE, _RESTARTED = int(Flag.INVALID), int(Flag.LATE), int(Flag.RESTARTED)
 _STARTING, _BRIDGED, _RAISED = int(Flag.STARTING), int(Flag.BRIDGED), int(Flag.RAISED)
-(
-    *(_MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA, _TAU_M, _MOTOR_FRICTION),
-    *(_ENGAGED_LINK_FRICTION, _LINK_FRICTION, _GAP_FRICTION, _STICTION),
-) = ROW.values()
+_MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA = range(5)  # rows of `interval.TERMS`
+_TAU_M, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _LINK_FRICTION, _GAP_FRICTION = range(5, 10)
+_STICTION = 10
 # An interval of so many periods is late; one of so many raises the levels of its joint: two samples
 # were missing.
 _LATE_PERIODS, _RAISED_PERIODS = 1.5, 2.5
