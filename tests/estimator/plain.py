@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+from estimator.compiled import MODULES
+
 FOLDER = Path(__file__).parents[2] / "estimator"
-MODULES = ("elementary", "dynamics", "gap", "kernel")
 
 
 def plain() -> dict[str, ModuleType]:

@@ -14,6 +14,7 @@ from estimator.contact import Contact, dead_band, touched_link
 from estimator.estimate import Estimate, Flag
 from estimator.interval import ROW
 from estimator.model import Model
+from estimator.motor_position import MotorPosition
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
@@ -30,7 +31,6 @@ from tests.estimator.in_arrays.parts import (
     ThresholdRaise,
     displacement,
 )
-from tests.estimator.in_arrays.rotors import MOTION, MotorPosition
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
 _ADVANCE = {"integrated": {"theta_dot": 1.0}, "measured": {"theta": 1.0}}
@@ -38,7 +38,6 @@ _ROTOR = {"rotor": 1.0}
 _TRANSMITTED = {"tau_M": 1.0, "rotor": -1.0, "motor_friction": -1.0}
 # Their rows among the impulses, in this order.
 _ADVANCE_ROW, _TORQUE_ROWS, _RESIDUAL_ROWS = 0, slice(1, 3), slice(3, None)
-_MEAN_TORQUES = slice(MOTION.index("rotor"), None)  # the same rows of MOTION, divided by dt
 #: A joint that was without a sample for longer senses nothing [periods]: its residual is old.
 SENSED_PERIODS = 2.5
 #: Over a longer gap nothing is bridged [periods]: Tustin's rule does not know what happened in it.
@@ -74,7 +73,7 @@ class Estimator:
             position_delay=settings.motor_position_delay_ms / 1000,
         )
         self._measured = settings.motor_position == "measured"
-        self.motor_position = MotorPosition(transmission, settings.gap, measured=self._measured)
+        self.motor_position = MotorPosition(transmission, settings.gap, self._measured)
         self.stiction = Stiction(n, settings.presliding)
         variants = (settings.residual, *settings.beside)
         self.residual = Residual(variants, settings.gain, period_s, n)
@@ -100,7 +99,6 @@ class Estimator:
         self._samples: Matrix = np.zeros((4, n))
         self._ones = np.ones(4 * n)
         self._aligned: Matrix = np.zeros((len(ALIGNED), n))
-        self._moved: Matrix = np.zeros((len(MOTION), n))
         self._friction = FrictionTerms(t)
         self._shown: Matrix = np.zeros((4, n))  # q, q_dot, tau_M, threshold
         self._every: NDArray[np.bool_] = np.ones(n, dtype=np.bool_)
@@ -228,7 +226,7 @@ class Estimator:
             self._going = going | self.alignment.ready
             gaps = gaps * going
             for i in np.flatnonzero(~going).tolist():
-                self.motor_position.joints[i].start(float(q[i]))
+                self.motor_position.start(i, float(q[i]))
         self.interval.begin()
         now = self.interval.now
         tau_M = now[ROW["tau_M"]]
@@ -250,7 +248,7 @@ class Estimator:
             self.interval.start(~going)
             self.interval.keep((gaps == 0.0) & going)
         self._balance(q, q_dot, theta_dot, tau_M, rest, gaps)
-        side = self.motor_position.side
+        side = np.asarray(self.motor_position.side)
         periods = gaps / self.period_s if Flag.LATE in flags else None
         if periods is not None and periods.max() > RAISED_PERIODS:
             flags |= Flag.RAISED
@@ -267,23 +265,28 @@ class Estimator:
         """Motor position and residual over the intervals dt (n,) [s] that end now; where dt is 0
         none does."""
         impulses = self.interval.step(dt)
-        moved = self._moved
-        moved[0], moved[1], moved[2], moved[3], moved[4] = q, q_dot, theta_dot, rest, tau_M
-        moved[5] = impulses[_ADVANCE_ROW]
-        np.divide(impulses[_TORQUE_ROWS], np.where(dt > 0.0, dt, 1.0), out=moved[_MEAN_TORQUES])
-        engaged = self.motor_position.step(moved, dt)
+        lasts = np.where(dt > 0.0, dt, 1.0)
+        rotor, transmitted = impulses[_TORQUE_ROWS] / lasts
+        advance = impulses[_ADVANCE_ROW]
+        motion = np.array([q, q_dot, theta_dot, rest, tau_M, advance, rotor, transmitted])
+        # Those without an interval: r is kept whether they are engaged or not.
+        engaged = [
+            float(not dt[i] or self.motor_position.step(i, dt[i], *motion[:, i]))
+            for i in range(len(dt))
+        ]
         errors = impulses[_RESIDUAL_ROWS]
         if self._correcting:
             t = self.transmission
-            delta = penetration(q - self.motor_position.theta, t.half_gap)
+            delta = penetration(q - np.asarray(self.motor_position.theta), t.half_gap)
             correction = t.contact_stiffness * delta + t.contact_damping * (q_dot - theta_dot)
             errors[self.residual.engaged] -= dt * self._corrected * correction
-        self.residual.step(errors, engaged, dt)
+        self.residual.step(errors, np.array(engaged), dt)
 
     def _still(self, q: Vector, flags: Flag) -> Estimate:
         """Estimate without a velocity yet: no residual."""
         zero = np.zeros(self.model.n)
-        self.motor_position.start(q)
+        for i in range(len(q)):
+            self.motor_position.start(i, q[i])
         threshold = self.detector.thresholds(self._threshold_raise.most, zero, self.period_s)
         self._show(q, zero, zero, threshold)
         return self._estimate((), flags, ~self._every)
@@ -298,15 +301,15 @@ class Estimator:
         position = self.motor_position
         q, q_dot, tau_M, threshold = self._shown.copy()
         residuals = self.residual.values.copy()
-        theta = position.theta
+        theta = np.array(position.theta)
         thresholded = dead_band(residuals[0], threshold)
         return Estimate(
             q=q,
             q_dot=q_dot,
             theta=theta,
             phi=q - theta,
-            phi_sigma=position.sigma,
-            side=position.side,
+            phi_sigma=np.array(position.sigma),
+            side=np.array(position.side, dtype=np.int8),
             tau_M=tau_M,
             residual=residuals[0],
             beside={name: residuals[row] for row, name in self._beside},
