@@ -15,7 +15,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from arrays import Vector
+from arrays import Matrix, Vector
 from errors import ModelError
 from estimator import memory
 from estimator.contact import Contact, dead_band, touched_link
@@ -65,7 +65,9 @@ class Estimator:
         self._contact = thresholds.contact
         self._samples, self._came = np.asarray(k.alignment.samples), np.asarray(k.came)
         self._shown, self._side = np.asarray(k.shown), np.asarray(k.motor_position.side)
-        self._residuals, self._sensing = np.asarray(k.residual.values), np.asarray(k.sensing)
+        self.residuals: Matrix = np.asarray(k.residual.values)
+        """of all `variants`, (variants, n) [Nm]; those of now, not a copy"""
+        self._sensing = np.asarray(k.sensing)
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         self._shape = (model.n,)
         self._last = self._estimate((), Flag.STARTING)
@@ -108,7 +110,7 @@ class Estimator:
         contacts: tuple[Contact, ...] = ()
         if self._kernel.begun:
             now_s = self._kernel.elapsed_s if time_s is None else time_s
-            contacts = self.detector.begun(self._residuals[0], self._side, now_s)
+            contacts = self.detector.begun(self.residuals[0], self._side, now_s)
         self._last = self._estimate(contacts, _FLAGS[flags])
         return self._last
 
@@ -152,7 +154,7 @@ class Estimator:
             raise ModelError(f"{name} is {given}; it must be an array of shape {self._shape}")
 
     def _estimate(self, contacts: tuple[Contact, ...], flags: Flag) -> Estimate:
-        residuals, side = self._residuals.copy(), self._side.astype(np.int8)
+        residuals, side = self.residuals.copy(), self._side.astype(np.int8)
         q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded = self._shown.copy()
         return Estimate(
             q=q,
