@@ -75,7 +75,6 @@ class Kernel:
         self.going, self.sensing = np.zeros((2, n), dtype=np.int64)
         self.begun = 0  # contacts that begin in this tick
         self.elapsed_s = 0.0
-        self.elapsed_s = 0.0
         self.shown = np.zeros((8, n))
         self.q, self.q_dot, self._theta, self._phi = self.shown[:4]
         self._sigma, self.tau_M, self.threshold, self._thresholded = self.shown[4:]
@@ -94,7 +93,6 @@ class Kernel:
         step = dt if dt > 0.0 and dt - dt == 0.0 else self._period
         for i in range(self.n):
             self.since[i] += step
-        self.elapsed_s += step
         self.elapsed_s += step
         self.begun = 0
         if not valid:
