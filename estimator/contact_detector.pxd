@@ -4,10 +4,11 @@ cimport cython
 
 from estimator.elementary cimport decay
 
-cdef double _MISSING_SHARE, _MISSING_MOST
+cdef double _MISSING_SHARE, _MISSING_MOST, _CLEAR, _ABSENT
 cdef long long _WAITS
 
 cdef class ContactDetector:
+    cdef Py_ssize_t _n
     cdef object _joints
     cdef double _gain
     cdef long long _debounce
@@ -25,4 +26,5 @@ cdef class ContactDetector:
         begun="long long", past="long long", streak="long long", begins=bint
     )
     cpdef long long step(self, Py_ssize_t i, double residual, bint came, bint beside) noexcept
+    cpdef Py_ssize_t touched_link(self, double[::1] residual) noexcept
     cpdef void reset(self, Py_ssize_t i) noexcept

@@ -1,9 +1,13 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Levels in force on the residual, and debounce: from the residual of each joint to its contacts.
+"""Levels in force on the residual, and debounce: from residuals to contacts and the touched link.
 
 The configured levels are raised near rest, while the side of a joint's gap is unknown, and after
 samples that were missing, by the torque that the residual cannot show, or may pretend, then.
+
+A force on a link acts on its own joint and on those before it; the residuals of joints beyond the
+contact stay small. So the touched link is that of the last joint whose residual is clear: at least
+this one, and one further out only if the force has no lever about the joints in between.
 
 Ordinary Python, which runs as it is; `contact_detector.pxd` names the types for the compiler,
 decision 0037.
@@ -25,6 +29,9 @@ from estimator.transmission import Transmission
 # Of the contact level, for each sample that was missing beyond the first, and at most: what the
 # mean of both ends may be wrong by over an interval in which a motor crossed its gap.
 _MISSING_SHARE, _MISSING_MOST = 0.4, 1.2
+# Shares of its contact level: what a residual does not reach by the model's errors alone, and below
+# which it is clearly absent.
+_CLEAR, _ABSENT = 0.35, 0.175
 # Ticks for which a contact beside a missing sample may wait for it.
 _WAITS = 2
 
@@ -50,7 +57,7 @@ class ContactDetector:
             raise ModelError(f"thresholds for {thresholds.contact.size} joints, the arm has {n}")
         if s.debounce < 1:
             raise ModelError(f"debounce is {s.debounce} ticks; at least 1")
-        self._joints = tuple(joints)
+        self._n, self._joints = n, tuple(joints)
         self._gain, self._debounce = s.gain, s.debounce
         self._levels = np.stack([thresholds.contact, thresholds.collision])
         self._per_speed = thresholds.per_speed.copy()
@@ -119,9 +126,7 @@ class ContactDetector:
             begun += begins
         return begun
 
-    def begun(
-        self, residual: Vector, side: NDArray[np.int64], time_s: float
-    ) -> tuple[Contact, ...]:
+    def begun(self, residual: Vector, side: NDArray[np.int8], time_s: float) -> tuple[Contact, ...]:
         """Contacts that begin in this tick, at most one per joint and level; residual [Nm] and side
         are (n,)."""
         return tuple(
@@ -135,6 +140,21 @@ class ContactDetector:
             )
             for level, i in np.argwhere(self.begins)
         )
+
+    def touched_link(self, residual: Vector) -> int:
+        """Index of the joint whose link is touched, for a residual (n,) [Nm] that is past the level
+        of at least one joint; what raises the levels is no sign of a touch.
+
+        -1 where it cannot be decided: no residual is clear, or that of a joint further out is
+        neither clear nor clearly absent.
+        """
+        for i in range(self._n - 1, -1, -1):
+            strength = (abs(residual[i]) - self.above[i]) / self._levels[0, i]
+            if strength > _CLEAR:
+                return i
+            if strength > _ABSENT:
+                return -1
+        return -1
 
     def touched(self) -> NDArray[np.bool_]:
         """Joints that are past their contact level now, debounced; shape (n,)."""

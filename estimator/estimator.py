@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from arrays import Matrix, Vector
 from errors import ModelError
 from estimator import memory
-from estimator.contact import Contact, dead_band, touched_link
+from estimator.contact import Contact
 from estimator.dynamics import Dynamics
 from estimator.estimate import Estimate, Flag
 from estimator.kernel import Kernel
@@ -28,7 +28,6 @@ from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission, resting
 
-_INPUTS = ("current", "link_position", "motor_velocity")
 _FLAGS = tuple(Flag(i) for i in range(2 * max(Flag)))  # making one costs a microsecond
 _INVALID = int(Flag.INVALID)
 
@@ -62,14 +61,14 @@ class Estimator:
         """Age of the estimate when its samples arrive [s]; the residual adds ln 2 / K."""
         self.detector = k.detector
         self._measured = settings.motor_position == "measured"
-        self._contact = thresholds.contact
         self._samples, self._came = np.asarray(k.alignment.samples), np.asarray(k.came)
         self._shown, self._side = np.asarray(k.shown), np.asarray(k.motor_position.side)
         self.residuals: Matrix = np.asarray(k.residual.values)
         """of all `variants`, (variants, n) [Nm]; those of now, not a copy"""
-        self._sensing = np.asarray(k.sensing)
+        self._sensing = np.asarray(k.sensing).view(np.bool_)
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         self._shape = (model.n,)
+        self._link_names = (*model.names, "")
         self._last = self._estimate((), Flag.STARTING)
 
     def step(
@@ -94,15 +93,16 @@ class Estimator:
         INVALID. Raises ModelError for arrays of another shape.
         """
         dt = self.period_s if dt is None else dt
-        for name, values in zip(_INPUTS, (current, link_position, motor_velocity), strict=True):
-            self._check_shape(name, values)
+        self._check_shape("current", current)
+        self._check_shape("link_position", link_position)
+        self._check_shape("motor_velocity", motor_velocity)
         samples = self._samples
         samples[0], samples[1], samples[3] = current, motor_velocity, link_position
         if self._measured:
             if motor_position is not None:
                 self._check_shape("motor_position", motor_position)
             samples[2] = np.nan if motor_position is None else motor_position
-        self._came[:] = True if fresh is None else fresh
+        self._came.fill(1) if fresh is None else np.copyto(self._came, fresh)
         flags = self._kernel.step(dt)
         if flags & _INVALID:
             nothing = np.zeros(self._shape, dtype=np.bool_)
@@ -154,7 +154,7 @@ class Estimator:
             raise ModelError(f"{name} is {given}; it must be an array of shape {self._shape}")
 
     def _estimate(self, contacts: tuple[Contact, ...], flags: Flag) -> Estimate:
-        residuals, side = self.residuals.copy(), self._side.astype(np.int8)
+        k, residuals, side = self._kernel, self.residuals.copy(), self._side.copy()
         q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded = self._shown.copy()
         return Estimate(
             q=q,
@@ -169,14 +169,7 @@ class Estimator:
             threshold=threshold,
             thresholded=thresholded,
             contacts=contacts,
-            touched_link=self._touched_link(residuals[0], threshold)
-            if np.count_nonzero(thresholded)
-            else "",
+            touched_link=self._link_names[k.touched_link],
             flags=flags,
-            sensing=self._sensing.astype(np.bool_),
+            sensing=self._sensing.copy(),
         )
-
-    def _touched_link(self, residual: Vector, threshold: Vector) -> str:
-        # A residual that stiction may explain near rest is no sign of a touch.
-        link = touched_link(dead_band(residual, threshold - self._contact), self._contact)
-        return "" if link is None else self.model.names[link]

@@ -30,10 +30,12 @@ cdef class Kernel:
     cdef bint _measured
     cdef double[::1] _K_c, _B, _alpha, _held, _motor_coulomb, _motor_viscous, _link_coulomb
     cdef double[::1] _link_viscous, _gap_coulomb, _gap_viscous, _K_phi_p, _K_phi_d
-    cdef readonly long long[::1] came, going, sensing
+    cdef readonly long long[::1] came, going
+    cdef readonly unsigned char[::1] sensing
     cdef readonly double[::1] since, q, q_dot, tau_M, threshold
     cdef double[::1] _gaps, _theta, _phi, _sigma, _thresholded
-    cdef readonly long long begun
+    cdef readonly long long begun, touched_link
+    cdef long long _pressed
     cdef public double elapsed_s
     cdef readonly double[:, ::1] shown
 

@@ -72,8 +72,10 @@ class Kernel:
         # before where it came in this tick, 0 where none did [s].
         self.since, self._gaps = np.zeros((2, n))
         # Joints whose interval has a beginning, and those that sense.
-        self.going, self.sensing = np.zeros((2, n), dtype=np.int64)
+        self.going, self.sensing = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.uint8)
         self.begun = 0  # contacts that begin in this tick
+        self.touched_link = -1  # index of its joint, -1 where none is, or not known
+        self._pressed = 0  # joints whose thresholded residual is not zero
         self.elapsed_s = 0.0
         self.shown = np.zeros((8, n))
         self.q, self.q_dot, self._theta, self._phi = self.shown[:4]
@@ -94,7 +96,8 @@ class Kernel:
         for i in range(self.n):
             self.since[i] += step
         self.elapsed_s += step
-        self.begun = 0
+        self.begun = self._pressed = 0
+        self.touched_link = -1
         if not valid:
             return _INVALID
         flags = self._take()
@@ -126,9 +129,12 @@ class Kernel:
 
     def resume(self) -> None:
         """Go on from a state that was written from outside."""
+        self._pressed, self.touched_link = 0, -1
         for i in range(self.n):
             self.detector.above[i], self.sensing[i] = self.detector.raised[i], 0
             self._show(i)
+        if self._pressed:
+            self.touched_link = self.detector.touched_link(self.residual.values[0])
 
     def _take(self) -> int:
         """Put this tick's samples to those before; STARTING where they do for no joint yet."""
@@ -184,6 +190,8 @@ class Kernel:
             self.going[i] = self.going[i] or self.alignment.count[i] >= _SAMPLES
             self.q[i], self.q_dot[i] = self.alignment.aligned[0, i], self.alignment.aligned[1, i]
             self._show(i)
+        if self._pressed:
+            self.touched_link = self.detector.touched_link(self.residual.values[0])
         return flags
 
     def _joint(self, i: int, gap: float, dt: float, beside: bool) -> float:
@@ -259,3 +267,4 @@ class Kernel:
         self._theta[i], self._sigma[i] = self.motor_position.theta[i], self.motor_position.sigma[i]
         self._phi[i] = self.q[i] - self._theta[i]
         self._thresholded[i] = r - min(max(r, -threshold), threshold)
+        self._pressed += self._thresholded[i] != 0.0

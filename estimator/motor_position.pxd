@@ -12,7 +12,8 @@ cdef class MotorPosition:
     cdef long long _hold_ticks
     cdef bint _measured
     cdef readonly double[::1] theta, sigma, q, slipped, slipped_most, rested_at, rested_s
-    cdef readonly long long[::1] side, streak, gap
+    cdef readonly signed char[::1] side
+    cdef readonly long long[::1] streak, gap
 
     cpdef void start(self, Py_ssize_t i, double q) noexcept
     @cython.locals(before=bint, engaged=bint, clear=bint)

@@ -63,7 +63,8 @@ class MotorPosition:
         self.slipped, self.slipped_most, self.rested_at, self.rested_s = np.zeros((4, n))
         # Streak: ticks in a row in which the transmitted torque clearly had one sign, signed as
         # that. Gap: sure to be in it; unlike `side`, never in doubt.
-        self.side, self.streak, self.gap = np.zeros((3, n), dtype=np.int64)
+        self.side = np.zeros(n, dtype=np.int8)
+        self.streak, self.gap = np.zeros((2, n), dtype=np.int64)
         for i in range(n):
             self.start(i, 0.0)
 

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
-from estimator.contact import Contact, dead_band, touched_link
+from estimator.contact import Contact, dead_band
 from estimator.estimate import Estimate, Flag
 from estimator.interval import ROW
 from estimator.model import Model
@@ -30,6 +30,7 @@ from tests.estimator.in_arrays.parts import (
     Stiction,
     ThresholdRaise,
     displacement,
+    touched_link,
 )
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.

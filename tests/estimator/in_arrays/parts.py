@@ -23,6 +23,7 @@ _MISSING_SHARE, _MISSING_MOST = 0.4, 1.2
 RAISED_PERIODS = 2.5
 WAITS = 2
 _SHORTEST_S = 1e-9
+_CLEAR, _ABSENT = 0.35, 0.175
 
 
 def parabola(last_interval: Vector, interval_before: Vector, delay: float) -> NDArray[np.float64]:
@@ -430,3 +431,18 @@ class ContactDetector:
         self.raised[joints] = 0.0
         self.streak[:, joints] = 0
         self.waited[:, joints] = 0
+
+
+def touched_link(residual: Vector, contact: Vector) -> int | None:
+    """Index of the joint whose link is touched, for a residual (n,) [Nm] that is past the contact
+    level (n,) [Nm] of at least one joint.
+
+    None where it cannot be decided: no residual is clear, or that of a joint further out is neither
+    clear nor clearly absent.
+    """
+    strength = np.abs(residual) / contact
+    clear = np.flatnonzero(strength > _CLEAR)
+    if not clear.size:
+        return None
+    last = int(clear[-1])
+    return None if np.any(strength[last + 1 :] > _ABSENT) else last
