@@ -3,7 +3,11 @@
 import importlib
 from collections.abc import Sequence
 
-ESTIMATOR = ("elementary", "estimator.dynamics", "estimator.gap", "estimator.kernel")
+ESTIMATOR = (
+    *("elementary", "estimator.dynamics", "estimator.link_velocity", "estimator.stiction"),
+    *("estimator.motor_position", "estimator.interval", "estimator.residual"),
+    *("estimator.contact_detector", "estimator.kernel"),
+)
 SIMULATOR = (
     *("elementary", "simulator.links", "simulator.two_masses"),
     *("simulator.servo", "simulator.sensors", "simulator.servo_periods"),

@@ -18,7 +18,9 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 MODULES = (
-    *("elementary", "estimator/dynamics", "estimator/gap", "estimator/kernel"),
+    *("elementary", "estimator/dynamics", "estimator/link_velocity", "estimator/stiction"),
+    *("estimator/motor_position", "estimator/interval", "estimator/residual"),
+    *("estimator/contact_detector", "estimator/kernel"),
     *("simulator/links", "simulator/two_masses", "simulator/servo", "simulator/sensors"),
     "simulator/servo_periods",
 )

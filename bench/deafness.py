@@ -37,7 +37,15 @@ JOINTS: Final = {
     name: len(load_robot(folder).configuration.joints) for name, folder in ARMS.items()
 }
 MODES: Final = (Mode.TRACKING, Mode.ADMITTANCE, Mode.RETURNING, Mode.HOLDING)
-PERIODIC = (Pattern(1, 3), Pattern(2, 3), Pattern(2, 4), Pattern(2, 5), Pattern(3, 4))
+PERIODIC = (
+    Pattern(4, 9),
+    Pattern(6, 16),
+    Pattern(1, 3),
+    Pattern(2, 3),
+    Pattern(2, 4),
+    Pattern(2, 5),
+    Pattern(3, 4),
+)
 RANDOM = tuple(Pattern(share=share) for share in (0.05, 0.1, 0.2, 0.5))
 BURSTS = (Pattern(2, 20, burst=True), Pattern(4, 40, burst=True), Pattern(8, 80, burst=True))
 PERIOD_S = 0.01
@@ -66,7 +74,7 @@ class Heard:
     """What came of a push; times [s] after it began, None where it did not happen."""
 
     felt_s: float | None  # the thresholded residual of its joint had its sign
-    lost_ticks: int  # samples of its joint that were lost until then
+    lost_ticks: int  # ticks until then in which some sample was lost
     deaf_s: float | None  # its joint began to sense nothing; negative: before the push
     stopped_s: float | None  # the arm had begun to stop, or State said who senses nothing
     resumed_early: bool  # it went on by itself without quiet time that counts
@@ -190,7 +198,7 @@ def pushed(run: Run, case: Case, torque: float, before: int, lost: Mask) -> Hear
         deaf_s = (now_s if deaf_s is None else deaf_s) if deaf else None
         if now_s <= 0.0:
             continue
-        missing += bool(row[joint]) and loss.what != "setpoints"
+        missing += bool(row.any()) and loss.what != "setpoints"
         felt = np.sign(estimate.thresholded[joint]) == np.sign(torque) and not deaf
         if felt and felt_s is None:
             felt_s = now_s
@@ -261,7 +269,8 @@ def led(arm: str, loss: Loss, seed: int) -> tuple[bool, Mode]:
         joint = int(rng.integers(run.n))
         run.bring_to(Mode.ADMITTANCE, joint)
         rig = run.rig
-        run.push(joint, 2.0 * float(rig.estimate.threshold[joint]))
+        # Lightly, too: it is felt without losses.
+        run.push(joint, rng.uniform(1.2, 2.0) * float(rig.estimate.threshold[joint]))
         lost = loss.drawn(rng, round(LED_S / rig.robot.configuration.period_s), run.n)
         in_the_hand = False
         for _ in lossy_steps(rig, run.wire, loss, lost):
@@ -309,7 +318,7 @@ def _go_on(run: Run) -> None:
 
 def paired_delays(arms: tuple[str, ...], pairs: int) -> list[float]:
     """Further delays [s] of pushes with 1 % of each drive's samples lost, less one period for each
-    sample of the pushed joint that was lost until then."""
+    tick until then in which a sample was lost."""
     further = []
     for seed in range(pairs):
         arm = arms[seed % len(arms)]

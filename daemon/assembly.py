@@ -132,10 +132,15 @@ def build_transmission(c: Configuration) -> Transmission:
     )
 
 
+#: An arm may be deaf for so long, beside the 2.5 periods after which a joint is [s].
+DEAF_S = 0.06
+
+
 def build_fault_detector(c: Configuration) -> FaultDetector:
     """Detector of faults, with the bounds and the patience that the configuration gives it."""
     s = c.supervisor
-    patience = DetectorSettings(s.stale_ticks, s.overrun_ticks)
+    deaf_ticks = min(max(int(DEAF_S / c.period_s + 1e-9), 1), 5)
+    patience = DetectorSettings(s.stale_ticks, s.overrun_ticks, deaf_ticks)
     bounds = PlausibilitySettings(
         lower=row(c, lambda j: j.limits.lower),
         upper=row(c, lambda j: j.limits.upper),

@@ -22,6 +22,8 @@ class Flag(IntFlag):
     """Too long without samples: residual and motor position of some joint start anew."""
     STARTING = 8
     """Not enough samples yet for a link velocity: the residual is zero."""
+    RAISED = 32
+    """More than one sample of a joint was missing: its levels are raised, and fade."""
     BRIDGED = 16
     """Samples of some joint are missing: its residual is the last, and the others take its link to
     go on as it did."""

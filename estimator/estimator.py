@@ -8,37 +8,28 @@ and its own interval lasts until its next sample comes, so that no impulse is lo
 was wrong by is in the next increment.
 """
 
-import math
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from arrays import Vector
+from arrays import Matrix, Vector
 from errors import ModelError
 from estimator import memory
-from estimator.contact import Contact, Touch, dead_band, touched_link
+from estimator.contact import Contact
 from estimator.dynamics import Dynamics
 from estimator.estimate import Estimate, Flag
-from estimator.gap import Gap
 from estimator.kernel import Kernel
-from estimator.link_velocity import DELAY_PERIODS
 from estimator.model import Model
-from estimator.residual import weights
+from estimator.motor_position import Side
 from estimator.settings import EstimatorSettings
-from estimator.thresholds import ThresholdRaise, Thresholds
+from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission, resting
 
-_INPUTS = ("current", "link_position", "motor_velocity")
-_FLAGS = tuple(Flag(i) for i in range(2 * int(Flag.BRIDGED)))  # making one costs a microsecond
-INVALID = int(Flag.INVALID)
-_ROTORS = (
-    *("theta", "sigma", "streak", "side", "gap"),
-    *("q", "slipped", "slipped_most", "rested_at", "rested_s"),
-)
+_FLAGS = tuple(Flag(i) for i in range(2 * max(Flag)))  # making one costs a microsecond
+_INVALID = int(Flag.INVALID)
 
 
 class Estimator:
@@ -55,71 +46,30 @@ class Estimator:
         thresholds: Thresholds,
         period_s: float,
     ) -> None:
-        n = model.n
         if transmission.joints != model.names:
             raise ModelError(f"transmission of {transmission.joints}, model of {model.names}")
         if settings.sign_width != transmission.sign_width:
             raise ModelError(
                 f"sign_width {settings.sign_width} and {transmission.sign_width} differ"
             )
-        if thresholds.contact.shape != (n,):
-            raise ModelError(f"thresholds for {thresholds.contact.size} joints, the arm has {n}")
-        self.model = model
-        self.transmission = transmission
-        self.settings = settings
+        self.model, self.transmission, self.settings = model, transmission, settings
         self.period_s = period_s
         self.variants = (settings.residual, *settings.beside)
-        s, back = settings, DELAY_PERIODS[settings.link_velocity] * period_s
-        self.delay_s = back + s.link_position_delay_ms / 1000
+        dynamics = Dynamics(model.bodies(), model.down)
+        self._kernel = k = Kernel(dynamics, transmission, settings, thresholds, period_s)
+        self.delay_s: float = k.alignment.delay_s
         """Age of the estimate when its samples arrive [s]; the residual adds ln 2 / K."""
-        delays = (s.current_delay_ms, s.motor_velocity_delay_ms, s.motor_position_delay_ms)
-        current, velocity, position = (self.delay_s - delay / 1000 for delay in delays)
-        always, engaged, corrected = weights(self.variants, s.gain, period_s)
+        self.detector = k.detector
         self._measured = settings.motor_position == "measured"
-        self._kernel = kernel = Kernel(
-            transmission,
-            settings,
-            thresholds,
-            Dynamics(model.bodies(), model.down),
-            Gap(transmission, settings.gap, self._measured),
-            period_s=period_s,
-            ages=(back, current, velocity, position),
-            always=always,
-            engaged=engaged,
-            corrected=corrected,
-        )
-        self._samples, self._came = np.asarray(kernel.samples), np.asarray(kernel.came)
-        self.residuals, self._sensing = np.asarray(kernel.residual), np.asarray(kernel.sensing)
-        self._shown, self._side = np.asarray(kernel.shown), np.asarray(kernel.rotors.side)
-        self.detector = Touch(model.names, thresholds, kernel, settings.debounce)
-        self._thresholds = thresholds
-        self._threshold_raise = ThresholdRaise(transmission, settings, thresholds.contact)
+        self._samples, self._came = np.asarray(k.alignment.samples), np.asarray(k.came)
+        self._shown, self._side = np.asarray(k.shown), np.asarray(k.motor_position.side)
+        self.residuals: Matrix = np.asarray(k.residual.values)
+        """of all `variants`, (variants, n) [Nm]; those of now, not a copy"""
+        self._sensing = np.asarray(k.sensing).view(np.bool_)
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
-        self._shape = (n,)
-        self.elapsed = 0.0
-        self._state = self._views()
-        for i in range(n):
-            kernel.still(i, 0.0)
+        self._shape = (model.n,)
+        self._link_names = (*model.names, "")
         self._last = self._estimate((), Flag.STARTING)
-
-    def _views(self) -> dict[str, SimpleNamespace]:
-        """The kernel's arrays by the part of the estimator that they are the memory of."""
-        k = self._kernel
-        shown = {name: getattr(k, name) for name in ("q", "q_dot", "tau_M", "threshold")}
-        samples = {name: getattr(k, name) for name in ("count", "interval", "interval_before")}
-        parts = {
-            "estimator": {"since": k.since, "going": k.going, "aligned": k.aligned, **shown},
-            "alignment": {"history": k.history, **samples},
-            "interval": {"ends": k.ends},
-            "motor_position": {name: getattr(k.rotors, name) for name in _ROTORS},
-            "stiction": {"ends": k.stiction},
-            "residual": {"values": k.residual},
-            "detector": {"raised": k.raised, "streak": k.streak},
-        }
-        return {
-            part: SimpleNamespace(**{name: np.asarray(x) for name, x in views.items()})
-            for part, views in parts.items()
-        }
 
     def step(
         self,
@@ -143,33 +93,37 @@ class Estimator:
         INVALID. Raises ModelError for arrays of another shape.
         """
         dt = self.period_s if dt is None else dt
-        for name, values in zip(_INPUTS, (current, link_position, motor_velocity), strict=True):
-            self._check_shape(name, values)
+        self._check_shape("current", current)
+        self._check_shape("link_position", link_position)
+        self._check_shape("motor_velocity", motor_velocity)
         samples = self._samples
         samples[0], samples[1], samples[3] = current, motor_velocity, link_position
         if self._measured:
             if motor_position is not None:
                 self._check_shape("motor_position", motor_position)
             samples[2] = np.nan if motor_position is None else motor_position
-        self._came[:] = True if fresh is None else fresh
-        self.elapsed += dt if 0.0 < dt < math.inf else self.period_s
+        self._came.fill(1) if fresh is None else np.copyto(self._came, fresh)
         flags = self._kernel.step(dt)
-        if flags & INVALID:
+        if flags & _INVALID:
             nothing = np.zeros(self._shape, dtype=np.bool_)
             return replace(self._last, contacts=(), flags=Flag.INVALID, sensing=nothing)
-        contacts = self.detector.begun(self.elapsed if time_s is None else time_s)
+        contacts: tuple[Contact, ...] = ()
+        if self._kernel.begun:
+            now_s = self._kernel.elapsed_s if time_s is None else time_s
+            contacts = self.detector.begun(self.residuals[0], self._side, now_s)
         self._last = self._estimate(contacts, _FLAGS[flags])
         return self._last
 
     def levels_at(self, speed: Vector) -> Vector:
         """Contact levels (n,) [Nm] that would be in force at motor speeds (n,) [rad/s], with what
         is known now of friction and gaps. Changes nothing."""
-        low, high = self._state["stiction"].ends
-        side = self._state["motor_position"].side
-        hidden = self._threshold_raise.at(resting(speed), 0.5 * (high - low), side)
-        t = self._thresholds
-        levels: Vector = t.contact + hidden + t.per_speed * np.abs(speed)
-        return levels
+        detector, stiction = self.detector, self._kernel.stiction
+        rest, unsure = resting(speed), self._side == Side.UNKNOWN
+        levels = []
+        for i in range(self.model.n):
+            hidden = detector.hidden(i, rest[i], stiction.unknown(i), unsure[i], 0.0)
+            levels.append(detector.level_at(i, hidden, abs(speed[i])))
+        return np.array(levels)
 
     def reset(self) -> None:
         """Forget external torque and contacts: r = 0. Positions and velocities are kept, so that
@@ -186,22 +140,11 @@ class Estimator:
 
     def memory(self) -> dict[str, Any]:
         """The complete internal state, fit for JSON; `restore` continues bit-identically."""
-        parts = {name: memory.dump(part, list(vars(part))) for name, part in self._state.items()}
-        parts["estimator"]["elapsed"] = self.elapsed
-        return parts
+        return memory.dump(self._kernel)
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from `memory()`. Raises ModelError if it belongs to another arm."""
-        if set(state) != set(self._state):
-            raise ModelError(f"memory of an estimator: {sorted(state)}")
-        for name, part in self._state.items():
-            values = state[name]
-            own = {"elapsed": self.elapsed} if name == "estimator" else {}
-            read = SimpleNamespace(**vars(part), **own)
-            memory.load(read, list(vars(read)), values, what=name)
-            if own:
-                self.elapsed = read.elapsed
-        self._kernel.resume()
+        memory.load(self._kernel, state)
         self._last = self._estimate((), Flag(0))
 
     def _check_shape(self, name: str, values: Vector) -> None:
@@ -211,7 +154,7 @@ class Estimator:
             raise ModelError(f"{name} is {given}; it must be an array of shape {self._shape}")
 
     def _estimate(self, contacts: tuple[Contact, ...], flags: Flag) -> Estimate:
-        residuals, side = self.residuals.copy(), self._side.astype(np.int8)
+        k, residuals, side = self._kernel, self.residuals.copy(), self._side.copy()
         q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded = self._shown.copy()
         return Estimate(
             q=q,
@@ -226,15 +169,7 @@ class Estimator:
             threshold=threshold,
             thresholded=thresholded,
             contacts=contacts,
-            touched_link=self._touched_link(residuals[0], threshold)
-            if np.count_nonzero(thresholded)
-            else "",
+            touched_link=self._link_names[k.touched_link],
             flags=flags,
-            sensing=self._sensing.astype(np.bool_),
+            sensing=self._sensing.copy(),
         )
-
-    def _touched_link(self, residual: Vector, threshold: Vector) -> str:
-        # A residual that stiction may explain near rest is no sign of a touch.
-        contact = self._thresholds.contact
-        link = touched_link(dead_band(residual, threshold - contact), contact)
-        return "" if link is None else self.model.names[link]

@@ -40,7 +40,8 @@ class ToolSense:
 
 
 def tool_sense(jacobian: Matrix, level: Vector) -> ToolSense:
-    """Forces that are felt at the tool, for its jacobian (3, n) [m] and the levels (n,) [Nm] > 0.
+    """Forces that are felt at the tool, for its jacobian (3, n) [m] and the levels (n,) [Nm] > 0,
+    infinite where a joint feels nothing.
 
     Where no direction is felt, least and most are UNFELT_N.
     """

@@ -43,6 +43,16 @@ def pdos_lost_in_most_ticks(on: BreakableArm) -> Iterator[None]:
         yield
 
 
+def deaf_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
+    """Never three samples of the drive in a row are missing, but ticks are, beside them."""
+    for _ in range(3):
+        with on.losing(*_answers(on.drive)):
+            with on.late(0.022):
+                yield
+            yield
+        yield
+
+
 def pdos_stale_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
     with on.losing(*_answers(on.drive)), on.late(0.012):
         for _ in range(4):

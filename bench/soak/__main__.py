@@ -9,13 +9,16 @@ hand pushes, leads and holds the arm; faults come and go, and a person resets th
 programs arm, start, pause, stop, upload trajectories, change gains, let leases run out, hang up.
 
 In every tick it is checked that no setpoint leads a joint out of its limits, that none is further
-out than the hand can press its drive, and is led back; that setpoints and their steps are bounded,
-that nothing moves while it is latched, that after a fault every stop is proved within 1 s or the
-arm silent, that no motor moves 300 ms after the proof, that no joint goes further than `contactd
-check` prints unless a hand moves it, that one reset ends a fault whose cause is gone, that it is
-not armed longer than the lease, that every change of mode is one of the table and reported with its
-cause, that contacts are reported only in modes that detect them, and that it comes back after each
-fault. Memory, descriptors, helpers, theta's uncertainty, lateness and the time of a tick must not
+out than the hand can press its drive, and is led back; that nothing moves where some joint has not
+sensed contact for more than five ticks in a row, that no quiet time runs meanwhile, and that what a
+contact interrupted goes on only after a quiet time in which every joint sensed; that setpoints and
+their steps are bounded, that nothing moves while it is latched, that after a fault every stop is
+proved within 1 s or the arm silent, that no motor moves 300 ms after the proof, that no joint goes
+further than `contactd check` prints unless a hand moves it, that one reset ends a fault whose cause
+is gone, that it is not armed longer than the lease, that every change of mode is one of the table
+and reported with its cause, that contacts are reported only in modes that detect them, and that it
+comes back after each fault.
+Memory, descriptors, helpers, theta's uncertainty, lateness and the time of a tick must not
 grow: Theil-Sen's slope over the second half, 95 % sure, against a stated tolerance.
 
 Writes bench/out/soak.png and soak.json. Exit status 1 when a rule was broken, or when memory,

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.soak.record import Ledger
+from bench.soak.sensing_rules import SensingRules
 from bench.soak.stop_rules import StopRules
 from daemon.assembly import build_transmission
 from daemon.config.motion import limits_of
@@ -39,7 +40,7 @@ class Watch:
         """gives_way (n,) [rad]: how far a hand may press the drives beyond a joint limit."""
         self.ledger = ledger
         self._gives_way = gives_way
-        self._stops = StopRules(c, ledger)
+        self._stops, self._sensing = StopRules(c, ledger), SensingRules(c, ledger)
         self.contacts_s: list[float] = []
         """When a contact or a collision was reported."""
         self._limits = limits_of(c)
@@ -108,6 +109,7 @@ class Watch:
             touched=touched,
             trouble=trouble,
         )
+        self._sensing.see(state)
         contacts = [now for event in state.notices if event.kind == "contact"]
         self.contacts_s += contacts
         if contacts:

@@ -22,7 +22,7 @@ from simulator.servo import Servo
 AMPLITUDE = 0.5  # of MOTION's
 
 
-def write_robot(folder: Path) -> Path:
+def write_robot(folder: Path, stale_ticks: int = 3) -> Path:
     """A copy of Romeo's arm in `folder`, changed to be soaked; returns the folder."""
     folder.mkdir()
     for file in ROMEO.iterdir():
@@ -36,6 +36,7 @@ def write_robot(folder: Path) -> Path:
     }
     c["estimator"]["motor_position"] = "integrated"
     c["estimator"]["beside"] = []
+    c["supervisor"]["stale_ticks"] = stale_ticks
     for joint in c["joints"]:
         # A drive that is reset lets go for a moment; nothing lifts the arm up again.
         joint["end"] = "brake"

@@ -24,6 +24,7 @@ from bench.rigs.faults import CASES, Case
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import Rig, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
+from bench.soak.losses import LOSSES
 from bench.soak.people import LAPSES_TICKS, Leases, Person, View, hear, operator, program
 from bench.soak.process import held
 from bench.soak.progress import Progress, Report
@@ -57,7 +58,11 @@ UNFIT = {
     "pushed beyond a limit",
     "hit of 9 Nm",
 }
-FAULTS = tuple(case for case in CASES if case.name not in UNFIT)
+# A robot has losses every day: each is drawn as often as three faults.
+FAULTS = (*(case for case in CASES if case.name not in UNFIT), *LOSSES * 3)
+# Ticks that an arm waits for missing samples, by the seed: the usual ones, and so many that its
+# joints sense nothing before.
+STALE_TICKS = (12, 3)
 MEAN_PAUSE_S = 20.0  # between two faults
 SAMPLES = 240
 
@@ -129,7 +134,7 @@ def run_lockstep(seed: int, hours: float, report: Report = lambda share: None) -
     part = Part(f"lockstep, seed {seed}", seed, warm_up_s=0.02 * seconds)
     began = time.perf_counter()
     with _silent_log(), tempfile.TemporaryDirectory(prefix="contactd-soak-") as folder:
-        robot = write_robot(Path(folder) / "arm")
+        robot = write_robot(Path(folder) / "arm", STALE_TICKS[seed % len(STALE_TICKS)])
         hand = hand_script(Random(seed), load_robot(robot).configuration, seconds)
         wires: list[FaultyWire] = []
 

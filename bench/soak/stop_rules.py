@@ -11,9 +11,11 @@ from daemon.tick.controller import RESET_PATIENCE_S
 from daemon.tick.tick import STOP_PROVED
 from drivers.stop_stages import worst_travel
 
-# No motor moves so long after a proof [s], faster than one that stands [rad/s].
+# No motor moves so long after a proof [s], faster than one that stands [rad/s], in so many readings
+# in a row: a link that falls through its gap gives its motor one knock.
 AFTER_PROOF_S = 0.3
 STANDS = 0.05
+KNOCK_READINGS = 2
 # A stop must be proved, or the drives be left to themselves, within [s].
 PROVED_S = 1.0
 # However long a tick took, the drives had one chance to be seen [s].
@@ -39,6 +41,7 @@ class StopRules:
         self._began: NDArray[np.float64] | None = None  # at the fault; None once a hand was there
         self._hand_s = -np.inf
         self._proved_s = np.inf
+        self._moving = np.zeros(len(c.joints), dtype=np.int64)  # readings in a row that say so
         self._doubted_s = 0.0  # for how long the stop has not been proved
         self._reset_s = np.inf  # time of a reset that nothing has excused since
 
@@ -66,7 +69,7 @@ class StopRules:
         if faulted:
             self._travels(state, joints, by_hand)
             self._stays(state, speed, by_hand)
-            self._is_proved(state)
+            self._is_proved(state, by_hand)
         else:
             self._proved_s, self._doubted_s = np.inf, 0.0
         self._before, self._joints = state, joints
@@ -87,13 +90,18 @@ class StopRules:
         if any(notice.text == STOP_PROVED for notice in state.notices):
             self._proved_s = min(self._proved_s, state.time_s)
         if state.time_s > self._proved_s + AFTER_PROOF_S and not by_hand:
-            moves = np.abs(speed) >= STANDS
+            self._moving = np.where(np.abs(speed) >= STANDS, self._moving + 1, 0)
+            moves = self._moving > KNOCK_READINGS
             self._all("no motion after a proved stop", moves, state, speed, "rad/s")
+        else:
+            self._moving[:] = 0
 
-    def _is_proved(self, state: State) -> None:
-        """Every stop is proved, or else the drives are left to themselves."""
+    def _is_proved(self, state: State, by_hand: bool) -> None:
+        """Every stop is proved, or else the drives are left to themselves. A hand that creeps with
+        a joint of an arm that stood makes it move for as long as it likes."""
         before_s = self._before.time_s if self._before else state.time_s
-        doubted = bool(state.unproved) and not state.silenced
+        moved = by_hand and self._proved_s < np.inf
+        doubted = bool(state.unproved) and not state.silenced and not moved
         passed = min(state.time_s - before_s, LONGEST_TICK_S)
         self._doubted_s = self._doubted_s + passed if doubted else 0.0
         words = f"{', '.join(state.unproved)} for {self._doubted_s:.2f} s"

@@ -14,7 +14,7 @@ from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.assembly import build_estimator
 from daemon.config.load import Robot
 from estimator.estimator import Estimator
-from estimator.residual import Variant
+from estimator.settings import Variant
 
 VARIANTS: Final = (Variant(), *BESIDE)
 """Every residual that is compared, whichever of them the configuration lets decide."""

@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.clients.felt import felt_lines
+from daemon.clients.sensed import not_sensing, sensing_for_s
 from daemon.modes.table import Mode
 from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Check, Grant, Snapshot, State, Status, Trajectory
@@ -88,14 +89,16 @@ class Dashboard:
         wide = options.max_width >= WIDE
         state = self.state
         yield _headline(state)
-        doubt = not_seen_to_stand(state, " ")
-        doubt_lines = list(doubt.wrap(console, options.max_width)) if doubt else []
+        doubts = [not_seen_to_stand(state, " "), self._not_sensing()]
+        doubt_lines = [
+            line for doubt in doubts if doubt for line in doubt.wrap(console, options.max_width)
+        ]
         yield from doubt_lines
         yield Text(f" {state.cause}", no_wrap=True, overflow="crop")
         yield Text()
         yield self._joints(wide, options.ascii_only)
         yield Text()
-        yield self._loop()
+        yield self._loop(wide)
         rows_left = (options.height or console.height) - len(state.setpoint) - 7 - len(doubt_lines)
         if state.flags:
             flags = f" estimator: {'; '.join(state.flags)}"
@@ -140,7 +143,11 @@ class Dashboard:
             table.add_row(*row)
         return table
 
-    def _loop(self) -> Text:
+    def _not_sensing(self) -> Text:
+        words = not_sensing(self.state, self.snapshot.joints)
+        return Text(f" {words}" if words else "", "bold red")
+
+    def _loop(self, wide: bool) -> Text:
         summary, timing = self.summary, self.state.timing
         period_us = 1e6 * self.snapshot.period_s
         late = "red" if summary.lateness_max_us > 0.2 * period_us else ""
@@ -150,7 +157,10 @@ class Dashboard:
         busy = "red" if summary.work_max_us > period_us else ""
         line.append("   work max ").append(f"{summary.work_max_us / 1e3:.2f} ms", busy)
         line.append(f" of {period_us / 1e3:.0f}   missed ")
-        return line.append(str(timing.missed), "red" if timing.missed else "")
+        line.append(str(timing.missed), "red" if timing.missed else "")
+        if wide and (senses_s := sensing_for_s(self.state)) is not None:
+            line.append(f"   all sense {_duration(senses_s)}", "dim")
+        return line
 
 
 def not_seen_to_stand(shown: State | Status, indent: str = "") -> Text:
@@ -206,6 +216,8 @@ def status_view(status: Status) -> RenderableType:
     table.add_row("mode", Text.assemble(mode, "  ", permission))
     if doubt := not_seen_to_stand(status):
         table.add_row("", doubt)
+    if words := not_sensing(status, status.joints):
+        table.add_row("", Text(words, "bold red"))
     table.add_row("cause", Text(status.cause))  # Text: brackets in it are no rich markup
     if status.advice:
         table.add_row("to do", Text(status.advice, "yellow"))
@@ -215,6 +227,8 @@ def status_view(status: Status) -> RenderableType:
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
     work = f"work at most {status.work_max_us / 1e3:.2f} ms"
     table.add_row("loop", f"{status.ticks} ticks, {missed}, {work}")
+    if (senses_s := sensing_for_s(status)) is not None:
+        table.add_row("sensing", f"every joint, for {_duration(senses_s)}")
     table.add_row("real time", _grants(status.realtime))
     uptime = _duration(status.uptime_s)
     table.add_row("process", f"pid {status.pid}, up {uptime}, {status.readers} readers")

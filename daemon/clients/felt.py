@@ -13,13 +13,18 @@ def felt_lines(felt: Felt) -> list[str]:
     width = max(len(name) for name in (*felt.joints, "feels from"))
     lines = [f"{'feels from':{width}}  in motion    at rest"]
     for name, moving, resting in zip(felt.joints, felt.moving, felt.resting, strict=True):
-        lines.append(f"{name:{width}}  {moving:6.2f} Nm  {resting:6.2f} Nm")
+        lines.append(f"{name:{width}}  {_level(moving)}  {_level(resting)}")
     return [
         *lines,
-        f"at {felt.tool}, in this pose, along x, y, z of the base:",
+        "in motion: all joints at their velocity limits",
+        f"at {felt.tool}, in this pose, by direction along x, y, z of the base:",
         f"  in motion  {_in_words(felt.tool_moving)}",
         f"  at rest    {_in_words(felt.tool_resting)}",
     ]
+
+
+def _level(level: float | None) -> str:
+    return "  nothing" if level is None else f"{level:6.2f} Nm"
 
 
 def _in_words(force: ToolForce) -> str:

@@ -32,6 +32,8 @@ TOO_HEAVY = 2.0
 """Times the motor's largest torque: it could not hold half of that."""
 TOO_STRONG = 50.0
 """Times the weight of the arm at its reach: no motor of an arm is chosen so."""
+LEAST_REACH = 0.5
+"""What counts as reach of an arm whose links are balanced about its axis, or short [m]."""
 SURGE = 10.0
 """Times the rated current: no motor is made for more."""
 SHAFT = (1e-4, 10.0)
@@ -95,7 +97,8 @@ def near(c: Configuration, urdf: str) -> list[Problem]:
 def bounded(c: Configuration, urdf: str) -> Iterator[Bounded]:
     """Every bounded figure of a configuration."""
     model = Model(urdf, c.joint_names)
-    weight = GRAVITY * model.mass * model.reach
+    reach = max(model.reach, LEAST_REACH)
+    weight = GRAVITY * model.mass * reach
     yield from _sensing(c)
     for i, (joint, load) in enumerate(zip(c.joints, worst_loads(c, urdf), strict=True)):
         yield from _motor(i, joint, weight)
@@ -103,7 +106,7 @@ def bounded(c: Configuration, urdf: str) -> Iterator[Bounded]:
         yield from _transmission(i, joint, load.motor)
         yield from _links(c, joint, load)
     for link in moved_links(urdf):
-        yield _shape(c, link, model.reach)
+        yield _shape(c, link, reach)
 
 
 def _sensing(c: Configuration) -> Iterator[Bounded]:

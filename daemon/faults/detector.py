@@ -23,11 +23,9 @@ DISTURBANCES = (BusTrouble, LateAnswer)
 # A late machine excuses stale samples for so many times `stale_ticks`; a drive that is missing in
 # most ticks counts as stale after as many.
 STARVED_FACTOR = 3
-# What a good tick takes from a count of bad ones: of disturbances a half, so that every third tick
-# is too many; of samples and deadlines one, so that more than half are.
+# What a good tick takes from a count of bad ones: half, so that more than a third are too many. It
+# takes one from that of a drive's missing samples, which are bridged: more than half are too many.
 LEAK = 0.5
-# Ticks with a joint that senses nothing, less half of those with none, until the arm holds.
-DEAF_TICKS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +34,8 @@ class DetectorSettings:
 
     stale_ticks: int
     overrun_ticks: int
+    # Ticks with a joint that senses nothing, less half of those with none, until the arm holds.
+    deaf_ticks: int = 5
 
 
 class FaultDetector:
@@ -54,7 +54,7 @@ class FaultDetector:
         self._settings = settings
         self._plausibility, self._following = plausibility, following
         self._ignored = ignored
-        self._missed = 0  # deadlines, less ticks since that were on time
+        self._missed = 0.0  # deadlines, less half of the ticks since that were on time
         self._deaf = 0.0  # ticks in which some joint sensed nothing, less a share of the others
         self._disturbed = 0.0  # ticks with a disturbance, less a share of those without
         self._since_late = settings.stale_ticks  # ticks
@@ -75,6 +75,7 @@ class FaultDetector:
         gaps: Vector | None = None,
         finite: bool = True,
         sensing: NDArray[np.bool_] | None = None,
+        settled: bool = True,
     ) -> tuple[Finding, ...]:
         """Every condition that holds in this tick; empty in an undisturbed one.
 
@@ -82,10 +83,12 @@ class FaultDetector:
         setpoint: what the drives got in the tick before, (n,) [rad/s].
         residual: the estimate's (n,) [Nm], None where there is none; gaps: since the sample of each
         joint before this one (n,) [s], 0 where none came. finite: whether estimate and reference
-        are. sensing: joints (n,) that sense contact; by default all.
+        are. sensing: joints (n,) that sense contact, by default all; settled: no residual is on its
+        way up from zero.
         """
         most = STARVED_FACTOR * self._settings.overrun_ticks
-        self._missed = min(self._missed + left_out, most) if left_out else max(self._missed - 1, 0)
+        missed = self._missed + (left_out or -LEAK)
+        self._missed = min(max(missed, 0.0), most)
         self._since_late = 0 if left_out else self._since_late + 1
         if self._mode is Mode.FAULTED and mode is not Mode.FAULTED:
             # A person has looked at it: what is now is the truth.
@@ -108,7 +111,7 @@ class FaultDetector:
         elif np.count_nonzero(self._missing):
             np.maximum(self._missing - 1, 0, out=self._missing)
         if sensing is not None:
-            found += self._of_sensing(sensing)
+            found += self._of_sensing(sensing, settled)
         if samples.states != self._enabled:
             found += self._of_drives(samples, mode)
         if not finite:
@@ -150,14 +153,16 @@ class FaultDetector:
         else:
             yield Finding(Condition.SAMPLE_MISSING, self._named(~samples.fresh))
 
-    def _of_sensing(self, sensing: NDArray[np.bool_]) -> Iterator[Finding]:
+    def _of_sensing(self, sensing: NDArray[np.bool_], settled: bool) -> Iterator[Finding]:
         if self._mode not in SENSING:
             self._deaf = 0.0
         elif sensing.all():
-            self._deaf = max(self._deaf - LEAK, 0.0)
+            # A residual that begins anew again and again says as little as one that is old.
+            self._deaf = max(self._deaf - LEAK * settled, 0.0)
         else:
-            self._deaf = min(self._deaf + 1.0, DEAF_TICKS)
-            if self._deaf >= DEAF_TICKS:
+            most = self._settings.deaf_ticks
+            self._deaf = min(self._deaf + 1.0, most)
+            if self._deaf >= most:
                 yield Finding(Condition.DEAF, self._named(~sensing))
 
     def _named(self, joints: NDArray[np.bool_]) -> str:
@@ -175,7 +180,7 @@ class FaultDetector:
                 yield Finding(Condition.DRIVE_DROPPED, f"{name} is in {words}")
 
     def _of_time(self, lateness_s: float) -> Iterator[Finding]:
-        figures = f"{1000 * lateness_s:.0f} ms late, {self._missed} deadlines missed"
+        figures = f"{1000 * lateness_s:.0f} ms late, {self._missed:.0f} deadlines missed"
         if self._missed >= self._settings.overrun_ticks:
             yield Finding(Condition.OVERRUN, figures=figures)
         else:

@@ -338,7 +338,7 @@ TABLE: Final[dict[Condition, Row]] = {
     _C.OVERRUN: Row(
         _R.HOLD,
         "loop",
-        "`overrun_ticks` deadlines missed, less ticks on time",
+        "`overrun_ticks` deadlines missed, less half of the ticks on time",
         "setpoints grow old on a machine that is too busy, but they still come",
         "take load off the computer, see `real time` in `contactctl status`; then `contactctl arm`",
     ),

@@ -114,8 +114,9 @@ class Felt(msgspec.Struct, frozen=True, kw_only=True):
 
     joints: list[str]
     tool: str  # the point, in words
-    moving: PerJoint  # [Nm], every joint at its velocity limit
-    resting: PerJoint  # [Nm], every joint at rest
+    # None: a joint that does not sense now, and feels nothing
+    moving: list[float | None]  # [Nm], every joint at its velocity limit
+    resting: list[float | None]  # [Nm], every joint at rest
     tool_moving: ToolForce
     tool_resting: ToolForce
 
@@ -213,7 +214,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     sensing_since_s: PerJoint | None = None  # time at which that last changed [s]
 
 
-STATE_FORMAT = 2
+STATE_FORMAT = 3
 """Version of State and Snapshot. It rises when a field changes its name or its meaning; a new field
 with a default needs no new version. Recordings of every version from 1 on stay readable."""
 
@@ -294,3 +295,5 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     unproved: list[str] = []  # joints that were told to stop and not seen to stand
     silenced: bool = False  # the drives hear nothing of the daemon until `reset`
     felt: Felt | None = None  # None before the first samples
+    sensing: list[bool] | None = None  # joints that sense contact now; None before the first tick
+    sensing_since_s: PerJoint | None = None  # when that last changed, as `uptime_s` counts

@@ -7,7 +7,7 @@ from importlib.metadata import version
 
 from daemon.config.load import Robot
 from daemon.faults.table import TABLE, Condition
-from daemon.modes.table import Mode
+from daemon.modes.table import SENSING, Mode
 from daemon.protocol.messages import STATE_FORMAT, Grant, Permit, Snapshot, Status, Trajectory
 from daemon.tick.controller import Controller
 from daemon.tick.felt import felt_now
@@ -74,7 +74,9 @@ def status_of(
         serials=process.serials,
         unproved=list(unproved),
         silenced=tick.drives.silenced,
-        felt=felt_now(tick),
+        felt=felt_now(tick) if machine.mode in SENSING else None,
+        sensing=last.sensing.tolist() if last else None,
+        sensing_since_s=last.sensing_since_s.tolist() if last else None,
     )
 
 

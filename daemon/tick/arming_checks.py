@@ -196,9 +196,11 @@ class ArmingChecks:
             yield _failed(
                 "thresholds",
                 f"{self._joints[i]} feels nothing below {estimate.threshold[i]:.2f} Nm now, more "
-                f"than {RAISED:g} times its configured {self._contact[i]:.2f} Nm: friction at rest "
-                "or its speed may hide that much (`contactd identify friction`, then thresholds; "
-                "where it only rests, `contactctl start` first)",
+                f"than {RAISED:g} times its contact level of {self._contact[i]:.2f} Nm: friction "
+                "at rest or its speed may hide that much (`contactd identify friction`, then "
+                "thresholds; where it only rests, `contactctl start` first; if that stays so, no "
+                "less is felt there: give its `thresholds.contact` at least "
+                f"{estimate.threshold[i] / RAISED:.2f} Nm)",
             )
         for i in np.flatnonzero(estimate.thresholded).tolist():
             yield _failed(

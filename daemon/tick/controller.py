@@ -51,6 +51,7 @@ class ControlInput:
     statuswords: tuple[int, ...]
     findings: tuple[Finding, ...]
     age_s: Vector | None = None  # of q; None where every sample came in time
+    recent: bool = True  # every sample came in this tick, or just before
     struck: bool = False  # a collision began in this tick
     sure: bool = True  # every joint senses, and what is felt did not just begin anew
     play: Vector | float = 0.0  # how far links may fall down and up in their gaps, (2, n) [rad]
@@ -277,9 +278,8 @@ class Controller:
                 text = f"the drives were not enabled within {self._tuning.enable_timeout_s:g} s"
                 self._apply(Event.TIMEOUT, f"{text}: {self._not_enabled(observed)}", time_s)
         elif mode is Mode.STOPPING:
-            fresh = observed.age_s is None
             still = np.abs(observed.motor_velocity) < STANDSTILL_SPEED
-            if fresh and still.all() and not self.motion.velocity.any():
+            if observed.recent and still.all() and not self.motion.velocity.any():
                 self._apply(Event.STANDSTILL, self.machine.cause, time_s)
             elif elapsed > self._tuning.stop_timeout_s:
                 text = f"the arm did not stop within {self._tuning.stop_timeout_s:g} s"

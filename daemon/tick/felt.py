@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from arrays import Vector
 from daemon.protocol.messages import Felt, ToolForce
 from daemon.tick.tick import Tick
 from estimator.tool_force import ToolSense, tool_sense
@@ -9,21 +10,30 @@ from estimator.tool_force import ToolSense, tool_sense
 
 def felt_now(tick: Tick) -> Felt | None:
     """What it would feel in the pose of the last estimate, with every joint at its velocity limit,
-    and at rest; None before the first estimate."""
+    and at rest; None before the first estimate. A joint that does not sense now feels nothing."""
     if tick.last is None or tick.last.estimate is None:
         return None
     estimator, q = tick.estimator, tick.last.estimate.q
     fastest = tick.controller.motion.limits.velocity
-    moving, resting = estimator.levels_at(fastest), estimator.levels_at(np.zeros_like(fastest))
+    sensing = tick.last.sensing
+    moving, resting = (
+        np.where(sensing, estimator.levels_at(speed), np.inf)
+        for speed in (fastest, np.zeros_like(fastest))
+    )
     jacobian = estimator.model.tool_jacobian(q)
     return Felt(
         joints=list(tick.drives.names),
         tool=estimator.model.tool,
-        moving=moving.tolist(),
-        resting=resting.tolist(),
+        moving=_levels(moving),
+        resting=_levels(resting),
         tool_moving=_message(tool_sense(jacobian, moving)),
         tool_resting=_message(tool_sense(jacobian, resting)),
     )
+
+
+def _levels(levels: Vector) -> list[float | None]:
+    """Levels (n,) [Nm], None where they are infinite: JSON knows no infinity."""
+    return [level if level < np.inf else None for level in levels.tolist()]
 
 
 def _message(sense: ToolSense) -> ToolForce:

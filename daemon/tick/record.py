@@ -43,7 +43,7 @@ class TickRecord:
     wakeup: Wakeup
     samples: Samples
     interval_s: float  # since the tick before
-    estimate: Estimate | None  # None until samples were complete for the first time
+    estimate: Estimate | None  # None until every joint had sent a sample
     sensing: NDArray[np.bool_]  # joints that sense contact
     sensing_since_s: Vector  # when that changed last [s]
     findings: tuple[Finding, ...]

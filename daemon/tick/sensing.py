@@ -3,16 +3,22 @@
 Pure; time is an argument.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Vector
+from daemon.faults.finding import Finding
+from daemon.faults.table import Condition
+from daemon.protocol.messages import Notice
 from estimator.estimate import Estimate, Flag
 
 #: Time constants of the residual until one that began anew, at zero, says what it will.
 SETTLED: Final = 4.0
+#: A joint that sensed for less at a stretch [s] does not sense again: it comes and goes.
+AGAIN_S: Final = 0.5
 #: Flags of an estimate that is right all the same: true intervals were used, gaps were bridged.
 _HARMLESS: Final = Flag.LATE | Flag.BRIDGED
 
@@ -26,21 +32,60 @@ class Sensing:
         """which joints sense contact (n,)"""
         self.since_s: Vector = np.zeros(n)
         """when that last changed, of each (n,) [s]"""
+        self.settled = False
+        """No residual is still on its way up from zero."""
         self.sure = False
-        """Every joint senses, and no residual is still on its way up from zero."""
+        """Every joint senses, settled, at levels that are not raised for missing samples."""
         self._settles_s = SETTLED / gain
-        self._unsure_s = -np.inf
+        self._unsettled_s = self._raised_s = -np.inf
 
     def step(self, time_s: float, estimate: Estimate | None) -> None:
         """Take the estimate of this tick; None while there is none."""
         if estimate is None:
             return
-        if estimate.flags & ~_HARMLESS:
-            self._unsure_s = time_s
+        if estimate.flags & ~(_HARMLESS | Flag.RAISED):
+            self._unsettled_s = time_s
+        if Flag.RAISED in estimate.flags:
+            self._raised_s = time_s
         now = estimate.sensing
         changed = now != self.joints
         if changed.any():
             self.since_s = np.where(changed, time_s, self.since_s)
             self.joints = now
-        settled = time_s - self._unsure_s > self._settles_s
-        self.sure = settled and bool(now.all())
+        self.settled = time_s - self._unsettled_s > self._settles_s
+        # They fade with half the residual's gain.
+        raised = time_s - self._raised_s <= self._settles_s
+        self.sure = self.settled and not raised and bool(now.all())
+
+
+class SensingNews:
+    """News of joints that do not sense contact: each once when it is found, and once when it is
+    over. One that comes and goes with every burst of losses is no news each time."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        """names: of the joints, (n,)."""
+        self._names = tuple(names)
+        self._deaf_s: dict[int, float] = {}  # since when, of the joints that were reported
+
+    def step(
+        self, time_s: float, sensing: Sensing, findings: Sequence[Finding]
+    ) -> tuple[Notice, ...]:
+        """News of one tick; findings: all that hold in it."""
+        notices: list[Notice] = []
+        for finding in findings:
+            if finding.condition is Condition.DEAF:
+                new = set(np.flatnonzero(~sensing.joints).tolist()) - self._deaf_s.keys()
+                self._deaf_s |= {i: float(sensing.since_s[i]) for i in new}
+                if new:
+                    notices.append(Notice(kind="fault", text=str(finding)))
+        again = [
+            i
+            for i in sorted(self._deaf_s)
+            if sensing.joints[i] and time_s - sensing.since_s[i] >= AGAIN_S
+        ]
+        if again:
+            lost_s = {i: sensing.since_s[i] - self._deaf_s.pop(i) for i in again}
+            told = ", ".join(f"{self._names[i]} after {lost_s[i]:.2f} s" for i in again)
+            text = f"sensing contact again for {AGAIN_S:g} s: {told}"
+            notices.append(Notice(kind="mode", text=text))
+        return tuple(notices)

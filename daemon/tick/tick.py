@@ -10,14 +10,14 @@ import numpy as np
 
 from daemon.faults.detector import FaultDetector
 from daemon.faults.finding import Finding
-from daemon.faults.table import Response
+from daemon.faults.table import Condition, Response
 from daemon.modes.table import ENERGISED, SENSING, Mode
 from daemon.motion.limits import all_finite
 from daemon.protocol.messages import Notice
 from daemon.tick.arming_checks import ArmingChecks, ArmingResult
 from daemon.tick.controller import ControlInput, Controller, Decision
 from daemon.tick.record import ON_TIME, TickRecord, Wakeup
-from daemon.tick.sensing import Sensing
+from daemon.tick.sensing import Sensing, SensingNews
 from daemon.tick.telemetry import contact_notice
 from drivers.answers import Samples
 from drivers.cia402 import DriveState, PowerTarget
@@ -26,6 +26,8 @@ from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 
 STOP_PROVED = "stop proved: every drive was seen to stand"
+# A sample as old as this still tells whether a joint stands.
+RECENT_TICKS = 2
 # Setpoints are never moved on by more than this at once, however late a tick comes [periods].
 LONGEST_STEP = 2.0
 
@@ -54,6 +56,7 @@ class Tick:
         self._time_s = 0.0
         self._sampled_s = np.full(len(drives.names), -period_s)  # time of the last samples
         self._sensing = Sensing(len(drives.names), estimator.settings.gain)
+        self._sensing_news = SensingNews(drives.names)
         self._reported: frozenset[Finding] = frozenset()
         self._standstill = np.zeros(len(drives.names))
 
@@ -69,7 +72,7 @@ class Tick:
         samples, mode = self.drives.collect(deadline), machine.mode
         complete = all(samples.fresh.tolist())
         interval_s = time_s - before.time_s if before else self._period_s
-        estimate = self._estimated(samples, interval_s, begins=complete)
+        estimate = self._estimated(samples, interval_s)
         self._sensing.step(time_s, estimate)
         command = before.decision if before else None
         finite = _finite(estimate, command)
@@ -83,6 +86,7 @@ class Tick:
             gaps=np.where(samples.fresh, time_s - self._sampled_s, 0.0),
             finite=finite,
             sensing=self._sensing.joints,
+            settled=self._sensing.settled,
         )
         self._sampled_s[samples.fresh] = time_s
         self.arming_checks.watch(samples, findings, time_s)
@@ -113,9 +117,10 @@ class Tick:
             notices=self._notices(findings, news, unproved),
         )
 
-    def _estimated(self, samples: Samples, interval_s: float, *, begins: bool) -> Estimate | None:
-        """Estimate of this tick, from the first complete samples on."""
-        if not begins and (self.last is None or self.last.estimate is None):
+    def _estimated(self, samples: Samples, interval_s: float) -> Estimate | None:
+        """Estimate of this tick, once there was a sample of every joint."""
+        begun = self.last is not None and self.last.estimate is not None
+        if not begun and np.isnan(samples.link_position + samples.motor_velocity).any():
             return None
         return self.estimator.step(
             samples.current,
@@ -192,6 +197,7 @@ class Tick:
             operating=tuple(state is DriveState.OPERATION_ENABLED for state in samples.states),
             statuswords=samples.statuswords,
             findings=findings,
+            recent=bool((samples.age_ticks <= RECENT_TICKS).all()),
             age_s=None if complete else np.multiply(samples.age_ticks, self._period_s),
             play=self.estimator.transmission.play(estimate.phi, estimate.phi_sigma),
         )
@@ -201,12 +207,14 @@ class Tick:
     ) -> tuple[Notice, ...]:
         """News of this tick. A finding is reported once until the latch is reset; contacts are
         those of `sensed`, None where a brake may carry the arm and nothing is sensed."""
-        notices = []
+        notices = list(self._sensing_news.step(self._time_s, self._sensing, findings))
         if findings or self._reported:
             notices += [
                 Notice(kind="fault", text=str(finding))
                 for finding in findings
-                if finding.response > Response.CONTINUE and finding not in self._reported
+                if finding.response > Response.CONTINUE
+                and finding not in self._reported
+                and finding.condition is not Condition.DEAF  # in the news of sensing
             ]
             latched = self._reported if self.controller.faulted else frozenset()
             self._reported = latched.union(findings)

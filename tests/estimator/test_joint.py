@@ -14,8 +14,7 @@ from estimator.estimator import Estimator
 from estimator.interval import ROW
 from estimator.model import Model
 from estimator.motor_position import Side
-from estimator.residual import Variant
-from estimator.settings import EstimatorSettings
+from estimator.settings import EstimatorSettings, Variant
 from estimator.thresholds import Thresholds
 
 T = 0.01
@@ -107,7 +106,7 @@ def test_each_signal_has_its_own_delay(built) -> None:
     instant = 4 * T - estimator.delay_s
     np.testing.assert_allclose(estimate.q, instant, atol=1e-12)
     np.testing.assert_allclose(estimate.tau_M / PLAIN["torque_constant"], instant, atol=1e-12)
-    ends = estimator.memory()["interval"]["ends"]
+    ends = estimator.memory()["interval"]["begin"]
     for name in ("theta_dot", "theta"):
         np.testing.assert_allclose(ends[ROW[name]], instant, atol=1e-12)
 

@@ -7,7 +7,7 @@ import pytest
 
 from errors import ModelError
 from estimator.motor_position import Side
-from estimator.residual import Variant
+from estimator.settings import Variant
 
 T = 0.01
 BESIDE = (

@@ -47,6 +47,22 @@ def test_two_levers_in_a_plane() -> None:
     assert np.abs(sense.unfelt) == pytest.approx(np.array([[0.0, 0.0, 1.0]]))
 
 
+@given(seed=st.integers(0, 10_000), n=st.integers(1, 8), deaf=st.integers(1, 8))
+def test_a_joint_that_feels_nothing_is_as_good_as_none(seed: int, n: int, deaf: int) -> None:
+    rng = np.random.default_rng(seed)
+    jacobian, level = rng.normal(size=(3, n + deaf)), rng.uniform(0.1, 3.0, n + deaf)
+    level[n:] = np.inf
+    sense, without = tool_sense(jacobian, level), tool_sense(jacobian[:, :n], level[:n])
+    assert (sense.least, sense.most) == pytest.approx((without.least, without.most))
+    assert len(sense.unfelt) == len(without.unfelt) == max(3 - n, 0)
+
+
+def test_joints_that_feel_nothing_feel_no_force() -> None:
+    sense = tool_sense(np.eye(3), np.full(3, np.inf))
+    assert len(sense.unfelt) == 3
+    assert sense.least == sense.most == UNFELT_N
+
+
 @pytest.mark.parametrize("lever", [0.0, 0.0009])
 def test_no_lever_feels_nothing(lever: float) -> None:
     sense = tool_sense(np.array([[lever], [0.0], [0.0]]), np.ones(1))

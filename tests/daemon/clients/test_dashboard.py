@@ -223,6 +223,64 @@ def test_a_doubt_is_red_and_gone_when_every_joint_stands(dashboard: Any) -> None
         assert text_of(frame, 80, 24)[1] == " start"
 
 
+DEAF = "not sensing contact: "
+T_S = 1.30  # of the State that is shown
+# Since when joints sense [s], and with a minus since when they do not; and what is said of them.
+SENSING: dict[str, tuple[list[float], str]] = {
+    "all do": ([0.03] * 7, ""),
+    "one": ([0.03, 0.03, -0.9, *[0.03] * 4], "LElbowRoll for 0.4 s"),
+    "two at once": ([0.03, -0.9, -0.9, *[0.03] * 4], "LShoulderYaw, LElbowRoll for 0.4 s"),
+    "two": ([0.03, -0.1, -0.9, *[0.03] * 4], "LShoulderYaw for 1.2 s; LElbowRoll for 0.4 s"),
+    "all at once": ([-0.9] * 7, "all joints for 0.4 s"),
+}
+
+
+def sensing(since_s: list[float]) -> dict[str, Any]:
+    return {"sensing": [s > 0 for s in since_s], "sensing_since_s": [abs(s) for s in since_s]}
+
+
+@pytest.mark.parametrize("width", [40, 80, 100])
+@pytest.mark.parametrize("name", SENSING)
+def test_what_does_not_sense_is_in_the_headline(
+    dashboard: Any, fake_daemon: Any, width: int, name: str
+) -> None:
+    since_s, words = SENSING[name]
+    frame = dashboard(range(0, 131), **sensing(since_s))
+    status = msgspec.structs.replace(
+        fake_daemon.status(), mode="tracking", uptime_s=T_S, **sensing(since_s)
+    )
+    for shown, most in ((frame, 23), (status_view(status), 100)):
+        lines = text_of(shown, width, 24)
+        assert len(lines) <= most
+        assert max(map(len, lines)) <= width
+        told = " ".join(word for line in lines[:5] for word in line.split())
+        assert (f"{DEAF}{words}" in told) == bool(words)
+        assert words or DEAF not in "".join(lines)
+    assert "bold red" in str(frame._not_sensing().style)
+
+
+def test_how_long_every_joint_has_sensed(dashboard: Any, fake_daemon: Any) -> None:
+    all_do = sensing([0.03] * 6 + [0.7])
+    line, row = "all sense 0:00:00.6", "sensing       every joint, for 0:00:00.6"
+
+    def shown(width: int, **changes: Any) -> tuple[bool, bool]:
+        status = msgspec.structs.replace(
+            fake_daemon.status(), **{"mode": "holding", "uptime_s": T_S, **changes}
+        )
+        frame = dashboard(range(0, 131), **changes)
+        report = text_of(status_view(status), width, 40)
+        return (
+            any(line in each for each in text_of(frame, width, 24)),
+            any(row in each for each in report),
+        )
+
+    assert shown(100, **all_do) == (True, True)
+    assert shown(80, **all_do) == (False, True), "the line is full"
+    assert shown(100, **all_do, mode="off") == (False, False), "no contact counts"
+    assert shown(100, **sensing([-0.9] + [0.03] * 6)) == (False, False)
+    assert shown(100, sensing=None, sensing_since_s=None) == (False, False), "of format 1"
+
+
 def test_status_report_before_the_first_samples(fake_daemon: Any) -> None:
     status = msgspec.structs.replace(fake_daemon.status(), drives=[], side=[], age_ticks=[])
     assert "7 joints, no samples from the drives yet" in "\n".join(

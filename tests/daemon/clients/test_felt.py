@@ -1,5 +1,6 @@
 """What the arm feels, in words."""
 
+import msgspec
 import pytest
 
 from daemon.clients.felt import along, felt_lines
@@ -36,9 +37,18 @@ def test_the_table() -> None:
         "feels from  in motion    at rest",
         "a             0.50 Nm    0.75 Nm",
         "shoulder      1.00 Nm   12.00 Nm",
-        "at the origin of tool0, in this pose, along x, y, z of the base:",
+        "in motion: all joints at their velocity limits",
+        "at the origin of tool0, in this pose, by direction along x, y, z of the base:",
         f"  in motion  {best}; {worst} 0.8)",
         f"  at rest    {best}; {worst} 0.8)",
+    ]
+
+
+def test_a_joint_that_does_not_sense_feels_nothing() -> None:
+    lines = felt_lines(msgspec.structs.replace(felt(), moving=[None, 1.0], resting=[None, 12.0]))
+    assert lines[1:3] == [
+        "a             nothing    nothing",
+        "shoulder      1.00 Nm   12.00 Nm",
     ]
 
 

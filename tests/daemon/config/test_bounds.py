@@ -16,8 +16,9 @@ from daemon.config.bounds import beyond, bounded, near
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint
 from errors import ConfigurationError
-from estimator.contact import ContactDetector
-from estimator.residual import Residual, Variant
+from estimator.interval import ROW
+from estimator.residual import Residual
+from estimator.settings import Variant
 
 ELBOW = r"(?s)(<link name=.LElbowRollLink.>\s*)<inertial>.*?</inertial>"
 OF_MOTOR = "Nm (torque_constant times max_current_A)"
@@ -63,7 +64,7 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "inertias 1e7 too large": (
         SINGLE_JOINT, "arm.urdf", r'(i(?:xx|yy|zz)=)"([^"]*)"', r'\1"\2e7"',
         "urdf (arm.urdf), line 13: link 'bar'",
-        ("1.35e+05 kg m2 is beyond", "up to 0.04 kg m2", "1 kg at half the reach", "(0.4 m)"),
+        ("1.35e+05 kg m2 is beyond", "up to 0.0625 kg m2", "1 kg at half the reach", "(0.5 m)"),
     ),
     "masses 1e7 too large": (
         SINGLE_JOINT, "arm.urdf", 'mass value="1.0"', 'mass value="1.0e7"',
@@ -114,7 +115,7 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "a motor that makes room for any level": (
         SINGLE_JOINT, "config.yaml", "torque_constant: 3.0", "torque_constant: 300",
         "joints[0] (joint).torque_constant",
-        ("300 Nm/A is beyond", "up to 49.05", "50 times the weight of the whole arm"),
+        ("300 Nm/A is beyond", "up to 61.31", "50 times the weight of the whole arm"),
     ),
     "no motor's torque constant": (
         SINGLE_JOINT, "config.yaml", "torque_constant: 3.0", "torque_constant: 1e-9",
@@ -227,15 +228,15 @@ def feels(c: Configuration) -> bool:
     joint: Joint = c.joints[0]
     estimator = build_estimator(c, ROBOT.urdf)
     motor = joint.torque_constant * joint.wiring.max_current_A
-    moving = np.full(1, joint.limits.velocity)
-    detector = ContactDetector(estimator.model.names, estimator._thresholds, gain=c.estimator.gain)
-    in_motion = detector.thresholds(np.zeros(1), moving, c.period_s)[0]
-    at_rest = detector.thresholds(estimator._threshold_raise.most, 0.0 * moving, c.period_s)[0]
+    detector = estimator.detector
+    in_motion = detector.level_at(0, 0.0, joint.limits.velocity)
+    at_rest = detector.level_at(0, detector.hidden(0, 1.0, 1.0, True, 0.0), 0.0)
     residual = Residual([Variant()], c.estimator.gain, c.period_s, 1)
     ticks = 0
+    impulse = np.zeros(len(ROW))
+    impulse[ROW["momentum"]] = 2.0 * c.period_s
     while residual.values[0, 0] <= 1.0 and ticks < 1000:  # of the level; twice that presses
-        impulse = np.array([[2.0 * c.period_s], [0.0]])
-        residual.step(impulse, np.ones(1), c.period_s)
+        residual.step(0, impulse, 0.0, True, c.period_s)
         ticks += 1
     delay = ticks + c.estimator.debounce - 1
     # The trapezoid rounds the delay to whole periods.

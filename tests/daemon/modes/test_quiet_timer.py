@@ -36,3 +36,25 @@ def test_a_restart_forgets_the_quiet_before() -> None:
     assert not timer.expired
     timer.sense(touched=False, time_s=6.5)
     assert timer.quiet_s == 1.5
+
+
+# Ticks: touched (t), quiet (.), touched or not and not sure of it (T, x); and the ticks of quiet.
+@pytest.mark.parametrize(
+    ("ticks", "quiet"),
+    [
+        ("t....", 4),
+        ("t..xx", 2),
+        ("t..xx..", 4),
+        ("txxxxx", 0),
+        ("t.x.x.x.x", 4),
+        ("t...T", 0),  # what is felt is felt, however sure
+        ("t...Tx.", 1),
+        ("xxx..", 2),
+    ],
+)
+def test_it_stands_still_while_a_touch_might_not_be_felt(ticks: str, quiet: int) -> None:
+    timer = QuietTimer(2.0)
+    for k, tick in enumerate(ticks, start=1):
+        timer.sense(tick in "tT", 0.01 * k, sure=tick in "t.")
+        assert timer.quiet_s >= 0.0
+    assert timer.quiet_s == pytest.approx(0.01 * quiet)

@@ -273,7 +273,7 @@ def test_levels_that_friction_raises_too_far() -> None:
         assert force > 4.0
         (reason,) = rig.permit("the test")
         assert reason.startswith(
-            f"joint feels nothing below {force:.2f} Nm now, more than 5 times its configured "
+            f"joint feels nothing below {force:.2f} Nm now, more than 5 times its contact level of "
             "0.50 Nm"
         )
 

@@ -1,36 +1,37 @@
-"""The estimator's chain for one tick: samples in, `Estimate` out.
+"""The estimator in arrays: what the kernel must agree with, term by term, written another way.
 
-Samples are first brought to one common instant (`link_velocity`); everything after that, from the
-motor position to the residual, belongs to that instant, `Estimator.delay_s` before the samples.
-
-A joint whose sample is missing does not blind the others. They take its link to go on as it did,
-and its own interval lasts until its next sample comes, so that no impulse is lost: what the bridge
-was wrong by is in the next increment.
+Every term is one array over all joints, every sum of impulses a row of two matrix products.
 """
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
-from errors import ModelError
-from estimator import memory
-from estimator.contact import Contact, ContactDetector, dead_band, touched_link
+from estimator.contact import Contact, dead_band
 from estimator.estimate import Estimate, Flag
-from estimator.friction import FRICTIONS, FrictionTerms
-from estimator.interval import ROW, Interval
-from estimator.link_velocity import ALIGNED, Alignment
+from estimator.interval import ROW
 from estimator.model import Model
-from estimator.motor_position import MOTION, MotorPosition
-from estimator.residual import Residual
+from estimator.motor_position import MotorPosition
 from estimator.settings import EstimatorSettings
-from estimator.stiction import Stiction, displacement
-from estimator.thresholds import ThresholdRaise, Thresholds
+from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
+from tests.estimator.in_arrays.parts import (
+    ALIGNED,
+    FRICTIONS,
+    RAISED_PERIODS,
+    Alignment,
+    ContactDetector,
+    FrictionTerms,
+    Interval,
+    Residual,
+    Stiction,
+    ThresholdRaise,
+    displacement,
+    touched_link,
+)
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
 _ADVANCE = {"integrated": {"theta_dot": 1.0}, "measured": {"theta": 1.0}}
@@ -38,8 +39,6 @@ _ROTOR = {"rotor": 1.0}
 _TRANSMITTED = {"tau_M": 1.0, "rotor": -1.0, "motor_friction": -1.0}
 # Their rows among the impulses, in this order.
 _ADVANCE_ROW, _TORQUE_ROWS, _RESIDUAL_ROWS = 0, slice(1, 3), slice(3, None)
-_MEAN_TORQUES = slice(MOTION.index("rotor"), None)  # the same rows of MOTION, divided by dt
-_INPUTS = ("current", "link_position", "motor_velocity")
 #: A joint that was without a sample for longer senses nothing [periods]: its residual is old.
 SENSED_PERIODS = 2.5
 #: Over a longer gap nothing is bridged [periods]: Tustin's rule does not know what happened in it.
@@ -52,9 +51,6 @@ class Estimator:
     Raises ModelError if the parts do not fit each other.
     """
 
-    _MEMORY = ("elapsed", "since", "_going", "_shown", "_aligned")
-    _PARTS = ("alignment", "interval", "motor_position", "stiction", "residual", "detector")
-
     def __init__(
         self,
         model: Model,
@@ -64,12 +60,6 @@ class Estimator:
         period_s: float,
     ) -> None:
         n = model.n
-        if transmission.joints != model.names:
-            raise ModelError(f"transmission of {transmission.joints}, model of {model.names}")
-        if settings.sign_width != transmission.sign_width:
-            raise ModelError(
-                f"sign_width {settings.sign_width} and {transmission.sign_width} differ"
-            )
         self.model = model
         self.transmission = transmission
         self.settings = settings
@@ -84,7 +74,7 @@ class Estimator:
             position_delay=settings.motor_position_delay_ms / 1000,
         )
         self._measured = settings.motor_position == "measured"
-        self.motor_position = MotorPosition(transmission, settings.gap, measured=self._measured)
+        self.motor_position = MotorPosition(transmission, settings.gap, self._measured)
         self.stiction = Stiction(n, settings.presliding)
         variants = (settings.residual, *settings.beside)
         self.residual = Residual(variants, settings.gain, period_s, n)
@@ -96,7 +86,6 @@ class Estimator:
             gain=settings.gain,
             debounce=settings.debounce,
         )
-        self._thresholds = thresholds
         self._contact, self._per_speed = thresholds.contact, thresholds.per_speed
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         t = transmission
@@ -111,7 +100,6 @@ class Estimator:
         self._samples: Matrix = np.zeros((4, n))
         self._ones = np.ones(4 * n)
         self._aligned: Matrix = np.zeros((len(ALIGNED), n))
-        self._moved: Matrix = np.zeros((len(MOTION), n))
         self._friction = FrictionTerms(t)
         self._shown: Matrix = np.zeros((4, n))  # q, q_dot, tau_M, threshold
         self._every: NDArray[np.bool_] = np.ones(n, dtype=np.bool_)
@@ -120,11 +108,6 @@ class Estimator:
         self.since = np.zeros(n)
         """time since the sample of each joint that was used last [s]"""
         self._last = self._still(np.zeros(n), Flag.STARTING)
-
-    @property
-    def delay_s(self) -> float:
-        """Age of the estimate when its samples arrive [s]; the residual adds ln 2 / K."""
-        return self.alignment.delay
 
     def step(
         self,
@@ -148,13 +131,9 @@ class Estimator:
         INVALID. Raises ModelError for arrays of another shape.
         """
         dt = self.period_s if dt is None else dt
-        for name, values in zip(_INPUTS, (current, link_position, motor_velocity), strict=True):
-            self._check_shape(name, values)
         samples = self._samples
         samples[0], samples[1], samples[3] = current, motor_velocity, link_position
         if self._measured:
-            if motor_position is not None:
-                self._check_shape("motor_position", motor_position)
             samples[2] = np.nan if motor_position is None else motor_position
         came = self._every if fresh is None or fresh.all() else fresh
         absent = None if came is self._every else ~came
@@ -187,21 +166,13 @@ class Estimator:
                 return self._invalid()
             self._last = made
         else:
-            known = np.where(came, link_position, self._last.q)
+            known = np.where(np.isfinite(link_position), link_position, self._last.q)
             self._last = self._still(known, flags | Flag.STARTING)
         return self._last
 
     def _wait(self, dt: float) -> None:
         self.elapsed += dt
         self.since += dt
-
-    def levels_at(self, speed: Vector) -> Vector:
-        """Contact levels (n,) [Nm] that would be in force at motor speeds (n,) [rad/s], with what
-        is known now of friction and gaps. Changes nothing."""
-        side = self.motor_position.side
-        hidden = self._threshold_raise.at(resting(speed), self.stiction.unknown, side)
-        levels: Vector = self._contact + hidden + self._per_speed * np.abs(speed)
-        return levels
 
     def reset(self) -> None:
         """Forget external torque and contacts: r = 0. Positions and velocities are kept, so that
@@ -220,26 +191,6 @@ class Estimator:
         self.stiction.restart(joints)
         self._aligned[:, joints] = 0.0
         self._going &= ~joints
-
-    def memory(self) -> dict[str, Any]:
-        """The complete internal state, fit for JSON; `restore` continues bit-identically."""
-        parts = {name: getattr(self, name).memory() for name in self._PARTS}
-        return {"estimator": memory.dump(self, self._MEMORY), **parts}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from `memory()`. Raises ModelError if it belongs to another arm."""
-        if set(state) != {"estimator", *self._PARTS}:
-            raise ModelError(f"memory of an estimator: {sorted(state)}")
-        memory.load(self, self._MEMORY, state["estimator"])
-        for name in self._PARTS:
-            getattr(self, name).restore(state[name])
-        self._last = self._estimate((), Flag(0), ~self._every)
-
-    def _check_shape(self, name: str, values: Vector) -> None:
-        """Raise ModelError for another shape: numpy would stretch one number over all joints."""
-        if getattr(values, "shape", None) != self._shape:
-            given = getattr(values, "shape", type(values).__name__)
-            raise ModelError(f"{name} is {given}; it must be an array of shape {self._shape}")
 
     def _is_finite(self, made: Estimate) -> bool:
         """True where no value is infinite or NaN, by one sum: inf and -inf make NaN. phi stands for
@@ -276,7 +227,7 @@ class Estimator:
             self._going = going | self.alignment.ready
             gaps = gaps * going
             for i in np.flatnonzero(~going).tolist():
-                self.motor_position.joints[i].start(float(q[i]))
+                self.motor_position.start(i, float(q[i]))
         self.interval.begin()
         now = self.interval.now
         tau_M = now[ROW["tau_M"]]
@@ -298,8 +249,10 @@ class Estimator:
             self.interval.start(~going)
             self.interval.keep((gaps == 0.0) & going)
         self._balance(q, q_dot, theta_dot, tau_M, rest, gaps)
-        side = self.motor_position.side
+        side = np.asarray(self.motor_position.side)
         periods = gaps / self.period_s if Flag.LATE in flags else None
+        if periods is not None and periods.max() > RAISED_PERIODS:
+            flags |= Flag.RAISED
         hidden = self._threshold_raise.at(rest, self.stiction.unknown, side, periods)
         threshold = self.detector.thresholds(hidden, theta_dot, dt)
         contacts = self.detector.step(self.residual.values[0], side, time_s, absent)
@@ -313,23 +266,28 @@ class Estimator:
         """Motor position and residual over the intervals dt (n,) [s] that end now; where dt is 0
         none does."""
         impulses = self.interval.step(dt)
-        moved = self._moved
-        moved[0], moved[1], moved[2], moved[3], moved[4] = q, q_dot, theta_dot, rest, tau_M
-        moved[5] = impulses[_ADVANCE_ROW]
-        np.divide(impulses[_TORQUE_ROWS], np.where(dt > 0.0, dt, 1.0), out=moved[_MEAN_TORQUES])
-        engaged = self.motor_position.step(moved, dt)
+        lasts = np.where(dt > 0.0, dt, 1.0)
+        rotor, transmitted = impulses[_TORQUE_ROWS] / lasts
+        advance = impulses[_ADVANCE_ROW]
+        motion = np.array([q, q_dot, theta_dot, rest, tau_M, advance, rotor, transmitted])
+        # Those without an interval: r is kept whether they are engaged or not.
+        engaged = [
+            float(not dt[i] or self.motor_position.step(i, dt[i], *motion[:, i]))
+            for i in range(len(dt))
+        ]
         errors = impulses[_RESIDUAL_ROWS]
         if self._correcting:
             t = self.transmission
-            delta = penetration(q - self.motor_position.theta, t.half_gap)
+            delta = penetration(q - np.asarray(self.motor_position.theta), t.half_gap)
             correction = t.contact_stiffness * delta + t.contact_damping * (q_dot - theta_dot)
             errors[self.residual.engaged] -= dt * self._corrected * correction
-        self.residual.step(errors, engaged, dt)
+        self.residual.step(errors, np.array(engaged), dt)
 
     def _still(self, q: Vector, flags: Flag) -> Estimate:
         """Estimate without a velocity yet: no residual."""
         zero = np.zeros(self.model.n)
-        self.motor_position.start(q)
+        for i in range(len(q)):
+            self.motor_position.start(i, q[i])
         threshold = self.detector.thresholds(self._threshold_raise.most, zero, self.period_s)
         self._show(q, zero, zero, threshold)
         return self._estimate((), flags, ~self._every)
@@ -344,15 +302,15 @@ class Estimator:
         position = self.motor_position
         q, q_dot, tau_M, threshold = self._shown.copy()
         residuals = self.residual.values.copy()
-        theta = position.theta
+        theta = np.array(position.theta)
         thresholded = dead_band(residuals[0], threshold)
         return Estimate(
             q=q,
             q_dot=q_dot,
             theta=theta,
             phi=q - theta,
-            phi_sigma=position.sigma,
-            side=position.side,
+            phi_sigma=np.array(position.sigma),
+            side=np.array(position.side, dtype=np.int8),
             tau_M=tau_M,
             residual=residuals[0],
             beside={name: residuals[row] for row, name in self._beside},

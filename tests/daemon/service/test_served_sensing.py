@@ -1,0 +1,48 @@
+"""Which joints sense contact, as the daemon's status says it."""
+
+import json
+from pathlib import Path
+
+import msgspec
+
+from bench.rigs.faulty_wire import FaultyWire
+from bench.rigs.served_daemon import served_daemon
+from daemon.config.schema import Configuration
+from drivers.can.wire import Wire
+from drivers.codec import transmit_pdos
+
+
+def patient(c: Configuration) -> Configuration:
+    """Missing samples alone are no fault: what is left is that their joint senses nothing."""
+    supervisor = msgspec.structs.replace(c.supervisor, stale_ticks=200)
+    return msgspec.structs.replace(c, supervisor=supervisor)
+
+
+def test_status_says_which_joint_does_not_sense_and_since_when(tmp_path: Path) -> None:
+    wires: list[FaultyWire] = []
+
+    def between(wire: Wire) -> FaultyWire:
+        wires.append(FaultyWire(wire))
+        return wires[0]
+
+    with served_daemon(tmp_path, configure=patient, between=between) as served:
+        served.rig.enable()
+        shown = served.contactctl("status").stdout
+        assert "sensing       every joint, for 0:00:0" in shown
+        assert "not sensing" not in shown
+        (drive,) = served.rig.robot.configuration.joint_drives
+        wires[0].lost = {pdo.cob_id for pdo in transmit_pdos(drive)}
+        lost_s = served.rig.time_s
+        served.run(0.4)
+        status = json.loads(served.contactctl("--json", "status").stdout)
+        shown = served.contactctl("status").stdout
+        state = served.rig.state()
+        wires[0].lost = set()
+        served.run(0.4)
+        assert "not sensing" not in served.contactctl("status").stdout
+    assert (status["sensing"], state.sensing) == ([False], [False])
+    assert status["sensing_since_s"] == state.sensing_since_s
+    assert 0.015 < state.sensing_since_s[0] - lost_s < 0.035  # two periods and a half, of 10 ms
+    assert "not sensing contact: joint for 0." in shown
+    assert "every joint" not in shown
+    assert "joint         nothing    nothing" in shown
