@@ -4,6 +4,10 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.complete
+# Extensions that are older than their sources would run in place of them.
+KERNEL := $(VENV)/.compiled
+TYPES  := $(wildcard *.pxd */*.pxd)
+SOURCE := hatch_build.py $(TYPES) $(TYPES:.pxd=.py)
 MUTMUT := build/mutants/venv/bin/mutmut
 
 # Where `make install` puts things; DESTDIR in front of it all, for packages and images.
@@ -37,23 +41,28 @@ $(STAMP): requirements.lock requirements-dev.lock pyproject.toml
 	$(check-python)
 	$(PYTHON) -m venv --clear $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock -r requirements-dev.lock
+	@command -v gcc cc >/dev/null || $(BIN)/pip install --quiet --disable-pip-version-check ziglang==0.17.1
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@ $(KERNEL)
+
+$(KERNEL): $(SOURCE) | $(STAMP)
+	$(BIN)/python hatch_build.py || echo "no compiled modules: they run as plain Python, 50 times slower"
 	@touch $@
 
-demo: $(STAMP)  ## the paper's third experiment on a simulated arm, about 30 s
+demo: $(STAMP) $(KERNEL)  ## the paper's third experiment on a simulated arm, about 30 s
 	@$(BIN)/contactd demo
 
-test: $(STAMP)  ## all tests, some four minutes
+test: $(STAMP) $(KERNEL)  ## all tests, some four minutes
 	$(BIN)/python -m pytest -q -n auto --dist loadfile
 
 # New examples for every property in tests/: a failure prints the example and how to repeat it.
 fuzz: SEED ?= $(shell date +%s)
-fuzz: $(STAMP)  ## thousands of new examples for the property-based tests; SEED=n repeats a run
+fuzz: $(STAMP) $(KERNEL)  ## thousands of new examples for the property-based tests; SEED=n repeats a run
 	@echo "seed $(SEED): repeat with make fuzz SEED=$(SEED)"
 	$(BIN)/python -m pytest -q -n auto --dist loadfile -m hypothesis --hypothesis-profile=fuzz \
 	  --hypothesis-seed=$(SEED)
 
-commissioning: $(STAMP)  ## docs/commissioning.md on a simulated arm, from zero to armed, some minutes
+commissioning: $(STAMP) $(KERNEL)  ## docs/commissioning.md on a simulated arm, from zero to armed, some minutes
 	$(BIN)/python -m bench.commissioning
 
 check: $(STAMP) units  ## ruff, mypy (strict), import layers, systemd units
@@ -84,13 +93,13 @@ units: $(STAMP)
 soak: MINUTES ?= 20
 soak: HOURS ?= 3
 soak: JOBS ?= 1
-soak: $(STAMP)  ## MINUTES=20 in real time and HOURS=3 simulated: what breaks, and what grows?
+soak: $(STAMP) $(KERNEL)  ## MINUTES=20 in real time and HOURS=3 simulated: what breaks, and what grows?
 	$(BIN)/python -m bench.soak --minutes $(MINUTES) --hours $(HOURS) --jobs $(JOBS)
 
 system: $(STAMP)  ## the installed service under systemd on a virtual CAN bus (root; a test machine)
 	$(BIN)/python -m pytest -q -rs tests/system --system
 
-mutants: $(STAMP) $(MUTMUT)  ## break what judges and bounds, a bit at a time, and see tests fail, 30 min
+mutants: $(STAMP) $(KERNEL) $(MUTMUT)  ## break what judges and bounds, a bit at a time, and see tests fail, 30 min
 	$(BIN)/python -m bench.mutants --python $(dir $(MUTMUT))python
 
 $(MUTMUT):
@@ -163,5 +172,5 @@ lock:  ## resolve the dependencies anew and write both lock files (names and ver
 	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock > requirements-dev.lock
 
 clean:  ## remove the environment and everything that was built
-	rm -rf $(VENV) build dist bench/out .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) *.so estimator/*.so simulator/*.so build dist bench/out .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

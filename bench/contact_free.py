@@ -21,7 +21,7 @@ from bench.rigs.lockstep import lockstep_rig
 from daemon.config.schema import Configuration, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
 from estimator.motor_position import Side
-from estimator.residual import Variant
+from estimator.settings import Variant
 
 # Amplitude [rad] and frequency [Hz] per joint: incommensurable, so that all poses are met.
 MOTION = {

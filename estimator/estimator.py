@@ -1,4 +1,4 @@
-"""The estimator's chain for one tick: samples in, `Estimate` out.
+"""The estimator's chain for one tick: samples in, `Estimate` out. The arithmetic is in `kernel`.
 
 Samples are first brought to one common instant (`link_velocity`); everything after that, from the
 motor position to the residual, belongs to that instant, `Estimator.delay_s` before the samples.
@@ -8,7 +8,6 @@ and its own interval lasts until its next sample comes, so that no impulse is lo
 was wrong by is in the next increment.
 """
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,31 +18,18 @@ from numpy.typing import NDArray
 from arrays import Matrix, Vector
 from errors import ModelError
 from estimator import memory
-from estimator.contact import Contact, ContactDetector, dead_band, touched_link
+from estimator.contact import Contact
+from estimator.dynamics import Dynamics
 from estimator.estimate import Estimate, Flag
-from estimator.friction import FRICTIONS, FrictionTerms
-from estimator.interval import ROW, Interval
-from estimator.link_velocity import ALIGNED, Alignment
+from estimator.kernel import Kernel
 from estimator.model import Model
-from estimator.motor_position import MOTION, MotorPosition
-from estimator.residual import Residual
+from estimator.motor_position import Side
 from estimator.settings import EstimatorSettings
-from estimator.stiction import Stiction, displacement
-from estimator.thresholds import RAISED_PERIODS, ThresholdRaise, Thresholds
-from estimator.transmission import Transmission, penetration, resting, smooth_sign
+from estimator.thresholds import Thresholds
+from estimator.transmission import Transmission, resting
 
-# Sums of an interval's terms that the motor position needs; the residual's forms follow them.
-_ADVANCE = {"integrated": {"theta_dot": 1.0}, "measured": {"theta": 1.0}}
-_ROTOR = {"rotor": 1.0}
-_TRANSMITTED = {"tau_M": 1.0, "rotor": -1.0, "motor_friction": -1.0}
-# Their rows among the impulses, in this order.
-_ADVANCE_ROW, _TORQUE_ROWS, _RESIDUAL_ROWS = 0, slice(1, 3), slice(3, None)
-_MEAN_TORQUES = slice(MOTION.index("rotor"), None)  # the same rows of MOTION, divided by dt
-_INPUTS = ("current", "link_position", "motor_velocity")
-#: A joint that was without a sample for longer senses nothing [periods]: its residual is old.
-SENSED_PERIODS = 2.5
-#: Over a longer gap nothing is bridged [periods]: Tustin's rule does not know what happened in it.
-BRIDGED_PERIODS = 5.5
+_FLAGS = tuple(Flag(i) for i in range(2 * max(Flag)))  # making one costs a microsecond
+_INVALID = int(Flag.INVALID)
 
 
 class Estimator:
@@ -51,9 +37,6 @@ class Estimator:
 
     Raises ModelError if the parts do not fit each other.
     """
-
-    _MEMORY = ("elapsed", "since", "_going", "_shown", "_aligned")
-    _PARTS = ("alignment", "interval", "motor_position", "stiction", "residual", "detector")
 
     def __init__(
         self,
@@ -63,67 +46,30 @@ class Estimator:
         thresholds: Thresholds,
         period_s: float,
     ) -> None:
-        n = model.n
         if transmission.joints != model.names:
             raise ModelError(f"transmission of {transmission.joints}, model of {model.names}")
         if settings.sign_width != transmission.sign_width:
             raise ModelError(
                 f"sign_width {settings.sign_width} and {transmission.sign_width} differ"
             )
-        self.model = model
-        self.transmission = transmission
-        self.settings = settings
+        self.model, self.transmission, self.settings = model, transmission, settings
         self.period_s = period_s
-        self.alignment = Alignment(
-            n,
-            settings.link_velocity,
-            period_s,
-            current_delay=settings.current_delay_ms / 1000,
-            link_delay=settings.link_position_delay_ms / 1000,
-            velocity_delay=settings.motor_velocity_delay_ms / 1000,
-            position_delay=settings.motor_position_delay_ms / 1000,
-        )
-        self._measured = settings.motor_position == "measured"
-        self.motor_position = MotorPosition(transmission, settings.gap, measured=self._measured)
-        self.stiction = Stiction(n, settings.presliding)
-        variants = (settings.residual, *settings.beside)
-        self.residual = Residual(variants, settings.gain, period_s, n)
-        own = (_ADVANCE[settings.motor_position], _ROTOR, _TRANSMITTED)
-        self.interval = Interval([*own, *self.residual.forms()], n)
-        self.detector = ContactDetector(
-            model.names,
-            thresholds,
-            gain=settings.gain,
-            debounce=settings.debounce,
-        )
-        self._contact, self._per_speed = thresholds.contact, thresholds.per_speed
-        self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
-        t = transmission
-        self._has_gap = t.half_gap > 0.0
-        self._held = t.stiction * t.engaged_coulomb
-        self._threshold_raise = ThresholdRaise(t, settings, thresholds.contact)
-        # Variants whose tau_M a fit corrects while engaged: those with engagement.
-        self._corrected = np.array([[v.kind == "backlash"] for v in variants], dtype=np.float64)
-        self._correcting = bool(np.any(t.contact_stiffness) or np.any(t.contact_damping))
-        self._shape = (n,)
-        # current, motor velocity, motor position (zero where it is not used), link position
-        self._samples: Matrix = np.zeros((4, n))
-        self._ones = np.ones(4 * n)
-        self._aligned: Matrix = np.zeros((len(ALIGNED), n))
-        self._moved: Matrix = np.zeros((len(MOTION), n))
-        self._friction = FrictionTerms(t)
-        self._shown: Matrix = np.zeros((4, n))  # q, q_dot, tau_M, threshold
-        self._every: NDArray[np.bool_] = np.ones(n, dtype=np.bool_)
-        self._going = ~self._every  # joints whose interval has a beginning
-        self.elapsed = 0.0
-        self.since = np.zeros(n)
-        """time since the sample of each joint that was used last [s]"""
-        self._last = self._still(np.zeros(n), Flag.STARTING)
-
-    @property
-    def delay_s(self) -> float:
+        self.variants = (settings.residual, *settings.beside)
+        dynamics = Dynamics(model.bodies(), model.down)
+        self._kernel = k = Kernel(dynamics, transmission, settings, thresholds, period_s)
+        self.delay_s: float = k.alignment.delay_s
         """Age of the estimate when its samples arrive [s]; the residual adds ln 2 / K."""
-        return self.alignment.delay
+        self.detector = k.detector
+        self._measured = settings.motor_position == "measured"
+        self._samples, self._came = np.asarray(k.alignment.samples), np.asarray(k.came)
+        self._shown, self._side = np.asarray(k.shown), np.asarray(k.motor_position.side)
+        self.residuals: Matrix = np.asarray(k.residual.values)
+        """of all `variants`, (variants, n) [Nm]; those of now, not a copy"""
+        self._sensing = np.asarray(k.sensing).view(np.bool_)
+        self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
+        self._shape = (model.n,)
+        self._link_names = (*model.names, "")
+        self._last = self._estimate((), Flag.STARTING)
 
     def step(
         self,
@@ -147,92 +93,59 @@ class Estimator:
         INVALID. Raises ModelError for arrays of another shape.
         """
         dt = self.period_s if dt is None else dt
-        for name, values in zip(_INPUTS, (current, link_position, motor_velocity), strict=True):
-            self._check_shape(name, values)
+        self._check_shape("current", current)
+        self._check_shape("link_position", link_position)
+        self._check_shape("motor_velocity", motor_velocity)
         samples = self._samples
         samples[0], samples[1], samples[3] = current, motor_velocity, link_position
         if self._measured:
             if motor_position is not None:
                 self._check_shape("motor_position", motor_position)
             samples[2] = np.nan if motor_position is None else motor_position
-        came = self._every if fresh is None or fresh.all() else fresh
-        absent = None if came is self._every else ~came
-        if absent is not None:
-            samples[:, absent] = 0.0
-        # One sum is enough: any value that is not finite makes the sum so.
-        if not (math.isfinite(samples.ravel() @ self._ones) and 0.0 < dt < math.inf):
-            self._wait(dt if 0.0 < dt < math.inf else self.period_s)
-            return self._invalid()
-
-        self._wait(dt)
-        gaps = np.where(came, self.since, 0.0)
-        self.since[came] = 0.0
-        flags = Flag.LATE if gaps.max() > 1.5 * self.period_s else Flag(0)
-        if absent is not None:
-            flags |= Flag.BRIDGED
-        too_long = gaps > BRIDGED_PERIODS * self.period_s
-        if np.count_nonzero(too_long & (self.alignment.count > 0)):
-            flags |= Flag.RESTARTED
-            self.restart(too_long)
-        self.alignment.push(samples, gaps)
-        if np.count_nonzero(self.alignment.ready) and self.alignment.count.all():
-            made = self._advance(
-                dt, gaps, absent, flags, self.elapsed if time_s is None else time_s
-            )
-            if not self._is_finite(made):
-                # The state would never become finite again.
-                self.restart()
-                self._still(self._last.q, Flag.STARTING)
-                return self._invalid()
-            self._last = made
-        else:
-            known = np.where(np.isfinite(link_position), link_position, self._last.q)
-            self._last = self._still(known, flags | Flag.STARTING)
+        self._came.fill(1) if fresh is None else np.copyto(self._came, fresh)
+        flags = self._kernel.step(dt)
+        if flags & _INVALID:
+            nothing = np.zeros(self._shape, dtype=np.bool_)
+            return replace(self._last, contacts=(), flags=Flag.INVALID, sensing=nothing)
+        contacts: tuple[Contact, ...] = ()
+        if self._kernel.begun:
+            now_s = self._kernel.elapsed_s if time_s is None else time_s
+            contacts = self.detector.begun(self.residuals[0], self._side, now_s)
+        self._last = self._estimate(contacts, _FLAGS[flags])
         return self._last
-
-    def _wait(self, dt: float) -> None:
-        self.elapsed += dt
-        self.since += dt
 
     def levels_at(self, speed: Vector) -> Vector:
         """Contact levels (n,) [Nm] that would be in force at motor speeds (n,) [rad/s], with what
         is known now of friction and gaps. Changes nothing."""
-        side = self.motor_position.side
-        hidden = self._threshold_raise.at(resting(speed), self.stiction.unknown, side)
-        levels: Vector = self._contact + hidden + self._per_speed * np.abs(speed)
-        return levels
+        detector, stiction = self.detector, self._kernel.stiction
+        rest, unsure = resting(speed), self._side == Side.UNKNOWN
+        levels = []
+        for i in range(self.model.n):
+            hidden = detector.hidden(i, rest[i], stiction.unknown(i), unsure[i], 0.0)
+            levels.append(detector.level_at(i, hidden, abs(speed[i])))
+        return np.array(levels)
 
     def reset(self) -> None:
         """Forget external torque and contacts: r = 0. Positions and velocities are kept, so that
         nothing jumps."""
-        self.residual.reset()
-        self.detector.reset()
+        for i in range(self.model.n):
+            self._kernel.reset(i)
 
     def restart(self, joints: NDArray[np.bool_] | None = None) -> None:
         """Forget all samples of these joints (n,), by default of all, and with them where their
         rotors are in their gaps."""
-        joints = self._every if joints is None else joints
-        self.residual.reset(joints)
-        self.detector.reset(joints)
-        self.alignment.restart(joints)
-        self.interval.restart(joints)
-        self.stiction.restart(joints)
-        self._aligned[:, joints] = 0.0
-        self._going &= ~joints
+        for i in range(self.model.n):
+            if joints is None or joints[i]:
+                self._kernel.restart(i)
 
     def memory(self) -> dict[str, Any]:
         """The complete internal state, fit for JSON; `restore` continues bit-identically."""
-        parts = {name: getattr(self, name).memory() for name in self._PARTS}
-        return {"estimator": memory.dump(self, self._MEMORY), **parts}
+        return memory.dump(self._kernel)
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from `memory()`. Raises ModelError if it belongs to another arm."""
-        if set(state) != {"estimator", *self._PARTS}:
-            raise ModelError(f"memory of an estimator: {sorted(state)}")
-        memory.load(self, self._MEMORY, state["estimator"])
-        for name in self._PARTS:
-            getattr(self, name).restore(state[name])
-        self._last = self._estimate((), Flag(0), ~self._every)
+        memory.load(self._kernel, state)
+        self._last = self._estimate((), Flag(0))
 
     def _check_shape(self, name: str, values: Vector) -> None:
         """Raise ModelError for another shape: numpy would stretch one number over all joints."""
@@ -240,134 +153,23 @@ class Estimator:
             given = getattr(values, "shape", type(values).__name__)
             raise ModelError(f"{name} is {given}; it must be an array of shape {self._shape}")
 
-    def _is_finite(self, made: Estimate) -> bool:
-        """True where no value is infinite or NaN, by one sum: inf and -inf make NaN. phi stands for
-        q and theta."""
-        shown = made.q_dot + made.tau_M
-        shown += made.phi
-        shown += made.phi_sigma
-        shown += made.threshold
-        return math.isfinite(shown.sum() + self.residual.values.sum())
-
-    def _invalid(self) -> Estimate:
-        return replace(
-            self._last, contacts=(), flags=Flag.INVALID, sensing=np.zeros_like(self._every)
-        )
-
-    def _advance(
-        self,
-        dt: float,
-        gaps: Vector,
-        absent: NDArray[np.bool_] | None,
-        flags: Flag,
-        time_s: float,
-    ) -> Estimate:
-        """Estimate dt [s] after the one before; gaps: since the last sample of each joint (n,) [s],
-        0 for those that are `absent`."""
-        t, (q, q_dot, current, theta_dot, theta) = self.transmission, self._aligned
-        # No link goes on for ever.
-        carried = np.where(self.since <= BRIDGED_PERIODS * self.period_s, dt, 0.0)
-        self.alignment.aligned(self._aligned, carried, absent)
-        going = self._going
-        began = going.all()
-        if not began:
-            flags |= Flag.STARTING
-            self._going = going | self.alignment.ready
-            gaps = gaps * going
-            for i in np.flatnonzero(~going).tolist():
-                self.motor_position.joints[i].start(float(q[i]))
-        self.interval.begin()
-        now = self.interval.now
-        tau_M = now[ROW["tau_M"]]
-        np.multiply(t.torque_constant, current, out=tau_M)
-        np.multiply(t.rotor_inertia, theta_dot, out=now[ROW["rotor"]])
-        now[ROW["momentum"]], now[ROW["beta"]] = self.model.dynamics(q, q_dot)
-        now[ROW["theta_dot"]], now[ROW["theta"]] = theta_dot, theta
-        self._friction.at(q_dot, theta_dot, out=now[FRICTIONS])
-        rest = resting(theta_dot)
-        if self._measured:
-            turned = (gaps > 0.0) * (theta - self.interval.before[ROW["theta"]])
-        else:
-            moved = going * (q - self._shown[0])
-            turned = displacement(theta_dot, q_dot, moved, self._has_gap, gaps)
-        self.stiction.step(turned)
-        sign = smooth_sign(theta_dot, t.sign_width)
-        np.multiply(self._held, self.stiction.z - sign, out=now[ROW["stiction"]])
-        if absent is not None or not began:
-            self.interval.start(~going)
-            self.interval.keep((gaps == 0.0) & going)
-        self._balance(q, q_dot, theta_dot, tau_M, rest, gaps)
-        side = self.motor_position.side
-        periods = gaps / self.period_s if Flag.LATE in flags else None
-        if periods is not None and periods.max() > RAISED_PERIODS:
-            flags |= Flag.RAISED
-        hidden = self._threshold_raise.at(rest, self.stiction.unknown, side, periods)
-        threshold = self.detector.thresholds(hidden, theta_dot, dt)
-        contacts = self.detector.step(self.residual.values[0], side, time_s, absent)
-        self._show(q, q_dot, tau_M, threshold)
-        sensing = going & (self.since <= SENSED_PERIODS * self.period_s)
-        return self._estimate(contacts, flags, sensing)
-
-    def _balance(
-        self, q: Vector, q_dot: Vector, theta_dot: Vector, tau_M: Vector, rest: Vector, dt: Vector
-    ) -> None:
-        """Motor position and residual over the intervals dt (n,) [s] that end now; where dt is 0
-        none does."""
-        impulses = self.interval.step(dt)
-        moved = self._moved
-        moved[0], moved[1], moved[2], moved[3], moved[4] = q, q_dot, theta_dot, rest, tau_M
-        moved[5] = impulses[_ADVANCE_ROW]
-        np.divide(impulses[_TORQUE_ROWS], np.where(dt > 0.0, dt, 1.0), out=moved[_MEAN_TORQUES])
-        engaged = self.motor_position.step(moved, dt)
-        errors = impulses[_RESIDUAL_ROWS]
-        if self._correcting:
-            t = self.transmission
-            delta = penetration(q - self.motor_position.theta, t.half_gap)
-            correction = t.contact_stiffness * delta + t.contact_damping * (q_dot - theta_dot)
-            errors[self.residual.engaged] -= dt * self._corrected * correction
-        self.residual.step(errors, engaged, dt)
-
-    def _still(self, q: Vector, flags: Flag) -> Estimate:
-        """Estimate without a velocity yet: no residual."""
-        zero = np.zeros(self.model.n)
-        self.motor_position.start(q)
-        threshold = self.detector.thresholds(self._threshold_raise.most, zero, self.period_s)
-        self._show(q, zero, zero, threshold)
-        return self._estimate((), flags, ~self._every)
-
-    def _show(self, q: Vector, q_dot: Vector, tau_M: Vector, threshold: Vector) -> None:
-        shown = self._shown
-        shown[0], shown[1], shown[2], shown[3] = q, q_dot, tau_M, threshold
-
-    def _estimate(
-        self, contacts: tuple[Contact, ...], flags: Flag, sensing: NDArray[np.bool_]
-    ) -> Estimate:
-        position = self.motor_position
-        q, q_dot, tau_M, threshold = self._shown.copy()
-        residuals = self.residual.values.copy()
-        theta = position.theta
-        thresholded = dead_band(residuals[0], threshold)
+    def _estimate(self, contacts: tuple[Contact, ...], flags: Flag) -> Estimate:
+        k, residuals, side = self._kernel, self.residuals.copy(), self._side.copy()
+        q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded = self._shown.copy()
         return Estimate(
             q=q,
             q_dot=q_dot,
             theta=theta,
-            phi=q - theta,
-            phi_sigma=position.sigma,
-            side=position.side,
+            phi=phi,
+            phi_sigma=phi_sigma,
+            side=side,
             tau_M=tau_M,
             residual=residuals[0],
             beside={name: residuals[row] for row, name in self._beside},
             threshold=threshold,
             thresholded=thresholded,
             contacts=contacts,
-            touched_link=self._touched_link(residuals[0], threshold)
-            if np.count_nonzero(thresholded)
-            else "",
+            touched_link=self._link_names[k.touched_link],
             flags=flags,
-            sensing=sensing,
+            sensing=self._sensing.copy(),
         )
-
-    def _touched_link(self, residual: Vector, threshold: Vector) -> str:
-        # A residual that stiction may explain near rest is no sign of a touch.
-        link = touched_link(dead_band(residual, threshold - self._contact), self._contact)
-        return "" if link is None else self.model.names[link]

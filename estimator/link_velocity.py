@@ -1,3 +1,5 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Link velocity from sampled positions, and everything else sampled at the same instant.
 
 A parabola through the last three positions gives position and velocity at any instant near them.
@@ -10,140 +12,99 @@ How far back that instant lies is the method:
 For samples of equal distance T and encoder noise s the noise of the velocity is 2.55, 1.41 and
 0.71 times s / T. Currents and motor velocities are interpolated to the same instant: mixing times
 turns every acceleration into a torque that is not there.
+
+Ordinary Python, which runs as it is; `link_velocity.pxd` names the types for the compiler,
+decision 0037.
 """
 
-from typing import Any, Literal
-
 import numpy as np
-from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
-from estimator import memory
+from estimator.settings import EstimatorSettings, Method
 
-Method = Literal["backward", "midpoint", "central"]
 DELAY_PERIODS: dict[Method, float] = {"backward": 0.0, "midpoint": 0.5, "central": 1.0}
-
 SAMPLES = 3
 """Positions needed before the first velocity."""
-
-
-def parabola(last_interval: Vector, interval_before: Vector, delay: float) -> NDArray[np.float64]:
-    """Weights (2, 3, n) that give position and velocity `delay` seconds before the newest sample.
-
-    Times positions (3, n), newest first; the intervals (n,) [s] between them may differ.
-    """
-    h, whole = last_interval, last_interval + interval_before
-    # Newton's form: slope of the last interval, and the curvature that bends it.
-    bend = 1.0 / (h * whole), -1.0 / (h * interval_before), 1.0 / (interval_before * whole)
-    x, v = -delay * (h - delay), h - 2.0 * delay
-    return np.array(
-        [
-            [1.0 - delay / h + x * bend[0], delay / h + x * bend[1], x * bend[2]],
-            [1.0 / h + v * bend[0], -1.0 / h + v * bend[1], v * bend[2]],
-        ]
-    )
-
-
-ALIGNED = ("link_position", "link_velocity", "current", "motor_velocity", "motor_position")
-"""Rows of what `Alignment.aligned` gives."""
+_SAMPLES = SAMPLES  # for the compiler
+# Rows of a sample, and of what is made of it.
+_CURRENT, _MOTOR_VELOCITY, _MOTOR_POSITION, _LINK_POSITION, _INPUTS = range(5)
+_Q, _Q_DOT, _ALIGNED_CURRENT, _THETA_DOT, _THETA, _ALIGNED = range(6)
 
 
 class Alignment:
-    """The last samples, and their values at one common instant `delay` seconds ago.
+    """The last samples of each joint, and their values at one common instant.
 
-    A joint whose sample is missing goes on at its last velocity, with its last current. Each signal
-    is older than its sample by a transport delay of its own [s]: the current by its drive's filter,
-    the link position by its encoder's latency.
+    The caller writes `samples` (4, n): current, motor velocity, motor position, link position; and
+    reads `aligned` (5, n): link position and velocity, current, motor velocity, motor position.
+    Each signal is older than its sample by a transport delay of its own: the current by its drive's
+    filter, the link position by its encoder's latency.
     """
 
-    _MEMORY = ("count", "interval", "interval_before", "history")
-
-    def __init__(
-        self,
-        n: int,
-        method: Method,
-        period: float,
-        *,
-        current_delay: float,
-        link_delay: float,
-        velocity_delay: float,
-        position_delay: float,
-    ) -> None:
-        self._back = DELAY_PERIODS[method] * period
-        self.delay = self._back + link_delay
-        """The common instant lies this long before the newest sample arrived [s]."""
-        self._current_age = self.delay - current_delay
-        # Of the motor.
-        self._velocity_age = self.delay - velocity_delay
-        self._position_age = self.delay - position_delay
+    def __init__(self, n: int, settings: EstimatorSettings, period_s: float) -> None:
+        s = settings
+        self._back = DELAY_PERIODS[s.link_velocity] * period_s
+        self.delay_s = self._back + s.link_position_delay_ms / 1000
+        """The common instant lies this long before the newest samples arrived [s]."""
+        self._current_age = self.delay_s - s.current_delay_ms / 1000
+        self._velocity_age = self.delay_s - s.motor_velocity_delay_ms / 1000
+        self._position_age = self.delay_s - s.motor_position_delay_ms / 1000
+        self._period = period_s
+        self.samples, self.aligned = np.zeros((_INPUTS, n)), np.zeros((_ALIGNED, n))
+        self.history = np.zeros((SAMPLES, _INPUTS, n))  # newest first
         self.count = np.zeros(n, dtype=np.int64)  # samples of each joint, at most SAMPLES
-        self._period = period
         # Between the last samples of each joint [s].
-        self.interval = np.full(n, period)
-        self.interval_before = np.full(n, period)
-        # Rows of a sample: current, motor velocity, motor position, link position; newest first.
-        self.history: Matrix = np.zeros((SAMPLES * 4, n))
-        self._ages = np.array([self._current_age, self._velocity_age, self._position_age])[:, None]
+        self.interval, self.interval_before = np.full((2, n), period_s)
 
-    @property
-    def ready(self) -> NDArray[np.bool_]:
-        """Joints (n,) whose link velocity is made of samples alone."""
-        ready: NDArray[np.bool_] = self.count >= SAMPLES
-        return ready
+    def push(self, i: int, dt: float) -> None:
+        """Take the sample of joint i, dt [s] after the one before."""
+        for row in range(_INPUTS):
+            for k in range(_SAMPLES - 1, 0, -1):
+                self.history[k, row, i] = self.history[k - 1, row, i]
+            self.history[0, row, i] = self.samples[row, i]
+        self.interval_before[i], self.interval[i] = self.interval[i], dt
+        if self.count[i] == 0:
+            self._begin(i)
+        self.count[i] = min(self.count[i] + 1, _SAMPLES)
 
-    def push(self, samples: Matrix, dt: Vector) -> None:
-        """Take the samples of this tick, dt (n,) [s] after those before; 0 where there is none.
+    def _begin(self, i: int) -> None:
+        """What was before the first sample of joint i: as if its link had moved with its motor."""
+        self.interval[i] = self.interval_before[i] = self._period
+        for k in range(1, _SAMPLES):
+            turned = k * self._period * self.samples[_MOTOR_VELOCITY, i]
+            for row in range(_INPUTS):
+                self.history[k, row, i] = self.samples[row, i]
+                if row >= _MOTOR_POSITION:
+                    self.history[k, row, i] -= turned
 
-        samples: shape (4, n): current, motor velocity, motor position, link position.
-        """
-        came = dt > 0.0
-        np.copyto(self.history[4:], self.history[:-4].copy(), where=came)
-        np.copyto(self.history[:4], samples, where=came)
-        np.copyto(self.interval_before, self.interval, where=came)
-        np.copyto(self.interval, dt, where=came)
-        first = came & (self.count == 0)
-        if first.any():
-            self._start(first)
-        self.count += came
-        np.minimum(self.count, SAMPLES, out=self.count)
+    def align(self, i: int) -> None:
+        """Bring the samples of joint i to the common instant."""
+        a = self.aligned
+        # Newton's form of the parabola: slope of the last interval, and the curvature.
+        h, before, back = self.interval[i], self.interval_before[i], self._back
+        newest = self.history[0, _LINK_POSITION, i]
+        second, third = self.history[1, _LINK_POSITION, i], self.history[2, _LINK_POSITION, i]
+        slope = (newest - second) / h
+        curvature = (slope - (second - third) / before) / (h + before)
+        a[_Q, i] = newest - back * slope - back * (h - back) * curvature
+        a[_Q_DOT, i] = slope + (h - 2.0 * back) * curvature
+        a[_ALIGNED_CURRENT, i] = self._earlier(i, _CURRENT, self._current_age / h)
+        a[_THETA_DOT, i] = self._earlier(i, _MOTOR_VELOCITY, self._velocity_age / h)
+        a[_THETA, i] = self._earlier(i, _MOTOR_POSITION, self._position_age / h)
 
-    def _start(self, joints: NDArray[np.bool_]) -> None:
-        """What was before the first samples of these joints (n,): as if their links had moved with
-        their motors."""
-        current, motor_velocity, motor_position, link = self.history[:4, joints]
-        for ticks in range(1, SAMPLES):
-            turned = ticks * self._period * motor_velocity
-            rows = (current, motor_velocity, motor_position - turned, link - turned)
-            self.history[4 * ticks : 4 * ticks + 4, joints] = rows
-        self.interval[joints] = self.interval_before[joints] = self._period
+    def _earlier(self, i: int, row: int, share: float) -> float:
+        """A signal this share of the last interval before its newest sample."""
+        newest = self.history[0, row, i]
+        return float(newest + (self.history[1, row, i] - newest) * share)
 
-    def aligned(
-        self, out: Matrix, carried: Vector | None = None, absent: NDArray[np.bool_] | None = None
-    ) -> None:
-        """The rows of ALIGNED at the common instant into out (5, n).
+    def carry(self, i: int, dt: float) -> None:
+        """Without a sample joint i goes on for dt [s] as it did, with its last current."""
+        self.aligned[_Q, i] += self.aligned[_Q_DOT, i] * dt
+        self.aligned[_THETA, i] += self.aligned[_THETA_DOT, i] * dt
 
-        absent: joints (n,) without a sample in this tick; their values in `out`, of the tick
-        before, are carried on for the time `carried` (n,) [s].
-        """
-        kept = None if absent is None else out[:, absent]
-        weights = parabola(self.interval, self.interval_before, self._back)
-        np.sum(weights * self.history[3::4], axis=1, out=out[:2])
-        newest, before = self.history[:3], self.history[4:7]
-        np.subtract(before, newest, out=out[2:])
-        out[2:] *= self._ages / self.interval
-        out[2:] += newest
-        if absent is not None and kept is not None and carried is not None:
-            kept[0] += kept[1] * carried[absent]
-            kept[4] += kept[3] * carried[absent]
-            out[:, absent] = kept
-
-    def restart(self, joints: NDArray[np.bool_]) -> None:
-        """Forget all samples of these joints (n,)."""
-        self.count[joints] = 0
-        self.history[:, joints] = 0.0
-
-    def memory(self) -> dict[str, Any]:
-        return memory.dump(self, self._MEMORY)
-
-    def restore(self, state: dict[str, Any]) -> None:
-        memory.load(self, self._MEMORY, state)
+    def restart(self, i: int) -> None:
+        """Forget all samples of joint i."""
+        self.count[i] = 0
+        for row in range(_INPUTS):
+            for k in range(_SAMPLES):
+                self.history[k, row, i] = 0.0
+        for row in range(_ALIGNED):
+            self.aligned[row, i] = 0.0

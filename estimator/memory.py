@@ -1,39 +1,95 @@
-"""Internal state as plain lists and back, so that a recording replays bit-identically.
+"""Internal state of an estimator as plain lists and back: recordings replay bit-identically.
 
-An owner names the attributes that make up its state. Arrays are kept in place, which lets other
-objects hold views of them.
+The state are numbers and arrays of the kernel and of its parts, by their names.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from errors import ModelError
+from estimator.kernel import Kernel
+
+_STATE: dict[str, tuple[str, ...]] = {
+    "kernel": ("elapsed_s", "since", "going", "q", "q_dot", "tau_M", "threshold"),
+    "alignment": ("count", "interval", "interval_before", "history", "aligned"),
+    "interval": ("begin",),
+    "motor_position": (
+        *("theta", "sigma", "streak", "side", "gap"),
+        *("q", "slipped", "slipped_most", "rested_at", "rested_s"),
+    ),
+    "stiction": ("ends",),
+    "residual": ("values",),
+    "detector": ("raised", "streak", "waited"),
+}
 
 
-def dump(owner: object, names: Sequence[str]) -> dict[str, Any]:
-    """Copies of the named attributes: arrays as nested lists, scalars as they are."""
-    values = ((name, getattr(owner, name)) for name in names)
-    return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in values}
+def dump(kernel: Kernel) -> dict[str, Any]:
+    """Copy of the complete state, by part and name: arrays as nested lists."""
+    return {
+        part: {name: np.asarray(getattr(owner, name)).tolist() for name in names}
+        for part, names, owner in _parts(kernel)
+    }
 
 
-def load(owner: object, names: Sequence[str], memory: Mapping[str, Any]) -> None:
-    """Put `dump`'s values back. Raises ModelError where names, shapes or numbers do not fit."""
-    what = type(owner).__name__
-    if set(memory) != set(names):
-        raise ModelError(f"memory of {what}: fields {sorted(memory)}, expected {sorted(names)}")
-    for name in names:
-        old = getattr(owner, name)
-        try:
-            new = np.array(memory[name], dtype=np.asarray(old).dtype)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise ModelError(f"memory of {what}.{name}: {error}") from error
-        if new.shape != np.shape(old):
-            raise ModelError(f"memory of {what}.{name}: shape {new.shape}, not {np.shape(old)}")
-        if not np.all(np.isfinite(new)):
-            raise ModelError(f"memory of {what}.{name}: not finite")
-        if isinstance(old, np.ndarray):
-            old[...] = new
+def load(kernel: Kernel, state: Mapping[str, Any]) -> None:
+    """Put `dump`'s values back. Raises ModelError where names, shapes or numbers do not fit, and
+    changes nothing then."""
+    _check_names("an estimator", state, _STATE)
+    read = []
+    for part, names, owner in _parts(kernel):
+        _check_names(part, state[part], names)
+        for name in names:
+            old = np.asarray(getattr(owner, name))
+            read.append((owner, name, old, _array_like(old, state[part][name], f"{part}.{name}")))
+    for owner, name, old, new in read:
+        if old.ndim:
+            old[...] = new  # in place: others hold views of it
         else:
-            setattr(owner, name, type(old)(new))
+            setattr(owner, name, float(new))
+    kernel.resume()
+
+
+def of_format_2(state: Mapping[str, Any]) -> dict[str, Any]:
+    """State of an estimator before the kernel, which recordings of format 2 hold, as it is now: the
+    same numbers under other names. Raises LookupError or TypeError where it is none."""
+    own, alignment = state["estimator"], state["alignment"]
+    q, q_dot, tau_M, threshold = own["_shown"]
+    history, ends = alignment["history"], state["interval"]["_ends"]
+    return {
+        "kernel": {
+            **{"elapsed_s": own["elapsed"], "since": own["since"], "going": own["_going"]},
+            **{"q": q, "q_dot": q_dot, "tau_M": tau_M, "threshold": threshold},
+        },
+        "alignment": {
+            **{name: alignment[name] for name in ("count", "interval", "interval_before")},
+            "history": [history[row : row + 4] for row in range(0, len(history), 4)],
+            "aligned": own["_aligned"],
+        },
+        "interval": {"begin": ends[: len(ends) // 2]},
+        **{part: state[part] for part in ("motor_position", "stiction", "residual", "detector")},
+    }
+
+
+def _parts(kernel: Kernel) -> Iterator[tuple[str, tuple[str, ...], Any]]:
+    for part, names in _STATE.items():
+        yield part, names, kernel if part == "kernel" else getattr(kernel, part)
+
+
+def _check_names(what: str, given: Mapping[str, Any], names: Any) -> None:
+    if set(given) != set(names):
+        raise ModelError(f"memory of {what}: fields {sorted(given)}, expected {sorted(names)}")
+
+
+def _array_like(old: np.ndarray, values: Any, what: str) -> np.ndarray:
+    """Values as an array like `old`. Raises ModelError where they are not."""
+    try:
+        new = np.array(values, dtype=old.dtype)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ModelError(f"memory of {what}: {error}") from error
+    if new.shape != old.shape:
+        raise ModelError(f"memory of {what}: shape {new.shape}, not {old.shape}")
+    if not np.all(np.isfinite(new)):
+        raise ModelError(f"memory of {what}: not finite")
+    return new

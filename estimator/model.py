@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from arrays import Matrix, Vector
 from errors import ModelError
+from estimator.dynamics import Body, Dynamics
 from estimator.urdf import moved_links
 from regular_file import read_text
 
@@ -51,7 +52,8 @@ class Model:
         self._model = model
         self._data = model.createData()
         self._q = np.zeros(self.n)
-        self._q_dot = np.zeros(self.n)
+        self.down: Vector = model.gravity.linear.copy()
+        self.recursion = Dynamics(self.bodies(), self.down)
 
     def dynamics(self, q: Vector, q_dot: Vector) -> tuple[Vector, Vector]:
         """Momentum M q_dot and beta = C^T q_dot - g, both (n,) [kg m2/s, Nm].
@@ -59,12 +61,14 @@ class Model:
         beta equals M_dot q_dot - c(q, q_dot) of (12), as M_dot = C + C^T.
         The arrays are new.
         """
-        model, data = self._model, self._data
-        q, q_dot = self._inward(q, self._q), self._inward(q_dot, self._q_dot)
-        M = pin.crba(model, data, q)
-        C = pin.computeCoriolisMatrix(model, data, q, q_dot)
-        g = pin.computeGeneralizedGravity(model, data, q)
-        return self._outward(M @ q_dot), self._outward(q_dot @ C - g)
+        self.recursion.at(np.ascontiguousarray(q), np.ascontiguousarray(q_dot))
+        return np.array(self.recursion.momentum), np.array(self.recursion.beta)
+
+    def bodies(self) -> list[Body]:
+        """What the joints move, each behind its parent: the caller's order is in `Body.row`."""
+        order = np.arange(self.n) if self._order is None else self._order
+        row = np.argsort(order)
+        return [_body(self._model, k, int(row[k])) for k in range(self.n)]
 
     def gravity(self, q: Vector) -> Vector:
         """g(q), a copy, shape (n,) [Nm]: the torque that holds the arm still."""
@@ -132,6 +136,27 @@ def _order(model: pin.Model, joints: tuple[str, ...], urdf: str) -> np.ndarray:
         if joint.nq != 1 or joint.nv != 1:
             raise ModelError(f"{urdf}: joint {name!r} must be revolute, with limits")
     return np.array([model.joints[model.getJointId(name)].idx_v for name in joints])
+
+
+def _body(model: pin.Model, coordinate: int, row: int) -> Body:
+    """What joint `coordinate` + 1 moves; the coordinates are in the order of the joints."""
+    index = coordinate + 1
+    joint, inertia = model.joints[index], model.inertias[index]
+    placement = model.jointPlacements[index]
+    data = joint.createData()
+    joint.calc(data, np.zeros(model.nq), np.zeros(model.nv))
+    axis = np.asarray(data.S).ravel()
+    return Body(
+        parent=model.parents[index] - 1,
+        row=row,
+        rotation=placement.rotation.copy(),
+        translation=placement.translation.copy(),
+        turning=axis[3:],
+        sliding=axis[:3],
+        mass=inertia.mass,
+        moment=inertia.mass * inertia.lever,
+        inertia=inertia.matrix()[3:, 3:].copy(),
+    )
 
 
 def _add_tool(model: pin.Model) -> tuple[str, int]:

@@ -5,11 +5,43 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from estimator.link_velocity import Method
-from estimator.motor_position import GapSettings
-from estimator.residual import Variant
-
 Delay = Annotated[float, Meta(ge=0, le=10)]
+Kind = Literal["classical", "backlash", "two_mass"]
+Method = Literal["backward", "midpoint", "central"]
+
+
+class Variant(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One residual; parts of the joint's dynamics can be left out, to show what they are worth."""
+
+    kind: Kind = "backlash"
+    friction: bool = True
+    rotor_inertia: bool = True
+    label: Annotated[str, Meta(min_length=1, max_length=64)] = ""
+
+    @property
+    def name(self) -> str:
+        """The label, or the kind and what differs from it: `classical`, `backlash-rotor`."""
+        if self.label:
+            return self.label
+        if self.kind == "classical":
+            return "classical" + "+friction" * self.friction + "+rotor" * self.rotor_inertia
+        return self.kind + "-friction" * (not self.friction) + "-rotor" * (not self.rotor_inertia)
+
+
+class GapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Allowed errors of motor velocity and torque. The defaults suit drives of two encoders."""
+
+    velocity_scale_error: Annotated[float, Meta(ge=0, le=0.1)] = 0.002
+    velocity_bias: Annotated[float, Meta(ge=0, le=0.1)] = 0.001  # [rad/s]
+    standstill: Annotated[float, Meta(ge=0, le=0.1)] = 0.002  # motor velocity [rad/s]
+    hold_ticks: Annotated[int, Meta(ge=1, le=100)] = 3
+    margin: Annotated[float, Meta(ge=0.12, lt=1)] = 0.12  # of alpha
+    hysteresis: Annotated[float, Meta(ge=0, le=0.01)] = 0.0001  # at the border [rad]
+    friction_error: Annotated[float, Meta(ge=0, le=1)] = 0.27  # of the motor's side
+    rotor_error: Annotated[float, Meta(ge=0, le=1)] = 0.15
+    current_error: Annotated[float, Meta(ge=0, le=1)] = 0.05
+    half_gap_error: Annotated[float, Meta(ge=0, le=1)] = 0.07
+    compliance: Annotated[float, Meta(ge=0, le=0.1)] = 0.0007  # of a gear under load [rad/Nm]
 
 
 class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

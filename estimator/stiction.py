@@ -1,3 +1,5 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Stiction: friction near rest, which the velocity does not determine.
 
 Smooth friction vanishes with the velocity. Stiction keeps what the last motion left, and changes
@@ -9,30 +11,21 @@ between both, and so does what is believed here:
 
 In motion z = s(theta_dot) = +-1, and tau vanishes. What z was in the beginning is unknown: it is
 followed from both ends, which meet once the joint was displaced far enough.
+
+Ordinary Python, which runs as it is; `stiction.pxd` names the types for the compiler.
 """
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
-from estimator import memory
-from estimator.motor_position import LINK_REST
-
-CREEP = 0.003
-"""[rad/s]; a slower motor velocity may be noise and bias, and its integral nothing."""
+from estimator.transmission import CREEP, LINK_REST
 
 
-def displacement(
-    theta_dot: Vector, q_dot: Vector, moved: Vector, has_gap: NDArray[np.bool_], dt: Vector
-) -> Vector:
-    """Displacement (n,) [rad] over dt (n,) [s] of rotors whose position is not measured; `moved` is
-    that of their links. Where both creep, rotor and link are taken for one, as they are where there
-    is no gap: a link's encoder does not drift."""
-    alone = (np.abs(theta_dot) > CREEP) | (np.abs(q_dot) > LINK_REST)
-    turned: Vector = np.where(alone & has_gap, theta_dot * dt, moved)
-    return turned
+def displacement(theta_dot: float, q_dot: float, moved: float, has_gap: bool, dt: float) -> float:
+    """Displacement [rad] over dt [s] of a rotor whose position is not measured; `moved` is that of
+    its link. Where both creep, rotor and link are taken for one, as they are where there is no gap:
+    a link's encoder does not drift."""
+    alone = abs(theta_dot) > CREEP or abs(q_dot) > LINK_REST
+    return theta_dot * dt if alone and has_gap else moved
 
 
 class Stiction:
@@ -41,37 +34,24 @@ class Stiction:
     presliding [rad], > 0: from no friction to all of it.
     """
 
-    _MEMORY = ("ends",)
-
     def __init__(self, n: int, presliding: float) -> None:
         self._per_presliding = 1.0 / presliding
-        self.ends: Matrix = np.empty((2, n))
-        self.restart()
+        self.ends = np.repeat([[-1.0], [1.0]], n, axis=1)
 
-    def restart(self, joints: NDArray[np.bool_] | slice = slice(None)) -> None:
-        """Forget what the last motion left, of these joints or of all."""
-        self.ends[0, joints], self.ends[1, joints] = -1.0, 1.0
+    def restart(self, i: int) -> None:
+        """Forget what the last motion of joint i left."""
+        self.ends[0, i], self.ends[1, i] = -1.0, 1.0
 
-    def step(self, displacement: Vector) -> None:
-        """Move on by the rotor's displacement (n,) [rad]."""
-        ends = self.ends
-        ends += displacement * self._per_presliding
-        np.minimum(np.maximum(ends, -1.0, out=ends), 1.0, out=ends)
+    def step(self, i: int, displacement: float) -> None:
+        """Move on by the displacement of rotor i [rad]."""
+        for end in range(2):
+            z = self.ends[end, i] + displacement * self._per_presliding
+            self.ends[end, i] = min(max(z, -1.0), 1.0)
 
-    @property
-    def z(self) -> Vector:
+    def z(self, i: int) -> float:
         """Share of the Coulomb friction that is held, signed as the motion that built it up."""
-        middle: Vector = 0.5 * (self.ends[0] + self.ends[1])
-        return middle
+        return float(0.5 * (self.ends[0, i] + self.ends[1, i]))
 
-    @property
-    def unknown(self) -> Vector:
+    def unknown(self, i: int) -> float:
         """Largest error of z: 1 where nothing is known, 0 after a motion."""
-        half: Vector = 0.5 * (self.ends[1] - self.ends[0])
-        return half
-
-    def memory(self) -> dict[str, Any]:
-        return memory.dump(self, self._MEMORY)
-
-    def restore(self, state: dict[str, Any]) -> None:
-        memory.load(self, self._MEMORY, state)
+        return float(0.5 * (self.ends[1, i] - self.ends[0, i]))

@@ -13,6 +13,10 @@ from arrays import Vector
 from errors import ModelError
 
 REST_VELOCITY = 0.05  # [rad/s]
+CREEP = 0.003
+"""[rad/s]; a slower motor velocity may be noise and bias, and its integral nothing"""
+LINK_REST = 0.01
+"""[rad/s]; a link encoder's noise stays below it"""
 STICTION = 0.4
 """Default where it was not identified: as far off for smooth friction as for stiction."""
 

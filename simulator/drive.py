@@ -150,7 +150,9 @@ class Drive:
         watched = self.objects.number(0x1016, 1)
         if watched >> 16 != node or not watched & 0xFFFF:
             return
-        self._heard_at, self.due = now, 0.0
+        if self._heard_at is None:
+            self.due = 0.0
+        self._heard_at = now  # later than what is due by the one before, which is looked at again
         if self._locked:
             if self.make.says_over and not self._said_over:
                 self._said_over = True

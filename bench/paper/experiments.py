@@ -15,7 +15,7 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
-from estimator.residual import Variant
+from estimator.settings import Variant
 from simulator.description import Mismatch, SimulationSettings
 from simulator.events import Happening
 from simulator.hand import Push, read_script

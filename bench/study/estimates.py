@@ -14,7 +14,7 @@ from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.assembly import build_estimator
 from daemon.config.load import Robot
 from estimator.estimator import Estimator
-from estimator.residual import Variant
+from estimator.settings import Variant
 
 VARIANTS: Final = (Variant(), *BESIDE)
 """Every residual that is compared, whichever of them the configuration lets decide."""
@@ -48,7 +48,7 @@ def build(robot: Robot, **changes: object) -> Estimator:
 def estimates(estimator: Estimator, recording: Recording) -> Estimates:
     """Step through the recording; the estimator goes on from where it was."""
     shape = recording.samples.shape[0], recording.samples.shape[2]
-    names = [variant.name for variant in estimator.residual.variants]
+    names = [variant.name for variant in estimator.variants]
     residuals = {name: np.empty(shape) for name in names}
     threshold, phi, phi_sigma = np.empty((3, *shape))
     side = np.empty(shape, dtype=np.int8)

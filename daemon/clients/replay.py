@@ -1,7 +1,12 @@
-"""Replay of a recording: the estimator on its samples again, compared with it bit by bit."""
+"""Replay of a recording: the estimator on its samples again, compared with it bit by bit.
+
+Recordings of format 2 are of an estimator that did the same arithmetic in another order: they are
+compared to a tolerance, which the result says.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -9,11 +14,17 @@ from daemon.assembly import build_estimator
 from daemon.clients.recorder import read_log
 from daemon.config.load import parse_configuration
 from daemon.modes.table import Mode
-from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
+from daemon.protocol.messages import Snapshot, State
 from daemon.tick.telemetry import estimated
 from errors import LogError
 from estimator.estimate import Estimate
 from estimator.estimator import Estimator
+from estimator.memory import of_format_2
+
+BEFORE_THE_KERNEL = 2
+"""Format of which the estimator was not the kernel yet."""
+TOLERANCE = 1e-9
+"""[Nm, rad, rad/s]; by which numbers of that one may differ"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +46,17 @@ class Replay:
     stretches: int
     difference: Difference | None
     broken: str  # reason why the recording ends early; empty if it is whole
+    tolerance: float = 0.0  # by which numbers might differ; 0: every bit was compared
+
+    @property
+    def equal(self) -> bool:
+        """Every state was compared and came out the same, to the tolerance."""
+        return self.difference is None and self.states > 0
 
     @property
     def identical(self) -> bool:
-        """Every state was compared and came out the same."""
-        return self.difference is None and self.states > 0
+        """Every state was compared and came out the same, bit by bit."""
+        return self.equal and self.tolerance == 0.0
 
 
 def replay(path: Path) -> Replay:
@@ -60,7 +77,7 @@ def replay(path: Path) -> Replay:
         if not run.states:
             raise
         broken = str(error)
-    return Replay(run.states, run.skipped, run.stretches, run.difference, broken)
+    return Replay(run.states, run.skipped, run.stretches, run.difference, broken, run.tolerance)
 
 
 class _Run:
@@ -68,12 +85,13 @@ class _Run:
         self._path = path
         self.states = self.skipped = self.stretches = 0
         self.difference: Difference | None = None
+        self.tolerance = 0.0
         self._estimator: Estimator | None = None
         self._tick = -1
         self._mode = ""
 
     def restart(self, snapshot: Snapshot) -> None:
-        if snapshot.format < STATE_FORMAT:
+        if snapshot.format < BEFORE_THE_KERNEL:
             raise LogError(
                 f"{self._path} is of format {snapshot.format}, by {snapshot.program}, whose "
                 "estimator remembered other things: replay it with that version"
@@ -83,7 +101,11 @@ class _Run:
         )
         self._estimator = build_estimator(configuration, snapshot.urdf)
         try:
-            self._estimator.restore(snapshot.memory)
+            if snapshot.format == BEFORE_THE_KERNEL:
+                self.tolerance = TOLERANCE
+                self._estimator.restore(of_format_2(snapshot.memory))
+            else:
+                self._estimator.restore(snapshot.memory)
         except (LookupError, TypeError, ValueError, OverflowError, AttributeError) as error:
             raise LogError(
                 f"the estimator's memory after tick {snapshot.tick} is damaged: {error}"
@@ -115,12 +137,28 @@ class _Run:
             self._estimator.reset()
         self._mode = state.mode
         self.states += 1
-        self.difference = self.difference or _difference(state, estimate)
+        self.difference = self.difference or _difference(state, estimate, self.tolerance)
 
 
-def _difference(state: State, estimate: Estimate) -> Difference | None:
+def _difference(state: State, estimate: Estimate, tolerance: float) -> Difference | None:
     for field, value in estimated(estimate).items():
         recorded = getattr(state, field)
-        if recorded != value:
+        if not _same(recorded, value, tolerance):
             return Difference(state.tick, field, recorded, value)
     return None
+
+
+def _same(recorded: Any, replayed: Any, tolerance: float) -> bool:
+    """True for values, or lists or tables of them, that are equal, numbers to the tolerance."""
+    if recorded == replayed:
+        return True
+    if isinstance(recorded, list) and isinstance(replayed, list):
+        pairs = zip(recorded, replayed, strict=False)
+        return len(recorded) == len(replayed) and all(_same(*pair, tolerance) for pair in pairs)
+    if isinstance(recorded, dict) and isinstance(replayed, dict):
+        return recorded.keys() == replayed.keys() and all(
+            _same(recorded[key], replayed[key], tolerance) for key in recorded
+        )
+    if isinstance(recorded, float) and isinstance(replayed, float):
+        return abs(recorded - replayed) <= tolerance
+    return False

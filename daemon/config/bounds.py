@@ -17,7 +17,7 @@ from daemon.config.problem import Keys, Problem, at
 from daemon.config.schema import Configuration, Joint
 from daemon.config.worst_loads import Load, worst_loads
 from daemon.faults.detector import patience_deaf
-from estimator.estimator import SENSED_PERIODS
+from estimator.estimate import SENSED_PERIODS
 from estimator.model import Model
 from estimator.urdf import MovedLink, moved_links
 

@@ -56,7 +56,7 @@ class Tick:
         self._period_s = period_s
         self._time_s = 0.0
         self._sampled_s = np.full(len(drives.names), -period_s)  # time of the last samples
-        self._sensing = Sensing(len(drives.names), estimator.residual.gain)
+        self._sensing = Sensing(len(drives.names), estimator.settings.gain)
         self._sensing_news = SensingNews(drives.names)
         self.losses = SampleLosses(drives.names, period_s)
         self._reported: frozenset[Finding] = frozenset()

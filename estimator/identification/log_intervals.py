@@ -53,7 +53,7 @@ class Intervals:
     measured: bool
     """whether `advance` was measured"""
     ends: Matrix
-    """(N, 5, n) at the end: `ALIGNED`, theta 0 where it was not measured"""
+    """(N, 5, n) at the end: `Alignment.aligned`, theta 0 where it was not measured"""
 
     @property
     def period_s(self) -> float:
@@ -82,34 +82,31 @@ def intervals(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inte
 
 def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Intervals:
     n, size, period = log.n, len(log.time_s), log.period_s
-    alignment = Alignment(
-        n,
-        settings.link_velocity,
-        period,
-        current_delay=settings.current_delay_ms / 1000,
-        link_delay=settings.link_position_delay_ms / 1000,
-        velocity_delay=settings.motor_velocity_delay_ms / 1000,
-        position_delay=settings.motor_position_delay_ms / 1000,
-    )
+    alignment = Alignment(n, settings, period)
     position = log.motor_position if settings.motor_position == "measured" else None
     measured = position is not None
     if position is None:
         position = np.zeros_like(log.current)
     steps = np.diff(log.time_s, prepend=log.time_s[0] - period)
     samples = np.stack([log.current, log.motor_velocity, position, log.link_position], axis=1)
-    # Rows of ALIGNED: q, q_dot, current, theta_dot, theta; then momentum, beta, gravity.
+    given, aligned = np.asarray(alignment.samples), np.asarray(alignment.aligned)
+    # `Alignment.aligned`: q, q_dot, current, theta_dot, theta; then momentum, beta, gravity.
     ends = np.zeros((size, 8, n))
     for k in range(size):
-        alignment.push(samples[k], np.full(n, steps[k]))
-        if alignment.ready.all():
-            alignment.aligned(out=ends[k, :5])
+        given[:] = samples[k]
+        for i in range(n):
+            alignment.push(i, steps[k])
+        if k >= SAMPLES - 1:
+            for i in range(n):
+                alignment.align(i)
+            ends[k, :5] = aligned
             ends[k, 5], ends[k, 6] = model.dynamics(ends[k, 0], ends[k, 1])
             ends[k, 7] = model.gravity(ends[k, 0])
     ends, dt = ends[SAMPLES - 1 :], steps[SAMPLES:]
     change, mean = np.diff(ends, axis=0), 0.5 * (ends[1:] + ends[:-1])
     span = dt[:, None]
     return Intervals(
-        time_s=log.time_s[SAMPLES:] - alignment.delay,
+        time_s=log.time_s[SAMPLES:] - alignment.delay_s,
         dt=dt,
         first=np.arange(len(dt)) == 0,
         inertial=change[:, 5] / span - mean[:, 6],
@@ -168,25 +165,21 @@ def locate(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> Loc
 
 def _judged(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> tuple[Mask, Matrix]:
     """Gap state and phi by the motor position that the estimator would have followed."""
-    position = MotorPosition(t, settings.gap, measured=rows.measured)
-    engaged, phi = np.empty_like(rows.q), np.empty_like(rows.q)
+    position = MotorPosition(t, settings.gap, rows.measured)
+    engaged, theta = np.empty(rows.q.shape, dtype=np.bool_), np.empty_like(rows.q)
     rub = coulomb_viscous(t.motor_coulomb, t.motor_viscous, rows.theta_dot, t.sign_width)
     rotor = t.rotor_inertia * rows.theta_ddot
     q, q_dot, current, theta_dot, _ = np.moveaxis(rows.ends, 1, 0)
-    motion = np.stack(
-        [
-            *(q, q_dot, theta_dot, resting(theta_dot)),
-            *(t.torque_constant * current, rows.advance, rotor),
-            t.torque_constant * rows.current - rotor - rub,
-        ],
-        axis=1,
-    )
-    for k, moved in enumerate(motion):
-        if rows.first[k]:
-            position.start(q[k])
-        engaged[k] = position.step(moved, np.full(t.n, rows.dt[k]))
-        phi[k] = q[k] - position.theta
-    return engaged == 0.0, phi
+    rest, tau_M = resting(theta_dot), t.torque_constant * current
+    transmitted = t.torque_constant * rows.current - rotor - rub
+    motion = np.stack([q, q_dot, theta_dot, rest, tau_M, rows.advance, rotor, transmitted], axis=2)
+    for k, moved in enumerate(motion.tolist()):
+        for i in range(t.n):
+            if rows.first[k]:
+                position.start(i, q[k, i])
+            engaged[k, i] = position.step(i, rows.dt[k], *moved[i])
+        theta[k] = position.theta
+    return ~engaged, q - theta
 
 
 def around(rows: Intervals, marked: Mask, seconds: float) -> Mask:

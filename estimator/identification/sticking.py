@@ -8,8 +8,8 @@ import numpy as np
 
 from arrays import Matrix, Vector
 from estimator.identification.log_intervals import Intervals
-from estimator.stiction import CREEP, Stiction
-from estimator.transmission import smooth_sign
+from estimator.stiction import Stiction
+from estimator.transmission import CREEP, smooth_sign
 
 SURE = 0.1
 """Standard error above which the share counts as unknown."""
@@ -20,15 +20,17 @@ def held(rows: Intervals, presliding: float, sign_width: float) -> tuple[Matrix,
 
     The friction that the estimator assumes to be held near rest, with stiction and K_theta_s of 1.
     """
-    operator = Stiction(rows.q.shape[1], presliding)
+    n = rows.q.shape[1]
+    operator = Stiction(n, presliding)
     z, unknown = np.empty_like(rows.q), np.empty_like(rows.q)
-    for k, moved in enumerate(_displacement(rows)):
-        if rows.first[k]:
-            operator.restart()
-        z[k] = operator.z
-        operator.step(moved)
-        z[k] = 0.5 * (z[k] + operator.z)
-        unknown[k] = operator.unknown
+    for k, moved in enumerate(_displacement(rows).tolist()):
+        for i in range(n):
+            if rows.first[k]:
+                operator.restart(i)
+            before = operator.z(i)
+            operator.step(i, moved[i])
+            z[k, i] = 0.5 * (before + operator.z(i))
+            unknown[k, i] = operator.unknown(i)
     return z - smooth_sign(rows.theta_dot, sign_width), unknown
 
 

@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from estimator.motor_position import MOTION, GapSettings, MotorPosition, Side
+from estimator.motor_position import MotorPosition, Side
+from estimator.settings import GapSettings
 from estimator.transmission import Transmission, resting
 
 T = 0.01
@@ -32,17 +33,16 @@ class Joint:
             link_coulomb=np.zeros(2),
             link_viscous=np.zeros(2),
         )
-        self.position = MotorPosition(transmission, self.settings, measured=self.measured)
-        self.position.start(np.zeros(2))
+        self.position = MotorPosition(transmission, self.settings, self.measured)
 
     def step(
         self, *, q: float = 0.0, q_dot: float = 0.0, w: float = 0.0, torque: float = 0.0
-    ) -> np.ndarray:
-        motion = {
-            "q": q, "q_dot": q_dot, "theta_dot": w, "resting": resting(np.array([w]))[0],
-            "tau_M": torque, "advance": w * T, "rotor": 0.0, "transmitted": torque,
-        }  # fmt: skip
-        return self.position.step(np.array([[motion[name]] * 2 for name in MOTION]), np.full(2, T))
+    ) -> list[bool]:
+        rest = resting(np.array([w]))[0]
+        return [
+            self.position.step(i, T, q, q_dot, w, rest, torque, w * T, 0.0, torque)
+            for i in range(2)
+        ]
 
     @property
     def phi(self) -> float:
@@ -62,4 +62,4 @@ class Joint:
 
     def set(self, phi: float) -> None:
         """Let the estimate be there, with the link at zero."""
-        self.position.joints[0].theta = -phi
+        self.position.theta[0] = -phi

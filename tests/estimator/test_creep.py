@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from estimator.motor_position import GapSettings, Side
+from estimator.motor_position import Side
+from estimator.settings import GapSettings
 from tests.estimator.one_joint import ALPHA, Joint, T
 
 COUNT = 2.0 * np.pi / 2**17

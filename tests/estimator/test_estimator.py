@@ -7,8 +7,7 @@ from errors import ModelError
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.motor_position import Side
-from estimator.residual import Variant
-from estimator.settings import EstimatorSettings
+from estimator.settings import EstimatorSettings, Variant
 from estimator.thresholds import Thresholds
 from estimator.transmission import STICTION
 

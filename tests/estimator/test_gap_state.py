@@ -5,7 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from estimator.motor_position import GapSettings, Side
+from estimator.motor_position import Side
+from estimator.settings import GapSettings
 from tests.estimator.one_joint import ALPHA, Joint
 
 
@@ -30,7 +31,7 @@ def test_an_interval_counts_as_gap_only_if_both_its_ends_are() -> None:
         engaged.append(joint.step(w=-0.1)[0])
         sides.append(joint.side)
     both = [one == two == Side.GAP for one, two in pairwise(sides)]
-    assert engaged == [0.0 if apart else 1.0 for apart in both]
+    assert engaged == [not apart for apart in both]
     assert 5 < sum(both) < 35
 
 
@@ -182,5 +183,5 @@ def test_in_doubt_it_counts_as_engaged_and_says_unknown(torque: float) -> None:
         engaged = joint.step(torque=torque * (-1) ** k)
         assert abs(joint.phi) < 0.1 * ALPHA
         assert joint.side == Side.UNKNOWN
-        assert not joint.position.joints[0].gap
-        assert engaged[0] == 1.0
+        assert not joint.position.gap[0]
+        assert engaged[0]

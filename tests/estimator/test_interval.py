@@ -3,42 +3,37 @@
 import numpy as np
 import pytest
 
-from errors import ModelError
 from estimator.interval import ROW, TERMS, Interval
 
-
-def at(interval: Interval, **values: float) -> None:
-    interval.begin()
-    interval.now[:] = 0.0
-    for name, value in values.items():
-        interval.now[ROW[name]] = value
+DT = 0.02
 
 
 def test_torques_are_integrated_momenta_are_increments() -> None:
-    interval = Interval([{name: 1.0} for name in TERMS], 2)
-    at(interval, **{name: 1.0 + row for row, name in enumerate(TERMS)})
-    at(interval, **{name: 5.0 + 3 * row for row, name in enumerate(TERMS)})
-    impulses = interval.step(np.full(2, 0.02))
+    interval = Interval(2)
+    first, last = (
+        np.array([a + b * row for row in range(len(TERMS))]) for a, b in ((1, 1), (5, 3))
+    )
+    np.asarray(interval.now)[:] = first
+    interval.end(1)
+    np.asarray(interval.now)[:] = last
+    interval.integrate(1, DT)
     for row, name in enumerate(TERMS):
-        first, last = 1.0 + row, 5.0 + 3 * row
         change = name in ("momentum", "rotor", "theta")
-        expected = last - first if change else 0.02 * (first + last) / 2
-        np.testing.assert_allclose(impulses[row], expected, err_msg=name)
+        expected = last[row] - first[row] if change else DT * (first[row] + last[row]) / 2
+        assert interval.impulse[row] == pytest.approx(expected), name
 
 
-def test_forms_are_sums_and_intervals_may_differ() -> None:
-    interval = Interval([{"tau_M": 2.0, "rotor": -1.0}, {}], 1)
-    at(interval, tau_M=1.0, rotor=0.5)
-    for dt, tau_M, rotor in ((0.01, 3.0, 0.7), (0.03, -1.0, 0.2)):
-        before = interval.now[ROW["tau_M"], 0], interval.now[ROW["rotor"], 0]
-        at(interval, tau_M=tau_M, rotor=rotor)
-        expected = 2.0 * dt * (tau_M + before[0]) / 2 - (rotor - before[1])
-        impulses = interval.step(np.array([dt]))
-        assert impulses[0, 0] == pytest.approx(expected)
-        assert impulses[1, 0] == 0.0
-
-
-def test_memory_is_of_one_shape() -> None:
-    interval = Interval([{}], 2)
-    with pytest.raises(ModelError, match="shape"):
-        interval.restore(Interval([{}], 3).memory())
+def test_joints_have_intervals_of_their_own() -> None:
+    interval = Interval(2)
+    now = np.asarray(interval.now)
+    for value in (1.0, 2.0, 4.0):
+        now[:] = value
+        interval.integrate(0, DT)
+        interval.end(0)
+    assert interval.impulse[ROW["momentum"]] == 2.0
+    # The other one has no sample in the meantime: its interval still begins at rest.
+    interval.integrate(1, 3 * DT)
+    assert interval.impulse[ROW["momentum"]] == 4.0
+    assert interval.impulse[ROW["tau_M"]] == pytest.approx(3 * DT * 4.0 / 2)
+    interval.restart(0)
+    assert not np.asarray(interval.begin).any()

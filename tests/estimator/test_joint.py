@@ -14,8 +14,7 @@ from estimator.estimator import Estimator
 from estimator.interval import ROW
 from estimator.model import Model
 from estimator.motor_position import Side
-from estimator.residual import Variant
-from estimator.settings import EstimatorSettings
+from estimator.settings import EstimatorSettings, Variant
 from estimator.thresholds import Thresholds
 
 T = 0.01
@@ -107,8 +106,9 @@ def test_each_signal_has_its_own_delay(built) -> None:
     instant = 4 * T - estimator.delay_s
     np.testing.assert_allclose(estimate.q, instant, atol=1e-12)
     np.testing.assert_allclose(estimate.tau_M / PLAIN["torque_constant"], instant, atol=1e-12)
+    ends = estimator.memory()["interval"]["begin"]
     for name in ("theta_dot", "theta"):
-        np.testing.assert_allclose(estimator.interval.now[ROW[name]], instant, atol=1e-12)
+        np.testing.assert_allclose(ends[ROW[name]], instant, atol=1e-12)
 
 
 # The threshold in force
@@ -179,7 +179,8 @@ def test_what_turns_the_friction_of_a_rotor_that_creeps(
         moved, w = (-0.1, -0.1) if k < 50 else (link_speed, speed)
         q += moved * T
         estimator.step(0.0 * ONE, q * ONE, w * ONE)
-    np.testing.assert_allclose(estimator.stiction.z, z, atol=0.1)
+    ends = estimator.memory()["stiction"]["ends"]
+    np.testing.assert_allclose(np.mean(ends, axis=0), z, atol=0.1)
 
 
 @pytest.mark.parametrize("time_s", [None, 77.0])

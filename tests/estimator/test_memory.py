@@ -7,7 +7,7 @@ import pytest
 
 from errors import ModelError
 from estimator.motor_position import Side
-from estimator.residual import Variant
+from estimator.settings import Variant
 
 T = 0.01
 BESIDE = (
@@ -54,10 +54,10 @@ def test_a_restored_estimator_still_holds_its_last_value(make_estimator, sine_mo
     ("damage", "message"),
     [
         (lambda m: m.pop("residual"), "memory of an estimator"),
-        (lambda m: m["residual"].pop("values"), "memory of Residual"),
+        (lambda m: m["residual"].pop("values"), "memory of residual"),
         (lambda m: m["residual"]["values"].pop(), "shape"),
-        (lambda m: m["alignment"]["history"][0].__setitem__(0, float("nan")), "not finite"),
-        (lambda m: m["detector"]["raised"].__setitem__(0, "much"), "memory of ContactDetector"),
+        (lambda m: m["alignment"]["history"][0][0].__setitem__(0, float("nan")), "not finite"),
+        (lambda m: m["detector"]["raised"].__setitem__(0, "much"), "memory of detector"),
     ],
 )
 def test_damaged_memory_is_refused(make_estimator, damage, message: str) -> None:

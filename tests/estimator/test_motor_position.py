@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimator.motor_position import GapSettings, JointGap, Side
+from estimator.motor_position import MotorPosition, Side
+from estimator.settings import GapSettings
+from estimator.transmission import Transmission
 from tests.estimator.one_joint import ALPHA, Joint, T
 
 
@@ -52,7 +54,7 @@ def test_a_border_is_as_uncertain_as_the_gap_and_the_gear(torque: float, sigma: 
 def test_theta_is_held_at_standstill() -> None:
     joint = Joint()
     joint.settle(2.0)
-    theta = joint.position.theta
+    theta = np.array(joint.position.theta)
     for _ in range(10_000):
         joint.step(w=-0.0015)
     np.testing.assert_array_equal(joint.position.theta, theta)
@@ -69,7 +71,7 @@ def test_phi_never_leaves_the_gap_by_drift(bias: float) -> None:
 def test_drift_at_an_engaged_border_is_pulled_out_a_little_at_a_time() -> None:
     joint = Joint()
     joint.settle(2.0)
-    joint.position.joints[0].theta -= 0.5 * ALPHA
+    joint.position.theta[0] -= 0.5 * ALPHA
     errors = []
     for _ in range(30):
         joint.step(torque=2.0)
@@ -83,13 +85,11 @@ def test_drift_at_an_engaged_border_is_pulled_out_a_little_at_a_time() -> None:
 def test_a_load_may_bend_the_gear() -> None:
     joint = Joint(GapSettings(compliance=0.001))
     joint.settle(3.0)
-    joint.position.joints[0].theta = (
-        ALPHA + 0.002
-    )  # phi beyond the border by less than 3 Nm / stiffness
+    joint.position.theta[0] = ALPHA + 0.002  # phi beyond the border by less than 3 Nm / stiffness
     for _ in range(20):
         joint.step(torque=3.0)
     assert joint.phi == pytest.approx(-ALPHA - 0.002)
-    joint.position.joints[0].theta = ALPHA + 0.01
+    joint.position.theta[0] = ALPHA + 0.01
     for _ in range(60):
         joint.step(torque=3.0)
     assert joint.phi == pytest.approx(-ALPHA - 0.003, abs=1e-6)
@@ -144,31 +144,41 @@ def test_a_correction_never_goes_beyond_where_phi_can_be(
 ) -> None:
     settings = GapSettings(compliance=compliance)
     coulomb, viscous = 0.5, 0.1
-    joint = JointGap(settings, alpha=alpha, coulomb=coulomb, viscous=viscous, measured=measured)
+    transmission = Transmission(
+        joints=("joint",),
+        torque_constant=np.ones(1),
+        rotor_inertia=np.zeros(1),
+        half_gap=np.full(1, alpha),
+        motor_coulomb=np.full(1, coulomb),
+        motor_viscous=np.full(1, viscous),
+        link_coulomb=np.zeros(1),
+        link_viscous=np.zeros(1),
+    )
+    joint = MotorPosition(transmission, settings, measured)
     q = 0.3
-    joint.start(q)
+    joint.start(0, q)
     for q_dot, theta_dot, tau_M, transmitted in ticks:
         q += q_dot * T
         still = not measured and abs(theta_dot) <= 0.002 and abs(q_dot) <= 0.01
-        uncorrected = joint.theta + (0.0 if still else theta_dot * T)
+        uncorrected = joint.theta[0] + (0.0 if still else theta_dot * T)
         joint.step(
-            q=q, q_dot=q_dot, theta_dot=theta_dot, resting=0.0, tau_M=tau_M,
-            advance=theta_dot * T, rotor=0.0, transmitted=transmitted, dt=T,
+            0, dt=T, q=q, q_dot=q_dot, theta_dot=theta_dot, resting=0.0, tau_M=tau_M,
+            advance=theta_dot * T, rotor=0.0, transmitted=transmitted,
         )  # fmt: skip
         bent = alpha + abs(transmitted) * (compliance if alpha else 0.0)
-        engaged = abs(joint.streak) >= 3
+        engaged = abs(joint.streak[0]) >= 3
         low, high = -bent, bent
         if engaged:
             low, high = (-bent, -alpha) if transmitted > 0.0 else (alpha, bent)
         phi = q - uncorrected
         needed = phi - min(max(phi, low), high)
-        done = joint.theta - uncorrected
+        done = joint.theta[0] - uncorrected
         assert abs(done) <= abs(needed) + 1e-12
         assert done * needed >= 0.0
         if not engaged:
             assert done == pytest.approx(needed, abs=1e-12)
-        assert 0.0 <= joint.sigma <= alpha
+        assert 0.0 <= joint.sigma[0] <= alpha
         # Never "in the gap" while the gear carries more than can be friction.
         doubtful = settings.friction_error * (coulomb + viscous * abs(theta_dot))
         doubtful += settings.current_error * abs(tau_M)
-        assert not (joint.gap and abs(transmitted) > doubtful)
+        assert not (joint.gap[0] and abs(transmitted) > doubtful)

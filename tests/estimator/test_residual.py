@@ -7,73 +7,90 @@ import numpy as np
 import pytest
 
 from errors import ModelError
-from estimator.residual import Kind, Residual, Variant, forms
+from estimator.interval import ROW
+from estimator.residual import Residual, forms
+from estimator.settings import Kind, Variant
 
 K, T = 25.0, 0.01
 BACKLASH = (Variant(),)
-ENGAGED = np.ones(2)
+N = 2
 
 
-def errors(always: object = 0.0, engaged: object = 0.0) -> np.ndarray:
-    """e(k) [Nm s] of one variant: the part that always acts, and that while engaged."""
-    return np.stack([np.broadcast_to(always, 2), np.broadcast_to(engaged, 2)]).astype(float)
+def impulses(always: float = 0.0, engaged: float = 0.0) -> np.ndarray:
+    """Impulses [Nm s] of which e(k) of the variant is the sum of what always acts, and of what acts
+    while engaged."""
+    impulse = np.zeros(len(ROW))
+    impulse[ROW["momentum"]], impulse[ROW["rotor"]] = always, engaged
+    return impulse
 
 
 def test_step_response_is_tustins_first_order_filter() -> None:
     # Constant external torque: the momentum grows by tau T each tick. The pole of (13), and the
     # continuous filter within its discretisation error.
-    residual = Residual(BACKLASH, K, T, 2)
-    tau = np.array([1.0, -3.0])
+    residual = Residual(BACKLASH, K, T, N)
+    tau = (1.0, -3.0)
     pole = (2 - T * K) / (2 + T * K)
     for k in range(1, 60):
-        r = residual.step(errors(tau * T), ENGAGED, np.full(2, T))[0]
-        np.testing.assert_allclose(r, tau * (1 - pole**k), rtol=1e-12)
-        np.testing.assert_allclose(r, tau * (1 - np.exp(-K * k * T)), atol=0.01 * 3)
+        for i in range(N):
+            residual.step(i, impulses(tau[i] * T), 0.0, True, T)
+            r = residual.values[0, i]
+            assert r == pytest.approx(tau[i] * (1 - pole**k), rel=1e-12)
+            assert r == pytest.approx(tau[i] * (1 - np.exp(-K * k * T)), abs=0.01 * 3)
 
 
 def test_half_of_a_step_after_ln2_over_gain() -> None:
-    residual = Residual(BACKLASH, K, 0.001, 2)
+    residual = Residual(BACKLASH, K, 0.001, 1)
     k = 0
     while residual.values[0, 0] < 0.5:
-        residual.step(errors(0.001), ENGAGED, np.full(2, 0.001))
+        residual.step(0, impulses(0.001), 0.0, True, 0.001)
         k += 1
     assert k * 0.001 == pytest.approx(np.log(2) / K, abs=0.001)
 
 
 def test_true_intervals_give_the_same_end() -> None:
     # One missed tick: the momentum of both intervals arrives at once, over twice the time.
-    even, uneven = Residual(BACKLASH, K, T, 2), Residual(BACKLASH, K, T, 2)
+    even, uneven = Residual(BACKLASH, K, T, 1), Residual(BACKLASH, K, T, 1)
     for _ in range(4):
-        even.step(errors(T), ENGAGED, np.full(2, T))
+        even.step(0, impulses(T), 0.0, True, T)
     for dt in (T, 2 * T, T):
-        uneven.step(errors(dt), ENGAGED, np.full(2, dt))
+        uneven.step(0, impulses(dt), 0.0, True, dt)
     assert uneven.values[0, 0] == pytest.approx(even.values[0, 0], abs=0.01)
     assert uneven.values[0, 0] != even.values[0, 0]
 
 
 def test_linear_in_what_acts() -> None:
     rng = np.random.default_rng(5)
-    series = rng.normal(size=(2, 40, 6, 2))
+    series = rng.normal(size=(2, 40, len(ROW)))
     kinds = [Variant(kind=k, label=k) for k in ("classical", "backlash", "two_mass")]
-    first, second, both = (Residual(kinds, K, T, 2) for _ in range(3))
+    first, second, both = (Residual(kinds, K, T, 1) for _ in range(3))
     for a, b in zip(*series, strict=True):
-        first.step(a, ENGAGED, np.full(2, T))
-        second.step(b, ENGAGED, np.full(2, T))
-        both.step(2 * a - b, ENGAGED, np.full(2, T))
-    np.testing.assert_allclose(both.values, 2 * first.values - second.values, atol=1e-12)
+        first.step(0, a, 0.1, True, T)
+        second.step(0, b, 0.2, True, T)
+        both.step(0, 2 * a - b, 0.0, True, T)
+    values = 2 * np.asarray(first.values) - np.asarray(second.values)
+    np.testing.assert_allclose(both.values, values, atol=1e-12)
 
 
-def test_what_acts_while_engaged_is_left_out_in_the_gap() -> None:
-    residual = Residual(BACKLASH, K, T, 2)
-    r = residual.step(errors(T, 2 * T), np.array([1.0, 0.0]), np.full(2, T))[0]
-    np.testing.assert_allclose(r, np.array([3.0, 1.0]) * 2 * K * T / (2 + T * K))
+@pytest.mark.parametrize(("touched", "e"), [(True, 3.0 * T - 0.001), (False, T)])
+def test_what_acts_while_engaged_is_left_out_in_the_gap(touched: bool, e: float) -> None:
+    residual = Residual(BACKLASH, K, T, N)
+    residual.step(1, impulses(T, 2 * T), 0.001, touched, T)
+    assert residual.values[0, 1] == pytest.approx(e * 2 * K / (2 + T * K))
+    assert residual.values[0, 0] == 0.0
+
+
+def test_only_variants_with_engagement_are_corrected_by_a_fit() -> None:
+    kinds = [Variant(kind=k, label=k) for k in ("classical", "backlash", "two_mass")]
+    residual = Residual(kinds, K, T, 1)
+    residual.step(0, impulses(), 0.001, True, T)
+    assert [bool(r) for r in np.asarray(residual.values)[:, 0]] == [False, True, False]
 
 
 def test_an_interval_beyond_the_pole_is_its_mean() -> None:
-    residual = Residual(BACKLASH, K, T, 2)
-    residual.values[:] = 7.0
-    residual.step(errors(0.3), ENGAGED, np.full(2, 0.1))
-    np.testing.assert_allclose(residual.values, 3.0)
+    residual = Residual(BACKLASH, K, T, 1)
+    residual.values[0, 0] = 7.0
+    residual.step(0, impulses(0.3), 0.0, True, 0.1)
+    assert residual.values[0, 0] == pytest.approx(3.0)
 
 
 ALWAYS = "+momentum -beta"

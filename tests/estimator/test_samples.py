@@ -5,7 +5,7 @@ import pytest
 
 from errors import ModelError
 from estimator.estimate import Flag
-from estimator.residual import Variant
+from estimator.settings import Variant
 
 T = 0.01
 BESIDE = (
@@ -109,8 +109,8 @@ def test_what_is_not_a_number_never_gets_in(make_estimator, sine_motion, bad, si
         np.testing.assert_array_equal(getattr(estimate, name), getattr(before, name))
     after = estimator.memory()
     # The interval of the lost samples is not lost.
-    for field in ("since", "elapsed"):
-        waited = np.array(after["estimator"].pop(field)) - memory["estimator"].pop(field)
+    for field in ("since", "elapsed_s"):
+        waited = np.array(after["kernel"].pop(field)) - memory["kernel"].pop(field)
         np.testing.assert_allclose(waited, T)
     assert after == memory
     assert Flag.LATE in sine_motion.replay(estimator, slice(301, 302))[0].flags

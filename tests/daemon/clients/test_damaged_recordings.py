@@ -84,10 +84,10 @@ DAMAGE = {
     ),
     "a huge integer for a float in the memory": (
         "/snapshot",
-        set_to("memory", "estimator", "elapsed", value=HUGE),
-        "elapsed: int too large",
+        set_to("memory", "kernel", "elapsed_s", value=HUGE),
+        "elapsed_s: int too large",
     ),
-    "no memory": ("/snapshot", set_to("memory", "estimator", value=7), "memory"),
+    "no memory": ("/snapshot", set_to("memory", "kernel", value=7), "memory"),
     "ragged samples": ("/state", set_to("current", value=[0.1, 0.2]), "2 values of current"),
     "no samples": ("/state", set_to("link_position", value=[]), "0 values of link_position"),
     "no side": ("/state", set_to("side", value=[]), "0 values of side"),

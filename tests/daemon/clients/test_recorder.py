@@ -14,7 +14,8 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from daemon.clients.client import Client
-from daemon.clients.recorder import CHUNK_BYTES, read_log, record, viewer_schema
+from daemon.clients.recorder import CHUNK_BYTES, _LogWriter, _Stamp, read_log, record, viewer_schema
+from daemon.clients.replay import replay
 from daemon.clients.trajectory_recorder import record_trajectory
 from daemon.protocol.messages import STATE_FORMAT, Contact, Notice, Snapshot, State
 from errors import ControlError, LogError, UnreachableError
@@ -23,6 +24,8 @@ from tests.examples import scaled
 MakeState = Callable[..., State]
 FORMAT_1 = Path(__file__).with_name("format_1.mcap")
 """Twenty ticks of configs/single_joint in lockstep, recorded when format 1 was made."""
+FORMAT_2 = Path(__file__).with_name("format_2.mcap")
+"""Fifty ticks of it, the last half pushed, by the last contactd of format 2."""
 
 
 @pytest.fixture
@@ -352,6 +355,27 @@ def test_a_recording_of_format_1_is_read(tmp_path: Path) -> None:
     assert isinstance(messages[0], Snapshot)
     assert messages[0].format == 1
     assert [message.tick for message in messages[1:]] == list(range(40, 60))
+
+
+def test_a_recording_of_format_2_replays_to_a_tolerance(tmp_path: Path) -> None:
+    """Its estimator was not the kernel yet; this file never changes."""
+    result = replay(FORMAT_2)
+    assert (result.states, result.difference, result.broken) == (50, None, "")
+    assert result.equal
+    assert not result.identical
+    snapshot, *states = read_log(FORMAT_2)
+    assert any(state.thresholded[0] for state in states)
+    victim = states[30]
+    states[30] = msgspec.structs.replace(victim, residual=[victim.residual[0] + 2e-9])
+    path = tmp_path / "changed.mcap"
+    with path.open("xb") as stream:
+        log = _LogWriter(stream, snapshot)
+        for state in states:
+            packet = msgspec.json.encode(state)
+            log.state(packet, msgspec.json.decode(packet, type=_Stamp))
+        log.finish()
+    difference = replay(path).difference
+    assert (difference.tick, difference.field) == (victim.tick, "residual")
 
 
 def test_cannot_read(tmp_path: Path) -> None:

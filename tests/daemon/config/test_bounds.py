@@ -17,8 +17,10 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint
 from daemon.faults.detector import patience_deaf
 from errors import ConfigurationError
-from estimator.estimator import SENSED_PERIODS
-from estimator.residual import Residual, Variant
+from estimator.estimate import SENSED_PERIODS
+from estimator.interval import ROW
+from estimator.residual import Residual
+from estimator.settings import Variant
 
 ELBOW = r"(?s)(<link name=.LElbowRollLink.>\s*)<inertial>.*?</inertial>"
 OF_MOTOR = "Nm (torque_constant times max_current_A)"
@@ -237,14 +239,15 @@ def feels(c: Configuration) -> bool:
     joint: Joint = c.joints[0]
     estimator = build_estimator(c, ROBOT.urdf)
     motor = joint.torque_constant * joint.wiring.max_current_A
-    detector, moving = estimator.detector, np.full(1, joint.limits.velocity)
-    in_motion = detector.thresholds(np.zeros(1), moving, c.period_s)[0]
-    at_rest = detector.thresholds(estimator._threshold_raise.most, 0.0 * moving, c.period_s)[0]
+    detector = estimator.detector
+    in_motion = detector.level_at(0, 0.0, joint.limits.velocity)
+    at_rest = detector.level_at(0, detector.hidden(0, 1.0, 1.0, True, 0.0), 0.0)
     residual = Residual([Variant()], c.estimator.gain, c.period_s, 1)
     ticks = 0
+    impulse = np.zeros(len(ROW))
+    impulse[ROW["momentum"]] = 2.0 * c.period_s
     while residual.values[0, 0] <= 1.0 and ticks < 1000:  # of the level; twice that presses
-        impulse = np.array([[2.0 * c.period_s], [0.0]])
-        residual.step(impulse, np.ones(1), c.period_s)
+        residual.step(0, impulse, 0.0, True, c.period_s)
         ticks += 1
     delay = ticks + c.estimator.debounce - 1
     # The trapezoid rounds the delay to whole periods.

@@ -1,0 +1,7 @@
+# Types of elementary.py, for the compiler alone.
+
+cpdef double sine(double x) noexcept
+cpdef double cosine(double x) noexcept
+cdef double _turned(double x, double quadrants) noexcept
+cpdef double decay(double x) noexcept
+cpdef double smooth_sign(double x) noexcept

@@ -1,0 +1,62 @@
+# Types of kernel.py, for the compiler alone.
+
+cimport cython
+
+from estimator.contact_detector cimport ContactDetector
+from estimator.dynamics cimport Dynamics
+from elementary cimport decay, smooth_sign
+from estimator.interval cimport Interval
+from estimator.link_velocity cimport Alignment
+from estimator.motor_position cimport MotorPosition
+from estimator.residual cimport Residual
+from estimator.stiction cimport Stiction, displacement
+
+cdef long long _INVALID, _LATE, _RESTARTED, _STARTING, _BRIDGED, _RAISED, _SIDE_UNKNOWN
+cdef double _REST_VELOCITY
+cdef double _LATE_PERIODS, _RAISED_PERIODS, _SENSED_PERIODS, _BRIDGED_PERIODS
+cdef Py_ssize_t _SAMPLES, _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA, _TAU_M, _MOTOR_FRICTION
+cdef Py_ssize_t _ENGAGED_LINK_FRICTION, _LINK_FRICTION, _GAP_FRICTION, _STICTION
+
+cdef class Kernel:
+    cdef readonly Py_ssize_t n
+    cdef Dynamics _dynamics
+    cdef readonly Alignment alignment
+    cdef readonly Interval interval
+    cdef readonly MotorPosition motor_position
+    cdef readonly Stiction stiction
+    cdef readonly Residual residual
+    cdef readonly ContactDetector detector
+    cdef double _period, _per_width
+    cdef bint _measured
+    cdef double[::1] _K_c, _B, _alpha, _held, _motor_coulomb, _motor_viscous, _link_coulomb
+    cdef double[::1] _link_viscous, _gap_coulomb, _gap_viscous, _K_phi_p, _K_phi_d
+    cdef readonly long long[::1] came, going
+    cdef readonly unsigned char[::1] sensing
+    cdef readonly double[::1] since, q, q_dot, tau_M, threshold
+    cdef double[::1] _gaps, _theta, _phi, _sigma, _thresholded
+    cdef readonly long long begun, touched_link
+    cdef long long _pressed
+    cdef public double elapsed_s
+    cdef readonly double[:, ::1] shown
+
+    @cython.locals(valid=bint)
+    cpdef long long step(self, double dt) noexcept
+    cpdef void restart(self, Py_ssize_t i) noexcept
+    cpdef void reset(self, Py_ssize_t i) noexcept
+    cpdef void resume(self) noexcept
+    @cython.locals(flags="long long", ready=bint, counted=bint)
+    cdef long long _take(self) noexcept
+    cdef void _still(self, Py_ssize_t i, double q) noexcept
+    @cython.locals(flags="long long", beside=bint, everything=double)
+    cdef long long _advance(self, double dt) noexcept
+    @cython.locals(came=bint, unsure=bint, everything=double)
+    cdef double _joint(self, Py_ssize_t i, double gap, double dt, bint beside) noexcept
+    cdef void _at_an_instant(
+        self, Py_ssize_t i, double q_dot, double theta_dot, double theta, double tau_M
+    ) noexcept
+    @cython.locals(touched=bint)
+    cdef void _balance(
+        self, Py_ssize_t i, double dt, double q, double q_dot, double theta_dot, double rest,
+        double tau_M
+    ) noexcept
+    cdef void _show(self, Py_ssize_t i) noexcept

@@ -1,0 +1,270 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""One tick of the estimator as a loop over joints; numbers in brackets are the paper's equations.
+
+Ordinary Python, which runs as it is; `kernel.pxd` names the types for the compiler, decision 0037.
+What is not finite raises nothing here: the tick is taken back, and everything starts anew.
+"""
+
+import numpy as np
+
+from elementary import decay, smooth_sign
+from estimator.contact_detector import ContactDetector
+from estimator.dynamics import Dynamics
+from estimator.estimate import SENSED_PERIODS, Flag
+from estimator.interval import Interval
+from estimator.link_velocity import SAMPLES, Alignment
+from estimator.motor_position import MotorPosition, Side
+from estimator.residual import Residual
+from estimator.settings import EstimatorSettings
+from estimator.stiction import Stiction, displacement
+from estimator.thresholds import Thresholds
+from estimator.transmission import REST_VELOCITY, Transmission
+
+# For the compiler.
+_SAMPLES, _SIDE_UNKNOWN, _REST_VELOCITY = SAMPLES, int(Side.UNKNOWN), REST_VELOCITY
+_INVALID, _LATE, _RESTARTED = int(Flag.INVALID), int(Flag.LATE), int(Flag.RESTARTED)
+_STARTING, _BRIDGED, _RAISED = int(Flag.STARTING), int(Flag.BRIDGED), int(Flag.RAISED)
+_MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA = range(5)  # rows of `interval.TERMS`
+_TAU_M, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _LINK_FRICTION, _GAP_FRICTION = range(5, 10)
+_STICTION = 10
+# An interval of so many periods is late; one of so many raises the levels of its joint: two samples
+# were missing.
+_LATE_PERIODS, _RAISED_PERIODS = 1.5, 2.5
+# A joint that was without a sample for longer senses nothing [periods]: its residual is old.
+_SENSED_PERIODS = SENSED_PERIODS
+# Over a longer gap nothing is bridged [periods]: Tustin's rule does not know what happened in it.
+_BRIDGED_PERIODS = 5.5
+
+
+class Kernel:
+    """The parts of an estimator, and their step. The caller writes `alignment.samples`, and `came`
+    (n,), 1 where a joint has a sample; and reads `shown` (8, n) and the parts."""
+
+    def __init__(
+        self,
+        dynamics: Dynamics,
+        transmission: Transmission,
+        settings: EstimatorSettings,
+        thresholds: Thresholds,
+        period_s: float,
+    ) -> None:
+        t, s = transmission, settings
+        n = self.n = t.n
+        self._dynamics = dynamics
+        self.alignment = Alignment(n, s, period_s)
+        self.interval = Interval(n)
+        self._measured = s.motor_position == "measured"
+        self.motor_position = MotorPosition(t, s.gap, self._measured)
+        self.stiction = Stiction(n, s.presliding)
+        self.residual = Residual((s.residual, *s.beside), s.gain, period_s, n)
+        self.detector = ContactDetector(t.joints, t, thresholds, s)
+        self._period, self._per_width = period_s, 1.0 / t.sign_width
+        self._K_c, self._B = t.torque_constant.copy(), t.rotor_inertia.copy()
+        self._alpha, self._held = t.half_gap.copy(), t.stiction * t.engaged_coulomb
+        self._motor_coulomb, self._motor_viscous = t.motor_coulomb.copy(), t.motor_viscous.copy()
+        self._link_coulomb, self._link_viscous = t.link_coulomb.copy(), t.link_viscous.copy()
+        self._gap_coulomb, self._gap_viscous = t.gap_coulomb.copy(), t.gap_viscous.copy()
+        self._K_phi_p, self._K_phi_d = t.contact_stiffness.copy(), t.contact_damping.copy()
+
+        self.came = np.ones(n, dtype=np.int64)
+        # Time since the sample of each joint that was used last, and between that and the one
+        # before where it came in this tick, 0 where none did [s].
+        self.since, self._gaps = np.zeros((2, n))
+        # Joints whose interval has a beginning, and those that sense.
+        self.going, self.sensing = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.uint8)
+        self.begun = 0  # contacts that begin in this tick
+        self.touched_link = -1  # index of its joint, -1 where none is, or not known
+        self._pressed = 0  # joints whose thresholded residual is not zero
+        self.elapsed_s = 0.0
+        self.shown = np.zeros((8, n))
+        self.q, self.q_dot, self._theta, self._phi = self.shown[:4]
+        self._sigma, self.tau_M, self.threshold, self._thresholded = self.shown[4:]
+        for i in range(n):
+            self._still(i, 0.0)
+
+    def step(self, dt: float) -> int:
+        """Take the samples of one tick, dt [s] after the one before. Returns its `Flag`s; with
+        INVALID, what is shown is of no use."""
+        everything = dt
+        for i in range(self.n):
+            if self.came[i]:
+                for row in range(4):
+                    everything += self.alignment.samples[row, i]
+        valid = everything - everything == 0.0 and dt > 0.0
+        step = dt if dt > 0.0 and dt - dt == 0.0 else self._period
+        for i in range(self.n):
+            self.since[i] += step
+        self.elapsed_s += step
+        self.begun = self._pressed = 0
+        self.touched_link = -1
+        if not valid:
+            return _INVALID
+        flags = self._take()
+        if flags & _STARTING:
+            for i in range(self.n):
+                known = self.alignment.samples[3, i]
+                self._still(i, known if known - known == 0.0 else self.q[i])
+            return flags
+        flags |= self._advance(dt)
+        if flags & _INVALID:
+            # The state would never become finite again.
+            for i in range(self.n):
+                self.restart(i)
+                self._still(i, self.q[i])
+        return flags
+
+    def restart(self, i: int) -> None:
+        """Forget all samples of joint i, and with them where its rotor is in its gap."""
+        self.reset(i)
+        self.alignment.restart(i)
+        self.interval.restart(i)
+        self.stiction.restart(i)
+        self.going[i] = 0
+
+    def reset(self, i: int) -> None:
+        """Forget external torque and contacts of joint i."""
+        self.residual.reset(i)
+        self.detector.reset(i)
+
+    def resume(self) -> None:
+        """Go on from a state that was written from outside."""
+        self._pressed, self.touched_link = 0, -1
+        for i in range(self.n):
+            self.detector.above[i], self.sensing[i] = self.detector.raised[i], 0
+            self._show(i)
+        if self._pressed:
+            self.touched_link = self.detector.touched_link(self.residual.values[0])
+
+    def _take(self) -> int:
+        """Put this tick's samples to those before; STARTING where they do for no joint yet."""
+        flags, ready, counted = 0, False, True
+        count = self.alignment.count
+        for i in range(self.n):
+            self._gaps[i] = 0.0
+            if self.came[i]:
+                self._gaps[i], self.since[i] = self.since[i], 0.0
+                if self._gaps[i] > _LATE_PERIODS * self._period:
+                    flags |= _LATE
+                if self._gaps[i] > _BRIDGED_PERIODS * self._period and count[i] > 0:
+                    flags |= _RESTARTED
+                    self.restart(i)
+                self.alignment.push(i, self._gaps[i])
+            else:
+                flags |= _BRIDGED
+            ready = ready or count[i] >= _SAMPLES
+            counted = counted and count[i] > 0
+        return flags if ready and counted else flags | _STARTING
+
+    def _still(self, i: int, q: float) -> None:
+        """Joint i without a velocity yet: no residual, the highest threshold."""
+        self.motor_position.start(i, q)
+        most = self.detector.hidden(i, 1.0, 1.0, True, 0.0)
+        self.threshold[i] = self.detector.put_in_force(i, most, 0.0, self._period)
+        self.q[i], self.q_dot[i], self.tau_M[i] = q, 0.0, 0.0
+        self.sensing[i] = 0
+        self._show(i)
+
+    def _advance(self, dt: float) -> int:
+        """Estimate dt [s] after the one before; returns flags."""
+        flags, beside, everything = 0, False, 0.0
+        for i in range(self.n):
+            if self.came[i]:
+                self.alignment.align(i)
+            elif self.since[i] <= _BRIDGED_PERIODS * self._period:  # no link goes on for ever
+                self.alignment.carry(i, dt)
+            if not self.going[i]:
+                flags |= _STARTING
+                self.motor_position.start(i, self.alignment.aligned[0, i])
+                self._gaps[i] = 0.0
+            if self._gaps[i] > _RAISED_PERIODS * self._period:
+                flags |= _RAISED
+            beside = beside or not self.came[i]
+        self._dynamics.at(self.alignment.aligned[0], self.alignment.aligned[1])
+        for i in range(self.n):
+            everything += self._joint(i, self._gaps[i], dt, beside)
+        if everything - everything != 0.0:
+            return _INVALID
+        for i in range(self.n):
+            self.sensing[i] = self.going[i] and self.since[i] <= _SENSED_PERIODS * self._period
+            self.going[i] = self.going[i] or self.alignment.count[i] >= _SAMPLES
+            self.q[i], self.q_dot[i] = self.alignment.aligned[0, i], self.alignment.aligned[1, i]
+            self._show(i)
+        if self._pressed:
+            self.touched_link = self.detector.touched_link(self.residual.values[0])
+        return flags
+
+    def _joint(self, i: int, gap: float, dt: float, beside: bool) -> float:
+        """From the aligned samples of joint i to its residuals, levels and contacts. gap: since its
+        last sample [s], 0 without one; beside a joint without one. Returns a sum that is finite if
+        everything is."""
+        a, position = self.alignment.aligned, self.motor_position
+        q, q_dot, current, theta_dot, theta = a[0, i], a[1, i], a[2, i], a[3, i], a[4, i]
+        tau_M = self._K_c[i] * current
+        at_rest = theta_dot / _REST_VELOCITY
+        rest = decay(at_rest * at_rest)
+        if self._measured:
+            turned = theta - self.interval.begin[_THETA, i] if gap > 0.0 else 0.0
+        else:
+            moved = q - self.q[i] if self.going[i] else 0.0
+            turned = displacement(theta_dot, q_dot, moved, self._alpha[i] > 0.0, gap)
+        self.stiction.step(i, turned)
+        self._at_an_instant(i, q_dot, theta_dot, theta, tau_M)
+        if gap > 0.0:
+            self._balance(i, gap, q, q_dot, theta_dot, rest, tau_M)
+        if gap > 0.0 or not self.going[i]:
+            self.interval.end(i)
+        unsure = position.side[i] == _SIDE_UNKNOWN
+        unknown = self.stiction.unknown(i)
+        hidden = self.detector.hidden(i, rest, unknown, unsure, gap / self._period)
+        self.threshold[i] = self.detector.put_in_force(i, hidden, abs(theta_dot), dt)
+        came = self.came[i] != 0
+        self.begun += self.detector.step(i, self.residual.values[0, i], came, beside)
+        self.tau_M[i] = tau_M
+        everything = q + q_dot + tau_M + position.theta[i] + position.sigma[i]
+        return float(everything + self.threshold[i] + self.residual.sum(i))
+
+    def _at_an_instant(
+        self, i: int, q_dot: float, theta_dot: float, theta: float, tau_M: float
+    ) -> None:
+        """Torques and momenta of joint i at the common instant, (6) in its parts."""
+        now = self.interval.now
+        phi_dot = q_dot - theta_dot
+        s_theta = smooth_sign(theta_dot * self._per_width)
+        s_q = smooth_sign(q_dot * self._per_width)
+        s_phi = smooth_sign(phi_dot * self._per_width)
+        now[_MOMENTUM], now[_BETA] = self._dynamics.momentum[i], self._dynamics.beta[i]
+        now[_ROTOR], now[_THETA], now[_THETA_DOT] = self._B[i] * theta_dot, theta, theta_dot
+        now[_TAU_M] = tau_M
+        now[_MOTOR_FRICTION] = self._motor_coulomb[i] * s_theta + self._motor_viscous[i] * theta_dot
+        now[_ENGAGED_LINK_FRICTION] = (
+            self._link_coulomb[i] * s_theta + self._link_viscous[i] * theta_dot
+        )
+        now[_LINK_FRICTION] = self._link_coulomb[i] * s_q + self._link_viscous[i] * q_dot
+        now[_GAP_FRICTION] = self._gap_coulomb[i] * s_phi + self._gap_viscous[i] * phi_dot
+        now[_STICTION] = self._held[i] * (self.stiction.z(i) - s_theta)
+
+    def _balance(
+        self, i: int, dt: float, q: float, q_dot: float, theta_dot: float, rest: float, tau_M: float
+    ) -> None:
+        """Motor position and residuals of joint i over its interval of dt [s] that ends now."""
+        self.interval.integrate(i, dt)
+        x = self.interval.impulse
+        advance = x[_THETA] if self._measured else x[_THETA_DOT]
+        transmitted = (x[_TAU_M] - x[_ROTOR] - x[_MOTOR_FRICTION]) / dt
+        touched = self.motor_position.step(
+            i, dt, q, q_dot, theta_dot, rest, tau_M, advance, x[_ROTOR] / dt, transmitted
+        )
+        # (5): what a fit adds to tau_M while engaged, over the penetration delta.
+        phi = q - self.motor_position.theta[i]
+        delta = phi - min(max(phi, -self._alpha[i]), self._alpha[i])
+        spring = self._K_phi_p[i] * delta + self._K_phi_d[i] * (q_dot - theta_dot)
+        self.residual.step(i, x, dt * spring, touched, dt)
+
+    def _show(self, i: int) -> None:
+        """What follows from the state of joint i; the thresholded residual has no jump."""
+        r, threshold = self.residual.values[0, i], self.threshold[i]
+        self._theta[i], self._sigma[i] = self.motor_position.theta[i], self.motor_position.sigma[i]
+        self._phi[i] = self.q[i] - self._theta[i]
+        self._thresholded[i] = r - min(max(r, -threshold), threshold)
+        self._pressed += self._thresholded[i] != 0.0

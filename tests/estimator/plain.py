@@ -1,0 +1,16 @@
+"""The estimator's compiled modules, plain and built, by name."""
+
+from types import ModuleType
+
+from compiled import ESTIMATOR
+from tests import plain as modules
+
+
+def plain() -> dict[str, ModuleType]:
+    """Run from their sources."""
+    return modules.plain(ESTIMATOR)
+
+
+def built() -> dict[str, ModuleType]:
+    """As they are imported."""
+    return modules.built(ESTIMATOR)
