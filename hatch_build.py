@@ -1,9 +1,9 @@
 """Build of the compiled modules: Cython makes C of them, a C compiler makes extensions of that.
 
-    python hatch_build.py       # anew, beside their sources
+    python hatch_build.py       # anew, beside their sources; `make` does it where one has changed
 
 Without a compiler on the machine the wheel `ziglang` is one. Where even that cannot be (no headers
-of Python), the modules run as the plain Python that they are, and `contactd run` says so.
+of Python), the modules run as the plain Python that they are; this says so, as does `contactd run`.
 """
 
 import os
@@ -12,6 +12,8 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,36 +36,46 @@ def compiler() -> list[str]:
 
 
 class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
-    """Extensions beside their sources in an editable install, and in the wheel else."""
+    """Extensions in a wheel. An editable install gets none: pip hides what a build says, so that
+    `make` builds them beside their sources, and is heard where it cannot."""
 
     def dependencies(self) -> list[str]:
+        if self.target_name != "wheel":
+            return []
         return ["cython==3.3.1", *(["ziglang==0.17.1"] if "ziglang" in compiler() else [])]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        if self.target_name != "wheel":
+        if self.target_name != "wheel" or version == "editable":
             return
         root = Path(self.root)
-        out = root / "estimator" if version == "editable" else root / "build" / "extensions"
         try:
-            made = [build(root, module, out) for module in MODULES]
+            made = build(root, root / "build" / "extensions")
         except (OSError, subprocess.CalledProcessError) as error:
             self.app.display_warning(f"no compiled modules, they run as plain Python: {error}")
             return
-        if version != "editable":
-            build_data["force_include"] |= {str(so): f"estimator/{so.name}" for so in made}
-            build_data["pure_python"], build_data["infer_tag"] = False, True
+        build_data["force_include"] |= {str(so): f"estimator/{so.name}" for so in made}
+        build_data["pure_python"], build_data["infer_tag"] = False, True
 
 
-def build(root: Path, module: str, out: Path) -> Path:
-    """Compile estimator/MODULE.py. Raises OSError or CalledProcessError where that fails."""
-    include = sysconfig.get_path("include")
-    if not (Path(include) / "Python.h").exists():
-        raise FileNotFoundError(f"{include}/Python.h (apt install python3-dev)")
+def build(root: Path, out: Path) -> list[Path]:
+    """Compile estimator/MODULES into `out`, and return what is made. Raises OSError or
+    CalledProcessError where that fails."""
+    include = Path(sysconfig.get_path("include"))
+    if not (include / "Python.h").exists():
+        raise FileNotFoundError(
+            f"{include}/Python.h is missing: install the headers of Python (Debian: "
+            f"sudo apt install python{sys.version_info[0]}-dev)"
+        )
     work = root / "build" / "c"
     work.mkdir(parents=True, exist_ok=True)
     out.mkdir(parents=True, exist_ok=True)
-    c = work / f"{module}.c"
-    extension = out / f"{module}{sysconfig.get_config_var('EXT_SUFFIX')}"
+    suffix = str(sysconfig.get_config_var("EXT_SUFFIX"))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(partial(_compile, root, work, out, include, suffix), MODULES))
+
+
+def _compile(root: Path, work: Path, out: Path, include: Path, suffix: str, module: str) -> Path:
+    c, extension = work / f"{module}.c", out / f"{module}{suffix}"
     cython = [sys.executable, "-m", "cython", "-3", f"estimator/{module}.py", "-o", str(c)]
     subprocess.run(cython, cwd=root, check=True)
     # Put in place whole: who runs the old one keeps it.
@@ -72,6 +84,21 @@ def build(root: Path, module: str, out: Path) -> Path:
     return new.replace(extension)
 
 
+def main(root: Path) -> int:
+    """Build beside the sources; where that fails, take away what is older than they may be."""
+    try:
+        build(root, root / "estimator")
+    except (OSError, subprocess.CalledProcessError) as error:
+        for module in MODULES:
+            for extension in (root / "estimator").glob(f"{module}.*.so"):
+                extension.unlink()
+        print(
+            f"contactd: not compiled, runs as plain Python, some 50 times slower: {error}",
+            file=sys.stderr,
+        )
+        return 1
+    return 0
+
+
 if __name__ == "__main__":
-    for each in MODULES:
-        print(build(Path(__file__).parent, each, Path(__file__).parent / "estimator"))
+    sys.exit(main(Path(__file__).parent))

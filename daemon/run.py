@@ -27,7 +27,7 @@ from drivers.can.bus_load import frame_rate_hz
 from drivers.can.frame_ring import RecordedWire
 from drivers.can.wire import OpenBus
 from errors import BusError, DriveError
-from estimator.compiled import uncompiled
+from estimator.compiled import warning as estimator_warning
 
 _log = logging.getLogger("contactd")
 
@@ -74,11 +74,8 @@ def _serve(
     wire = RecordedWire(bus.wire, ring) if ring else bus.wire
     tick = build_tick(robot, wire, time.monotonic, identification)
     _warm_up(robot)
-    if plain := uncompiled():
-        _log.warning(
-            "not compiled, a tick takes far longer: %s (build them: docs/decisions/0037)",
-            ", ".join(plain),
-        )
+    if not_compiled := estimator_warning():
+        _log.warning(not_compiled)
     realtime = go_realtime()
     for grant in realtime:
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)

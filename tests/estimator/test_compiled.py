@@ -2,7 +2,7 @@
 
 import sys
 
-from estimator.compiled import MODULES, uncompiled
+from estimator.compiled import MODULES, uncompiled, warning
 from hatch_build import MODULES as BUILT
 from tests.estimator.plain import FOLDER, plain
 
@@ -15,3 +15,5 @@ def test_all_that_is_built_is_looked_at_and_has_its_types() -> None:
 def test_a_plain_module_is_named(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "estimator.dynamics", plain()["dynamics"])
     assert "estimator.dynamics" in uncompiled()
+    assert "estimator.dynamics" in warning()
+    assert "python3-dev" in warning()
