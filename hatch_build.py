@@ -1,9 +1,10 @@
 """Build of the compiled modules: Cython makes C of them, a C compiler makes extensions of that.
 
-    python hatch_build.py [MODULE...]       # anew, beside their sources
+    python hatch_build.py       # anew, beside their sources; `make` does it where one has changed
 
-Without a compiler on the machine the wheel `ziglang` is one. Where even that cannot be (no headers
-of Python), the modules run as the plain Python that they are, and `contactd run` says so.
+A module is compiled if a .pxd with its types lies beside it. Without a compiler on the machine the
+wheel `ziglang` is one. Where even that cannot be (no headers of Python), the modules run as the
+plain Python that they are; this says so, as does `contactd run`.
 """
 
 import os
@@ -12,20 +13,24 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-MODULES = (
-    *("elementary", "estimator/dynamics", "estimator/link_velocity", "estimator/stiction"),
-    *("estimator/motor_position", "estimator/interval", "estimator/residual"),
-    *("estimator/contact_detector", "estimator/kernel"),
-    *("simulator/links", "simulator/two_masses", "simulator/servo", "simulator/sensors"),
-    "simulator/servo_periods",
-)
+FOLDERS = ("daemon", "drivers", "estimator", "simulator")
 # No contraction: a fused product would round otherwise than the plain module.
 FLAGS = ("-shared", "-fPIC", "-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-w")
+# The machine that it is built on; that of the Python that runs it elsewhere.
+SUFFIX = str(sysconfig.get_config_var("EXT_SUFFIX"))
+
+
+def modules(root: Path) -> list[str]:
+    """Paths of the modules to compile, below `root` and without suffix."""
+    types = [*root.glob("*.pxd"), *(p for f in FOLDERS for p in (root / f).rglob("*.pxd"))]
+    return sorted(str(path.relative_to(root).with_suffix("")) for path in types)
 
 
 def compiler() -> list[str]:
@@ -37,35 +42,43 @@ def compiler() -> list[str]:
 
 
 class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
-    """Extensions beside their sources in an editable install, and in the wheel else."""
+    """Extensions in a wheel. An editable install gets none: pip hides what a build says, so that
+    `make` builds them beside their sources, and is heard where it cannot."""
 
     def dependencies(self) -> list[str]:
+        if self.target_name != "wheel":
+            return []
         return ["cython==3.3.1", *(["ziglang==0.17.1"] if "ziglang" in compiler() else [])]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        if self.target_name != "wheel":
+        if self.target_name != "wheel" or version == "editable":
             return
         root = Path(self.root)
-        out = root if version == "editable" else root / "build" / "extensions"
+        out = root / "build" / "extensions"
         try:
-            made = [build(root, module, out) for module in MODULES]
+            made = build(root, out)
         except (OSError, subprocess.CalledProcessError) as error:
             self.app.display_warning(f"no compiled modules, they run as plain Python: {error}")
             return
-        if version != "editable":
-            build_data["force_include"] |= {str(so): str(so.relative_to(out)) for so in made}
-            build_data["pure_python"], build_data["infer_tag"] = False, True
+        build_data["force_include"] |= {str(so): str(so.relative_to(out)) for so in made}
+        build_data["pure_python"], build_data["infer_tag"] = False, True
 
 
-def build(root: Path, module: str, out: Path) -> Path:
-    """Compile MODULE.py into the same folder below `out`. Raises OSError or CalledProcessError
-    where that fails."""
-    include = sysconfig.get_path("include")
-    if not (Path(include) / "Python.h").exists():
-        raise FileNotFoundError(f"{include}/Python.h (apt install python3-dev)")
-    work = root / "build" / "c"
-    c = work / f"{module}.c"
-    extension = out / f"{module}{sysconfig.get_config_var('EXT_SUFFIX')}"
+def build(root: Path, out: Path) -> list[Path]:
+    """Compile all modules of `root` into the same folders of `out`, and return what is made. Raises
+    OSError or CalledProcessError where that fails."""
+    include = Path(sysconfig.get_path("include"))
+    if not (include / "Python.h").exists():
+        raise FileNotFoundError(
+            f"{include}/Python.h is missing: install the headers of Python (Debian: "
+            f"sudo apt install python{sys.version_info[0]}-dev)"
+        )
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(partial(_compile, root, out, include), modules(root)))
+
+
+def _compile(root: Path, out: Path, include: Path, module: str) -> Path:
+    c, extension = root / "build" / "c" / f"{module}.c", out / f"{module}{SUFFIX}"
     for file in (c, extension):
         file.parent.mkdir(parents=True, exist_ok=True)
     cython = [sys.executable, "-m", "cython", "-3", f"{module}.py", "-o", str(c)]
@@ -76,6 +89,20 @@ def build(root: Path, module: str, out: Path) -> Path:
     return new.replace(extension)
 
 
+def main(root: Path) -> int:
+    """Build beside the sources; where that fails, take away what is older than they may be."""
+    try:
+        build(root, root)
+    except (OSError, subprocess.CalledProcessError) as error:
+        for module in modules(root):
+            (root / f"{module}{SUFFIX}").unlink(missing_ok=True)
+        print(
+            f"contactd: not compiled, runs as plain Python, some 50 times slower: {error}",
+            file=sys.stderr,
+        )
+        return 1
+    return 0
+
+
 if __name__ == "__main__":
-    for each in sys.argv[1:] or MODULES:
-        print(build(Path(__file__).parent, each, Path(__file__).parent))
+    sys.exit(main(Path(__file__).parent))

@@ -129,17 +129,20 @@ class ContactDetector:
     def begun(self, residual: Vector, side: NDArray[np.int8], time_s: float) -> tuple[Contact, ...]:
         """Contacts that begin in this tick, at most one per joint and level; residual [Nm] and side
         are (n,)."""
-        return tuple(
-            Contact(
-                joint=self._joints[i],
-                torque=float(residual[i]),
-                threshold=float(self._levels[level, i] + self.above[i]),
-                level=LEVELS[level],
-                side=int(side[i]),
-                time_s=time_s,
-            )
-            for level, i in np.argwhere(self.begins)
-        )
+        contacts = []
+        for k in range(2):
+            for i in range(self._n):
+                if self.begins[k, i]:
+                    contact = Contact(
+                        joint=self._joints[i],
+                        torque=float(residual[i]),
+                        threshold=float(self._levels[k, i] + self.above[i]),
+                        level=LEVELS[k],
+                        side=int(side[i]),
+                        time_s=time_s,
+                    )
+                    contacts.append(contact)
+        return tuple(contacts)
 
     def touched_link(self, residual: Vector) -> int:
         """Index of the joint whose link is touched, for a residual (n,) [Nm] that is past the level

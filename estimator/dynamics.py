@@ -73,8 +73,8 @@ class Dynamics:
         # Of all that lies beyond each joint: it does not depend on the pose.
         self._mass, self._beyond = mass, mass.copy()
         for i in range(n - 1, -1, -1):
-            if bodies[i].parent >= 0:
-                self._beyond[bodies[i].parent] += self._beyond[i]
+            if self._parent[i] >= 0:
+                self._beyond[self._parent[i]] += self._beyond[i]
         # Of each joint in its own frame; row n is the root's, which stands.
         self._R = np.zeros((n, 3, 3))
         self._t = np.zeros((n, 3))

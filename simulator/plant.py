@@ -37,7 +37,7 @@ class ArticulatedBodies:
 
 def links_of(model: pin.Model) -> Links:
     """Dynamics of the links, as fast as can be."""
-    if uncompiled(["simulator.links"]):
+    if "simulator.links" in uncompiled():
         return cast(Links, ArticulatedBodies(model))
     return Links(model)
 

@@ -2,17 +2,19 @@
 
 import sys
 
-from compiled import ESTIMATOR, SIMULATOR, uncompiled
-from hatch_build import MODULES
-from tests.plain import ROOT, plain
+from compiled import uncompiled, warning
+from tests.plain import COMPILED, built, plain
 
 
-def test_all_that_is_built_is_looked_at_and_has_its_types() -> None:
-    assert {*ESTIMATOR, *SIMULATOR} == {module.replace("/", ".") for module in MODULES}
-    found = [p for folder in (".", "estimator", "simulator") for p in (ROOT / folder).glob("*.pxd")]
-    assert {str(p.relative_to(ROOT).with_suffix("")) for p in found} == set(MODULES)
+def test_modules_of_every_folder_are_compiled() -> None:
+    folders = {name.rpartition(".")[0] for name in COMPILED}
+    assert folders == {"", "daemon.faults", "daemon.motion", "drivers", "estimator", "simulator"}
+    assert all(str(m.__file__).endswith(".py") for m in plain("daemon.faults").values())
+    assert built("daemon.faults")["measures"] is sys.modules["daemon.faults.measures"]
 
 
 def test_a_plain_module_is_named(monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "estimator.dynamics", plain(ESTIMATOR)["dynamics"])
-    assert "estimator.dynamics" in uncompiled(ESTIMATOR)
+    monkeypatch.setitem(sys.modules, "estimator.dynamics", plain("estimator")["dynamics"])
+    assert "estimator.dynamics" in uncompiled()
+    assert "estimator.dynamics" in warning()
+    assert "python3-dev" in warning()

@@ -2,15 +2,14 @@
 
 from types import ModuleType
 
-from compiled import ESTIMATOR
 from tests import plain as modules
 
 
 def plain() -> dict[str, ModuleType]:
     """Run from their sources."""
-    return modules.plain(ESTIMATOR)
+    return modules.plain("estimator")
 
 
 def built() -> dict[str, ModuleType]:
     """As they are imported."""
-    return modules.built(ESTIMATOR)
+    return modules.built("estimator")

@@ -1,6 +1,9 @@
 """The estimator against the one in arrays, on motions with samples missing; and its kernel against
 itself uncompiled."""
 
+import os
+import subprocess
+import sys
 from types import ModuleType
 from typing import Any
 
@@ -164,3 +167,39 @@ def test_compiled_and_plain_are_the_same_to_the_last_bit(
         assert answers[0] == answers[1], k
         flags |= answers[0][0]
     assert flags == sum(Flag)
+
+
+HASH = """
+import hashlib
+import numpy as np
+from tests.estimator.conftest import estimator
+from estimator.settings import Variant
+made, done = estimator(beside=(Variant(kind="two_mass"),)), hashlib.sha256()
+walk = np.random.default_rng(4).integers(-40, 41, (300, 3, 7)).cumsum(axis=0) * 1e-5
+for current, q, theta_dot in walk * [[[100.0], [1.0], [20.0]]]:
+    e = made.step(current, q, theta_dot)
+    for values in (e.residual, e.beside["two_mass"], e.threshold, e.theta, e.phi_sigma):
+        done.update(values.tobytes())
+print(done.hexdigest(), int(e.flags))
+"""
+OTHER_PROCESSOR = {
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4",
+    "OPENBLAS_CORETYPE": "Prescott",
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX2_Usable,-FMA_Usable",
+}
+
+
+def test_the_bits_are_those_of_every_processor() -> None:
+    """Whatever code numpy, OpenBLAS and the C library choose for this one."""
+    said = [
+        subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", HASH],
+            env={**os.environ, **settings},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.split()
+        for settings in ({}, OTHER_PROCESSOR)
+    ]
+    assert said[0] == said[1]
+    assert said[0][1] == "0"

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compiled import SIMULATOR, uncompiled
+from compiled import uncompiled
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.mismatch import true_parameters
 from simulator.plant import Plant
@@ -88,12 +88,12 @@ def test_servo_and_sensors_are_those_in_arrays(romeo: ArmDescription, latency: f
 def test_compiled_and_plain_are_the_same_to_the_last_bit(
     romeo: ArmDescription, friction: str
 ) -> None:
-    if uncompiled(SIMULATOR):
+    if uncompiled():
         pytest.skip("the modules are not compiled here")
     s = settings(friction, link_latency_ms=1.5)
     p = true_parameters(romeo, s)
     ends = []
-    for modules in (built(SIMULATOR), plain(SIMULATOR)):
+    for modules in (built("simulator"), plain("simulator")):
         masses = modules["two_masses"].TwoMasses(
             modules["links"].Links(p.model), p, s.step_s, stiction=friction == "dahl",
             friction_width=s.friction_width, presliding=s.presliding,
