@@ -17,7 +17,13 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-MODULES = ("elementary", "estimator/dynamics", "estimator/gap", "estimator/kernel")
+MODULES = (
+    "elementary",
+    "estimator/dynamics",
+    "estimator/gap",
+    "estimator/kernel",
+    "daemon/faults/measures",
+)
 # No contraction: a fused product would round otherwise than the plain module.
 FLAGS = ("-shared", "-fPIC", "-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-w")
 
