@@ -23,6 +23,7 @@ MODULES = (
     "estimator/gap",
     "estimator/kernel",
     "daemon/faults/measures",
+    "daemon/motion/bounding",
 )
 # No contraction: a fused product would round otherwise than the plain module.
 FLAGS = ("-shared", "-fPIC", "-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-w")

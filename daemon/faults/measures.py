@@ -32,7 +32,9 @@ class Measures:
     ) -> None:
         """bounds: (ROWS, n). middle: of each range [rad]; play: of each gap [rad]; full_current:
         from which on a drive is at its limit [A]; speed: a motor's and its link's [rad/s];
-        standstill: below which they stand [rad/s]; motor_drift, motor_scale_error: of an integrated motor position [rad/s], and its share."""
+        standstill: below which they stand [rad/s]; motor_drift, motor_scale_error: of an integrated
+        motor position [rad/s], and its share.
+        """
         n = self.n = bounds.shape[1]
         self.bounds = bounds.copy()
         self._middle, self._play = middle.copy(), play.copy()
