@@ -3,7 +3,12 @@
 import importlib
 from collections.abc import Sequence
 
+DAEMON = ("daemon.faults.measures", "daemon.motion.bounding", "drivers.counts")
 ESTIMATOR = ("elementary", "estimator.dynamics", "estimator.gap", "estimator.kernel")
+SIMULATOR = (
+    *("elementary", "simulator.links", "simulator.two_masses"),
+    *("simulator.servo", "simulator.sensors", "simulator.servo_periods"),
+)
 
 
 def uncompiled(names: Sequence[str]) -> list[str]:

@@ -1,6 +1,6 @@
 """Build of the compiled modules: Cython makes C of them, a C compiler makes extensions of that.
 
-    python hatch_build.py       # anew, beside their sources
+    python hatch_build.py [MODULE...]       # anew, beside their sources
 
 Without a compiler on the machine the wheel `ziglang` is one. Where even that cannot be (no headers
 of Python), the modules run as the plain Python that they are, and `contactd run` says so.
@@ -18,12 +18,10 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 MODULES = (
-    "elementary",
-    "estimator/dynamics",
-    "estimator/gap",
-    "estimator/kernel",
-    "daemon/faults/measures",
-    "daemon/motion/bounding",
+    *("elementary", "estimator/dynamics", "estimator/gap", "estimator/kernel"),
+    *("simulator/links", "simulator/two_masses", "simulator/servo", "simulator/sensors"),
+    "simulator/servo_periods",
+    *("daemon/faults/measures", "daemon/motion/bounding", "drivers/counts"),
 )
 # No contraction: a fused product would round otherwise than the plain module.
 FLAGS = ("-shared", "-fPIC", "-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-w")
@@ -78,5 +76,5 @@ def build(root: Path, module: str, out: Path) -> Path:
 
 
 if __name__ == "__main__":
-    for each in MODULES:
+    for each in sys.argv[1:] or MODULES:
         print(build(Path(__file__).parent, each, Path(__file__).parent))

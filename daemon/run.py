@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compiled import ESTIMATOR, uncompiled
+from compiled import DAEMON, ESTIMATOR, uncompiled
 from daemon.assembly import build_boot, build_estimator, build_tick, check_identification
 from daemon.config.load import Robot
 from daemon.ending import bring_to_rest, stop_on_error
@@ -74,7 +74,7 @@ def _serve(
     wire = RecordedWire(bus.wire, ring) if ring else bus.wire
     tick = build_tick(robot, wire, time.monotonic, identification)
     _warm_up(robot)
-    if plain := uncompiled(ESTIMATOR):
+    if plain := uncompiled([*DAEMON, *ESTIMATOR]):
         _log.warning(
             "not compiled, a tick takes far longer: %s (build them: docs/decisions/0037)",
             ", ".join(plain),

@@ -16,6 +16,7 @@ from simulator.plant import Plant
 from simulator.profile import profile_of
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S, Servo
+from simulator.servo_periods import ServoPeriods
 
 NMT, SYNC = 0x000, 0x080
 SDO_REQUEST, HEARTBEAT = 0x600, 0x700
@@ -56,7 +57,13 @@ class SimulatedArm:
         )
         self.servo = Servo(description, parameters.usual_link)
         profile = profile_of(description.eds)
-        self.sensors = Sensors(description, settings, self.plant.q, profile)
+        sensors = Sensors(description, settings, self.plant.q, profile)
+        self.sense = sensors.read
+        """What the drives' sensors say; who wants them to lie puts something else in its place."""
+        self._periods = ServoPeriods(
+            self.servo, sensors, self.plant.masses, parameters.torque_constant
+        )
+        self._touching = self.plant.touched_by(self._touch)
         self.hand = Hand(
             hand_script,
             [joint.name for joint in description.joints],
@@ -101,12 +108,21 @@ class SimulatedArm:
     def advance(self, t: float) -> None:
         """Simulate up to time t [s], rounded down to whole steps."""
         target = int(t / self.settings.step_s + 1e-6)
+        per_period, plant = self._per_period, self.plant.masses
         while self._steps < target:
-            phase = self._steps % self._per_period
+            phase = self._steps % per_period
             if phase == 0:
-                self._servo_period()
-            steps = min(self._per_period - phase, target - self._steps)
-            self.plant.advance(steps, self._touch if self.hand.touching else None)
+                self._due()
+            touch = self._touching if self.hand.touching else None
+            periods = self._undisturbed((target - self._steps) // per_period)
+            if phase == 0 and periods:
+                self._periods.run(periods, per_period, touch)
+                self._steps += periods * per_period
+                continue
+            if phase == 0:
+                self._periods.begin()
+            steps = min(per_period - phase, target - self._steps)
+            plant.advance(steps, touch)
             self._steps += steps
 
     def skip(self, t: float) -> None:
@@ -153,18 +169,33 @@ class SimulatedArm:
         if not self.hand.began and self.servo.target.any():
             self.hand.begin(self.now)
 
-    def _servo_period(self) -> None:
-        plant, now = self.plant, self.now
+    def _due(self) -> None:
+        """What drives and hand do at the beginning of a servo period."""
+        now = self.now
         for drive in self.drives:
             if drive.due <= now:
                 drive.tick(now)
-        if self.hand.began:
-            for words in self.hand.update(now, plant.q, SERVO_PERIOD_S):
+        if self._handled:
+            for words in self.hand.update(now, self.plant.q, SERVO_PERIOD_S):
                 self._on_event(Happening(now, "hand", words))
-        plant.external_torque[:] = self.external_torque
-        self.servo.update(plant.theta_dot)
-        np.multiply(plant.parameters.torque_constant, self.servo.current, out=plant.motor_torque)
-        self.sensors.update(plant.q, self.servo.current)
+        self.plant.external_torque[:] = self.external_torque
+
+    @property
+    def _handled(self) -> bool:
+        """True while the hand has something to do, or will have."""
+        return self.hand.began and not self.hand.done
+
+    def _undisturbed(self, most: int) -> int:
+        """How many whole servo periods from now on, of at most so many, neither a drive nor the
+        hand has anything to do at the beginning of a later one."""
+        if most < 2 or self._handled:
+            return min(most, 1)
+        due, step_s, steps = min(drive.due for drive in self.drives), self.settings.step_s, 0
+        for periods in range(1, most):
+            steps += self._per_period
+            if due <= (self._steps + steps) * step_s:
+                return periods
+        return most
 
     def _touch(self, q: Vector, q_dot: Vector, out: Vector) -> None:
         out[:] = self.external_torque
@@ -176,7 +207,7 @@ class SimulatedArm:
 
     def _sample(self) -> None:
         plant = self.plant
-        readings = self.sensors.read(plant.q, plant.theta, plant.theta_dot)
+        readings = self.sense(plant.q, plant.theta, plant.theta_dot)
         rows = zip(
             readings.link_position,
             readings.motor_position,

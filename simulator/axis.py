@@ -41,15 +41,18 @@ class Axis:
         """One count of 60FF at the link side [rad/s]."""
         self.braking_unit = profile.acceleration_unit / about.gear
         """One count of 6085 at the link side [rad/s^2]."""
-        self.state = State.NOT_READY_TO_SWITCH_ON
+        self._take(State.NOT_READY_TO_SWITCH_ON)
         self.stopping = False
         """A ramp of a quick stop or fault reaction is under way: call `stop_further`."""
         self._controlword = 0
+        # What changed nothing the last time, as nearly always, and will not now.
+        self._stays: tuple[State, int, int, int] | None = None
         self._fastest = self._interpolation_s = 0.0
 
     def start(self) -> None:
         """Power-up: limp, switch on disabled, limits from the objects."""
-        self.state, self._controlword = State.NOT_READY_TO_SWITCH_ON, 0
+        self._take(State.NOT_READY_TO_SWITCH_ON)
+        self._controlword = 0
         self.happen(Trigger.INITIALISED)
         self.configure()
 
@@ -72,7 +75,7 @@ class Axis:
 
     def statusword(self, remote: bool) -> int:
         """6041: bit 9 when `remote`, 11 at the current limit, 12 when it follows 60FF."""
-        word = self.state.value | VOLTAGE_PRESENT | (REMOTE if remote else 0)
+        word = self._word | REMOTE if remote else self._word
         if self.state is State.OPERATION_ENABLED:
             if self._objects.values[MODE] == CSV:
                 word |= FOLLOWS
@@ -82,10 +85,15 @@ class Axis:
 
     def on_controlword(self) -> None:
         """Act on 6040, which was written."""
-        previous, self._controlword = self._controlword, self._objects.number(0x6040)
-        option = self._objects.number(0x605A)
-        after = on_controlword(self.state, previous, self._controlword, option)
-        if after is not self.state:
+        number = self._objects.number
+        previous, self._controlword = self._controlword, number(0x6040)
+        asked = (self.state, previous, self._controlword, number(0x605A))
+        if asked == self._stays:
+            return
+        after = on_controlword(*asked)
+        if after is self.state:
+            self._stays = asked
+        else:
             self._enter(after)
 
     def on_mode(self) -> None:
@@ -121,9 +129,13 @@ class Axis:
         else:
             self.happen(Trigger.QUICK_STOP_DONE)
 
+    def _take(self, state: State) -> None:
+        self.state, self._word = state, state.value | VOLTAGE_PRESENT
+
     def _enter(self, state: State) -> None:
         servo, joint = self._servo, self._joint
-        self.state, self.stopping = state, False
+        self._take(state)
+        self.stopping = False
         if state is State.OPERATION_ENABLED:
             if not servo.energised(joint):
                 servo.energise(joint, float(self._plant.theta_dot[joint]))

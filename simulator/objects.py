@@ -89,7 +89,7 @@ class Objects:
 
     def number(self, index: int, subindex: int = 0) -> int:
         """The value of a numeric object; 0 where the EDS does not have it."""
-        value = self.values.get(key(index, subindex), 0)
+        value = self.values.get(index << 8 | subindex, 0)  # as `key`, without its call
         assert isinstance(value, int)
         return value
 

@@ -96,7 +96,7 @@ class TransmitPdo:
     def pack(self) -> bytes:
         """The present values of the mapped objects."""
         values = self._objects.values
-        return self._mapping.layout.pack(*[values[k] for k in self._mapping.keys])
+        return self._mapping.layout.pack(*map(values.__getitem__, self._mapping.keys))
 
     def on_sync(self) -> bytes | None:
         """The frame for this SYNC, if there is one: type 0 on change, type n on every n-th."""

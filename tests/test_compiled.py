@@ -2,14 +2,14 @@
 
 import sys
 
-from compiled import ESTIMATOR, uncompiled
+from compiled import DAEMON, ESTIMATOR, SIMULATOR, uncompiled
 from hatch_build import MODULES
 from tests.plain import ROOT, plain
 
 
 def test_all_that_is_built_is_looked_at_and_has_its_types() -> None:
-    assert set(ESTIMATOR) == {module.replace("/", ".") for module in MODULES}
-    found = [p for folder in (".", "estimator") for p in (ROOT / folder).glob("*.pxd")]
+    assert {*DAEMON, *ESTIMATOR, *SIMULATOR} == {module.replace("/", ".") for module in MODULES}
+    found = [p for folder in (".", "daemon/faults", "daemon/motion", "drivers", "estimator", "simulator") for p in (ROOT / folder).glob("*.pxd")]
     assert {str(p.relative_to(ROOT).with_suffix("")) for p in found} == set(MODULES)
 
 

@@ -1,9 +1,8 @@
 """Batch of arms in one plant, without a bus: contact-free motions of arms that all differ, quickly.
 
-The links of all arms are branches of one pinocchio model, so that a handful of arms costs hardly
-more than one: their vectors are so short that numpy's calls are what takes time. Many more cost
-more, for the plant's products grow with the square of their number. Servos, sensors, friction and
-gaps are those of the simulator.
+The links of all arms are branches of one tree, which one plant moves: what is done in Python between
+its steps is done once for all of them. Servos, sensors, friction and gaps are those of the
+simulator.
 """
 
 from collections.abc import Callable, Sequence

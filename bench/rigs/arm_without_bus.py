@@ -26,6 +26,7 @@ from simulator.plant import Plant
 from simulator.profile import PROFILE
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S, Servo
+from simulator.servo_periods import ServoPeriods
 
 CHUNK_S: Final = 60.0
 
@@ -157,6 +158,9 @@ class Harness:
         )
         self.servo = Servo(description, self.parameters.usual_link)
         self.sensors = Sensors(description, settings, self.plant.q)
+        self._periods = ServoPeriods(
+            self.servo, self.sensors, self.plant.masses, self.parameters.torque_constant
+        )
         drives = c.joint_drives
         affine = np.array([[link_side(drive, entry) for drive in drives] for entry in MEASURED])
         self._gain, self._bias = affine[..., 0], affine[..., 1]
@@ -190,13 +194,10 @@ class Harness:
 
     def period(self, external: Matrix) -> None:
         """One period; external: torque on the links (per_tick, n) in each of its milliseconds."""
-        plant, servo = self.plant, self.servo
+        plant = self.plant
         for i in range(self.per_tick):
             plant.external_torque[:] = external[i]
-            servo.update(plant.theta_dot)
-            np.multiply(self.parameters.torque_constant, servo.current, out=plant.motor_torque)
-            self.sensors.update(plant.q, servo.current)
-            plant.advance(self._steps)
+            self._periods.run(1, self._steps, None)
             self.phi[i] = plant.phi
             self.gear_torque[i] = plant.gear_torque
 

@@ -285,8 +285,8 @@ def stage(make: Make = ROMEO_ARM, line: OpenLine = virtual_line) -> Iterator[Bre
 
     with make.rig(configure=lambda c: _configured(c, make), between=between, line=line) as rig:
         made = BreakableArm(make, rig, wires[0], rig.arm.plant.q.copy())
-        read = rig.arm.sensors.read
-        rig.arm.sensors.read = lambda *state: made.sense(read(*state))  # type: ignore[method-assign]
+        read = rig.arm.sense
+        rig.arm.sense = lambda *state: made.sense(read(*state))
         made.run(0.1)
         yield made
 

@@ -24,6 +24,7 @@ from drivers.boot.data_sheet import load_data_sheet
 from drivers.can.wire import Wire
 from simulator.arm import SimulatedArm
 from simulator.lockstep import Lockstep
+from simulator.sensors import Readings
 from simulator.state_machine import State, Trigger
 
 
@@ -110,10 +111,19 @@ class DurandArm:
 
     def __init__(self, drive: DurandDrive, period_s: float) -> None:
         self._drive, self._period_s = drive, period_s
-        self.sensors, self.plant, self.drives = drive, _Plant(drive), [_Drive(drive)]
+        self.plant, self.drives = _Plant(drive), [_Drive(drive)]
         self.now = 0.0
         self.serving, self.let_pass = drive.serving, drive.let_pass
         drive.network.on_sync = lambda: self.advance(self.now + period_s)
+
+    @property
+    def sense(self) -> Callable[[], Readings]:
+        """`sense` of the drive."""
+        return self._drive.sense
+
+    @sense.setter
+    def sense(self, sense: Callable[[], Readings]) -> None:
+        self._drive.sense = sense
 
     def advance(self, t: float) -> None:
         """Let time pass until t [s], a tick at a time."""

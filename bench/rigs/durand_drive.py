@@ -126,6 +126,8 @@ class DurandDrive:
         self.velocity = 0.0  # [rad/s]
         self.states: list[str] = []
         """Every power state it was in, in order."""
+        self.sense = self.read
+        """What it says of its sensors; who wants it to lie puts something else in its place."""
         self.power_on()
 
     def power_on(self) -> None:
@@ -181,7 +183,7 @@ class DurandDrive:
         counts = self.objects.read(0x60FF, 0) if moving else 0
         self.velocity = counts * VELOCITY_UNIT / GEAR
         self.q += self.velocity * seconds
-        readings = self.read()
+        readings = self.sense()
         self._show(0x6078, readings.current[0])
         self._show(0x606C, readings.motor_velocity[0])
         self._show(0x6064, readings.motor_position[0])

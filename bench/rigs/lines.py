@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, replace
-from queue import Empty
 from typing import Protocol
 from unittest.mock import patch
 
@@ -71,21 +70,33 @@ OpenLine = Callable[[], AbstractContextManager[Line]]
 
 class LockstepBus(VirtualBus):
     """python-can's virtual bus without its deep copy of every frame, which costs as much as the
-    rest of a tick's exchange: both ends here only read what they receive."""
+    rest of a tick's exchange: both ends here only read what they receive. Their queues have no
+    limit, so that one lock serves for all frames that are there."""
+
+    def __init__(self, channel: str) -> None:
+        super().__init__(channel)
+        self._taken: deque[can.Message] = deque()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Put the frame itself into every other end's queue."""
         for queue in self.channel:
             if queue is not self.queue:
-                queue.put(msg, timeout=timeout)
+                with queue.mutex:
+                    queue.queue.append(msg)
+                    if len(queue.queue) == 1:  # nobody waits for more than the first
+                        queue.not_empty.notify()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The next frame, unfiltered."""
-        self._check_if_open()
-        try:
-            return self.queue.get(timeout != 0.0, timeout)
-        except Empty:
-            return None
+        if not self._taken:
+            self._check_if_open()
+            queue = self.queue
+            with queue.mutex:
+                if not queue.queue and timeout != 0.0:
+                    queue.not_empty.wait_for(lambda: queue.queue, timeout)
+                self._taken.extend(queue.queue)
+                queue.queue.clear()
+        return self._taken.popleft() if self._taken else None
 
 
 @contextmanager

@@ -143,8 +143,8 @@ def run_lockstep(seed: int, hours: float, report: Report = lambda share: None) -
             contextlib.closing(Notifier()) as notifier,
         ):
             stage = BreakableArm(ROMEO_ARM, rig, wires[0], rig.arm.plant.q.copy())
-            read = rig.arm.sensors.read
-            rig.arm.sensors.read = lambda *state: stage.sense(read(*state))  # type: ignore[method-assign]
+            read = rig.arm.sense
+            rig.arm.sense = lambda *state: stage.sense(read(*state))
             _soak(part, rng, stage, _service(rig, control, notifier), seconds, report)
     part.took_s = time.perf_counter() - began
     return part

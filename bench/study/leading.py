@@ -198,7 +198,7 @@ def yields(rig: Rig) -> bool:
 def lead_limp(rig: Rig, way: Way, speed: float) -> list[Led]:
     """The same way with an arm like that of `rig`, its drives off, that weighs nothing."""
     arm = SimulatedArm(rig.arm.description, rig.arm.settings, lambda _: None)
-    arm.plant.parameters.model.gravity.linear[:] = 0.0
+    arm.plant.weigh(np.zeros(3))
     arm.plant.place(way.start)
     names = rig.robot.configuration.joint_names
     way_s = takes(arm, names, way.to, speed, 0.0)

@@ -3,7 +3,6 @@
 No robot has one.
 """
 
-import queue
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -28,7 +27,7 @@ def open_end(bus: VirtualBus) -> OpenBus:
 
 class QueueWire:
     """python-can's virtual bus: a queue per end. Reading takes all that is queued under one lock;
-    writing gives each other end messages of its own."""
+    writing gives each other end messages of its own, likewise."""
 
     def __init__(self, bus: VirtualBus) -> None:
         self._own, self._ends = bus.queue, bus.channel
@@ -46,16 +45,17 @@ class QueueWire:
         for end in self._ends:
             if end is self._own:
                 continue
-            try:
-                for i, data in frames:
-                    # A copy: the data of a setpoint is written anew by the next command.
-                    end.put_nowait(
-                        can.Message(
-                            now, i, is_extended_id=False, channel=name, data=bytearray(data)
-                        )
-                    )
-            except queue.Full:
-                raise can.CanOperationError("the other end does not keep up") from None
+            # A copy: the data of a setpoint is written anew by the next command.
+            messages = [
+                can.Message(now, i, is_extended_id=False, channel=name, data=bytearray(data))
+                for i, data in frames
+            ]
+            with end.mutex:
+                room = end.maxsize - len(end.queue) if end.maxsize > 0 else len(messages)
+                end.queue.extend(messages[: max(room, 0)])
+                end.not_empty.notify()
+            if len(messages) > room:
+                raise can.CanOperationError("the other end does not keep up")
 
     def _take(self, timeout: float) -> bool:
         own = self._own

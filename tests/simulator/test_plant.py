@@ -102,7 +102,7 @@ def test_friction_opposes_sliding_and_dissipates(pendulum: Pendulum, friction: s
 def test_viscous_friction_alone_slows_down_exponentially(pendulum: Pendulum) -> None:
     parameters = pendulum(viscous=np.array([0.0, 0.1]))
     plant = Plant(parameters, STEP)
-    parameters.model.gravity = pin.Motion.Zero()
+    plant.weigh(np.zeros(3))
     plant.theta_dot[0] = 0.05  # crosses less than half the gap in this time
     plant.advance(1000)
     assert plant.theta_dot[0] == pytest.approx(0.05 * np.exp(-0.1 / 0.05 * 0.25), rel=2e-3)

@@ -1,0 +1,220 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Accelerations of a tree of links, in world coordinates: mass matrix by composite bodies, bias by
+Newton and Euler, and both solved along the branches of the tree.
+
+    M(q) q_dotdot + c(q, q_dot) = tau
+
+Forces, momenta and inertias are taken about the world's origin, where those of all that a joint
+carries are plain sums. Nothing here is shared with the estimator, which goes through frames of the
+joints and never makes M: an error of one does not hide in the other. Ordinary Python, which runs
+as it is; `links.pxd` names the types for the compiler, decision 0037.
+"""
+
+import numpy as np
+import pinocchio as pin
+
+from arrays import Vector
+from elementary import cosine, sine
+
+
+class Links:
+    """Links of a pinocchio model whose joints turn about or slide along one axis each; parents come
+    first. `gravity` (3,) [m/s^2], in the world, may be written to."""
+
+    def __init__(self, model: pin.Model) -> None:
+        n = self.n = model.nv
+        self.gravity = np.array(model.gravity.linear)
+        self._parent = np.array([model.parents[i + 1] - 1 for i in range(n)], dtype=np.int64)
+        subspaces = []
+        for joint in list(model.joints)[1:]:
+            data = joint.createData()
+            joint.calc(data, np.zeros(model.nq), np.zeros(n))
+            subspaces.append(np.asarray(data.S).ravel())
+        axes = np.array(subspaces)  # linear, angular
+        self._sliding, self._turning = axes[:, :3].copy(), axes[:, 3:].copy()
+        self._slides = np.any(axes[:, :3] != 0.0, axis=1).astype(np.int64)
+        # Rotation behind the parent: placement (1 + sin(q) [a] + (1 - cos(q)) [a]^2), Rodrigues.
+        placement = np.array([model.jointPlacements[i + 1].rotation for i in range(n)])
+        cross = np.array([np.cross(axis, np.eye(3)).T for axis in axes[:, 3:]])
+        self._fixed, self._sine = placement, placement @ cross
+        self._versine = placement @ cross @ cross
+        self._offset = np.array([model.jointPlacements[i + 1].translation for i in range(n)])
+        bodies = [model.inertias[i + 1] for i in range(n)]
+        self._mass = np.array([body.mass for body in bodies])
+        self._lever = np.array([body.lever for body in bodies])
+        self._inertia = np.array([body.inertia for body in bodies])
+        # In world coordinates; row n belongs to the world, which stands still. Of each joint:
+        # rotation, place, axis with the velocity at the origin that it gives; bias acceleration.
+        self._R = np.repeat([np.eye(3)], n + 1, axis=0)
+        self._p, self._z, self._s = np.zeros((3, n + 1, 3))
+        self._w, self._wd, self._a = np.zeros((3, n + 1, 3))
+        # Of all that it carries, about the origin: bias force and moment; mass, first and second
+        # moments of mass (xx, xy, xz, yy, yz, zz).
+        self._F, self._N, self._h = np.zeros((3, n + 1, 3))
+        self._m, self._J = np.zeros(n + 1), np.zeros((n + 1, 6))
+        self._M, self._bias = np.zeros((n, n)), np.zeros(n)
+        self._turned = np.zeros((3, 3))
+
+    def accelerate(self, q: Vector, q_dot: Vector, tau: Vector, out: Vector) -> None:
+        """Write the accelerations (n,) at q, q_dot and joint torque tau, (n,) each, to out, which
+        may be tau."""
+        self._a[self.n, 0] = -self.gravity[0]
+        self._a[self.n, 1] = -self.gravity[1]
+        self._a[self.n, 2] = -self.gravity[2]
+        for i in range(self.n):
+            self._pose(i, q[i], q_dot[i])
+            self._body(i)
+        for i in range(self.n - 1, -1, -1):
+            self._carry(i)
+        for i in range(self.n):
+            out[i] = tau[i] - self._bias[i]
+        self._solve(out)
+
+    def _pose(self, i: int, q: float, q_dot: float) -> None:
+        """Rotation, place, axis and bias acceleration of joint i from those of its parent."""
+        k = self._parent[i] if self._parent[i] >= 0 else self.n
+        R, T, p, z, s = self._R, self._turned, self._p, self._z, self._s
+        w, wd, a = self._w, self._wd, self._a
+        sin, versine = sine(q), 1.0 - cosine(q)
+        for row in range(3):
+            for c in range(3):
+                T[row, c] = (
+                    self._fixed[i, row, c]
+                    + sin * self._sine[i, row, c]
+                    + versine * self._versine[i, row, c]
+                )
+        for row in range(3):
+            x, y, u = R[k, row, 0], R[k, row, 1], R[k, row, 2]
+            for c in range(3):
+                R[i, row, c] = x * T[0, c] + y * T[1, c] + u * T[2, c]
+        for row in range(3):
+            x, y, u = R[k, row, 0], R[k, row, 1], R[k, row, 2]
+            away = x * self._offset[i, 0] + y * self._offset[i, 1] + u * self._offset[i, 2]
+            x, y, u = R[i, row, 0], R[i, row, 1], R[i, row, 2]
+            z[i, row] = x * self._turning[i, 0] + y * self._turning[i, 1] + u * self._turning[i, 2]
+            s[i, row] = 0.0
+            if self._slides[i]:
+                s[i, row] = (
+                    x * self._sliding[i, 0] + y * self._sliding[i, 1] + u * self._sliding[i, 2]
+                )
+            p[i, row] = p[k, row] + away + q * s[i, row]
+        # Acceleration of the parent's body in this place, and what comes with sliding along it.
+        dx, dy, dz = p[i, 0] - p[k, 0], p[i, 1] - p[k, 1], p[i, 2] - p[k, 2]
+        wx, wy, wz = w[k, 0], w[k, 1], w[k, 2]
+        slip = 2.0 * q_dot
+        vx, vy, vz = (
+            wy * dz - wz * dy + slip * s[i, 0],
+            wz * dx - wx * dz + slip * s[i, 1],
+            wx * dy - wy * dx + slip * s[i, 2],
+        )
+        a[i, 0] = a[k, 0] + wd[k, 1] * dz - wd[k, 2] * dy + wy * vz - wz * vy
+        a[i, 1] = a[k, 1] + wd[k, 2] * dx - wd[k, 0] * dz + wz * vx - wx * vz
+        a[i, 2] = a[k, 2] + wd[k, 0] * dy - wd[k, 1] * dx + wx * vy - wy * vx
+        zx, zy, zz = z[i, 0], z[i, 1], z[i, 2]
+        wd[i, 0] = wd[k, 0] + q_dot * (wy * zz - wz * zy)
+        wd[i, 1] = wd[k, 1] + q_dot * (wz * zx - wx * zz)
+        wd[i, 2] = wd[k, 2] + q_dot * (wx * zy - wy * zx)
+        w[i, 0], w[i, 1], w[i, 2] = wx + q_dot * zx, wy + q_dot * zy, wz + q_dot * zz
+        s[i, 0] += p[i, 1] * zz - p[i, 2] * zy
+        s[i, 1] += p[i, 2] * zx - p[i, 0] * zz
+        s[i, 2] += p[i, 0] * zy - p[i, 1] * zx
+
+    def _body(self, i: int) -> None:
+        """Inertia and bias force of the body of joint i alone, about the origin."""
+        R, w, wd, a, m = self._R, self._w, self._wd, self._a, self._mass[i]
+        T, lever, J = self._turned, self._lever, self._inertia
+        for row in range(3):
+            x, y, z = R[i, row, 0], R[i, row, 1], R[i, row, 2]
+            for c in range(3):
+                T[row, c] = x * J[i, 0, c] + y * J[i, 1, c] + z * J[i, 2, c]
+        xx = T[0, 0] * R[i, 0, 0] + T[0, 1] * R[i, 0, 1] + T[0, 2] * R[i, 0, 2]
+        xy = T[0, 0] * R[i, 1, 0] + T[0, 1] * R[i, 1, 1] + T[0, 2] * R[i, 1, 2]
+        xz = T[0, 0] * R[i, 2, 0] + T[0, 1] * R[i, 2, 1] + T[0, 2] * R[i, 2, 2]
+        yy = T[1, 0] * R[i, 1, 0] + T[1, 1] * R[i, 1, 1] + T[1, 2] * R[i, 1, 2]
+        yz = T[1, 0] * R[i, 2, 0] + T[1, 1] * R[i, 2, 1] + T[1, 2] * R[i, 2, 2]
+        zz = T[2, 0] * R[i, 2, 0] + T[2, 1] * R[i, 2, 1] + T[2, 2] * R[i, 2, 2]
+        # Lever of the centre of mass, from the joint and from the origin.
+        rx = R[i, 0, 0] * lever[i, 0] + R[i, 0, 1] * lever[i, 1] + R[i, 0, 2] * lever[i, 2]
+        ry = R[i, 1, 0] * lever[i, 0] + R[i, 1, 1] * lever[i, 1] + R[i, 1, 2] * lever[i, 2]
+        rz = R[i, 2, 0] * lever[i, 0] + R[i, 2, 1] * lever[i, 1] + R[i, 2, 2] * lever[i, 2]
+        x, y, z = self._p[i, 0] + rx, self._p[i, 1] + ry, self._p[i, 2] + rz
+        # Newton: force is mass times the acceleration of the centre of mass.
+        wx, wy, wz, ax, ay, az = w[i, 0], w[i, 1], w[i, 2], wd[i, 0], wd[i, 1], wd[i, 2]
+        vx, vy, vz = wy * rz - wz * ry, wz * rx - wx * rz, wx * ry - wy * rx
+        fx = m * (a[i, 0] + ay * rz - az * ry + wy * vz - wz * vy)
+        fy = m * (a[i, 1] + az * rx - ax * rz + wz * vx - wx * vz)
+        fz = m * (a[i, 2] + ax * ry - ay * rx + wx * vy - wy * vx)
+        self._F[i, 0], self._F[i, 1], self._F[i, 2] = fx, fy, fz
+        # Euler: moment is the change of angular momentum.
+        kx = xx * wx + xy * wy + xz * wz
+        ky = xy * wx + yy * wy + yz * wz
+        kz = xz * wx + yz * wy + zz * wz
+        self._N[i, 0] = xx * ax + xy * ay + xz * az + wy * kz - wz * ky + y * fz - z * fy
+        self._N[i, 1] = xy * ax + yy * ay + yz * az + wz * kx - wx * kz + z * fx - x * fz
+        self._N[i, 2] = xz * ax + yz * ay + zz * az + wx * ky - wy * kx + x * fy - y * fx
+        # Steiner's theorem.
+        self._m[i] = m
+        self._h[i, 0], self._h[i, 1], self._h[i, 2] = m * x, m * y, m * z
+        self._J[i, 0] = xx + m * (y * y + z * z)
+        self._J[i, 1], self._J[i, 2] = xy - m * x * y, xz - m * x * z
+        self._J[i, 3] = yy + m * (x * x + z * z)
+        self._J[i, 4] = yz - m * y * z
+        self._J[i, 5] = zz + m * (x * x + y * y)
+
+    def _carry(self, i: int) -> None:
+        """Row i of mass matrix and bias, once joint i has all that it carries; then its parent
+        carries that, too."""
+        F, N, h, J, z, s = self._F, self._N, self._h, self._J, self._z, self._s
+        zx, zy, zz, sx, sy, sz = z[i, 0], z[i, 1], z[i, 2], s[i, 0], s[i, 1], s[i, 2]
+        hx, hy, hz, m = h[i, 0], h[i, 1], h[i, 2], self._m[i]
+        self._bias[i] = zx * N[i, 0] + zy * N[i, 1] + zz * N[i, 2]
+        self._bias[i] += sx * F[i, 0] + sy * F[i, 1] + sz * F[i, 2]
+        # Momentum, linear and angular, of all that joint i carries, at q_dot_i = 1.
+        lx, ly, lz = (
+            m * sx + zy * hz - zz * hy,
+            m * sy + zz * hx - zx * hz,
+            m * sz + zx * hy - zy * hx,
+        )
+        kx = J[i, 0] * zx + J[i, 1] * zy + J[i, 2] * zz + hy * sz - hz * sy
+        ky = J[i, 1] * zx + J[i, 3] * zy + J[i, 4] * zz + hz * sx - hx * sz
+        kz = J[i, 2] * zx + J[i, 4] * zy + J[i, 5] * zz + hx * sy - hy * sx
+        j = i
+        while j >= 0:
+            self._M[i, j] = (
+                z[j, 0] * kx + z[j, 1] * ky + z[j, 2] * kz
+                + s[j, 0] * lx + s[j, 1] * ly + s[j, 2] * lz
+            )  # fmt: skip
+            j = self._parent[j]
+        k = self._parent[i]
+        if k < 0:
+            return
+        self._m[k] += m
+        for row in range(3):
+            F[k, row] += F[i, row]
+            N[k, row] += N[i, row]
+            h[k, row] += h[i, row]
+        for row in range(6):
+            J[k, row] += J[i, row]
+
+    def _solve(self, x: Vector) -> None:
+        """Solve M x = x by M = L^T D L, whose L is as sparse as the tree branches."""
+        M, parent = self._M, self._parent
+        for i in range(self.n - 1, -1, -1):
+            j = parent[i]
+            while j >= 0:
+                share = M[i, j] / M[i, i]
+                k = j
+                while k >= 0:
+                    M[j, k] -= share * M[i, k]
+                    k = parent[k]
+                M[i, j] = share
+                x[j] -= share * x[i]
+                j = parent[j]
+        for i in range(self.n):
+            solved = x[i] / M[i, i]
+            j = parent[i]
+            while j >= 0:
+                solved -= M[i, j] * x[j]
+                j = parent[j]
+            x[i] = solved

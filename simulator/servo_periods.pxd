@@ -1,0 +1,14 @@
+# Types of servo_periods.py, for the compiler alone.
+
+from simulator.sensors cimport Sensors
+from simulator.servo cimport Servo
+from simulator.two_masses cimport TwoMasses
+
+cdef class ServoPeriods:
+    cdef Servo _servo
+    cdef Sensors _sensors
+    cdef TwoMasses _masses
+    cdef double[::1] _torque_constant, _current
+
+    cpdef int begin(self) except -1
+    cpdef int run(self, Py_ssize_t periods, Py_ssize_t steps, object touch) except -1

@@ -1,0 +1,38 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Servo periods of the whole arm: servo, sensors and plant in their order, many in one call.
+
+Ordinary Python, which runs as it is; `servo_periods.pxd` names the types for the compiler, decision
+0038.
+"""
+
+from collections.abc import Callable
+
+from arrays import Vector
+from simulator.sensors import Sensors
+from simulator.servo import Servo
+from simulator.two_masses import TwoMasses
+
+
+class ServoPeriods:
+    """Servo, sensors and plant of one arm; torque_constant (n,) [Nm/A] is the true one."""
+
+    def __init__(
+        self, servo: Servo, sensors: Sensors, masses: TwoMasses, torque_constant: Vector
+    ) -> None:
+        self._servo, self._sensors, self._masses = servo, sensors, masses
+        self._torque_constant, self._current = torque_constant, servo.current
+
+    def begin(self) -> None:
+        """What happens at the beginning of a period: new currents, and sensors that follow."""
+        masses = self._masses
+        self._servo.update(masses.theta_dot)
+        for i in range(masses.n):
+            masses.motor[i] = self._torque_constant[i] * self._current[i]
+        self._sensors.update(masses.q, self._current)
+
+    def run(self, periods: int, steps: int, touch: Callable[[], None] | None) -> None:
+        """So many periods of `steps` steps each; `touch` as `TwoMasses.advance` has it."""
+        for _ in range(periods):
+            self.begin()
+            self._masses.advance(steps, touch)

@@ -1,0 +1,111 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""One step of two masses per joint, link and motor, with gap, end stop and friction between.
+
+Ordinary Python, which runs as it is; `two_masses.pxd` names the types for the compiler, decision
+0038. `Plant` is what others use.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from elementary import smooth_sign
+from simulator.links import Links
+from simulator.mismatch import PlantParameters
+
+
+class TwoMasses:
+    """State of all joints, vectors (n,) in SI at the link. `external` and `motor` are torques to
+    be written to; `gear`, `stop` and `friction` (2, n), of link and motor, those of the last step.
+    """
+
+    def __init__(
+        self,
+        links: Links,
+        parameters: PlantParameters,
+        step_s: float,
+        *,
+        stiction: bool,
+        friction_width: float,
+        presliding: float,
+    ) -> None:
+        p = parameters
+        n = self.n = links.n
+        self.links = links
+        self._step, self._stiction = step_s, stiction
+        self.phi, self.q_dot, self.theta_dot, self.external, self.motor = np.zeros((5, n))
+        self.q = p.initial_position.copy()
+        self.gear, self.stop, self._link = np.zeros((3, n))
+        self.friction = np.zeros((2, n))
+        self._half_gap, self._rotor = p.half_gap.copy(), p.rotor_inertia.copy()
+        self._lower, self._upper = p.lower.copy(), p.upper.copy()
+        self._stiffness, self._damping = p.stiffness.copy(), p.damping.copy()
+        self.free = np.ones(n)
+        """0 where a brake holds the motor, else 1"""
+        # Of link and motor: friction, and deflection in units of the largest.
+        self.coulomb, self.viscous = p.coulomb.reshape(2, n).copy(), p.viscous.reshape(2, n).copy()
+        self.deflection = np.zeros((2, n))
+        self._per_slip = step_s / presliding if stiction else 1.0 / friction_width
+        # sigma_1 damps the swinging of each mass on its bristles to 0.7; times z_max / step, as it
+        # meets the change of z in a step.
+        masses = np.stack((p.lightest_link, p.rotor_inertia))
+        sigma_1 = 1.4 * np.sqrt(p.coulomb.reshape(2, n) / presliding * masses)
+        self._bristle_damping = sigma_1 * presliding / step_s
+
+    def advance(self, steps: int, touch: Callable[[], None] | None) -> None:
+        """Integrate over `steps` steps; `touch`, if any, writes to `external` before each."""
+        for _ in range(steps):
+            if touch is not None:
+                touch()
+            for i in range(self.n):
+                self._push(i)
+            self.links.accelerate(self.q, self.q_dot, self._link, self._link)
+            for i in range(self.n):
+                self._move(i)
+
+    def _push(self, i: int) -> None:
+        """All torques on link and motor of joint i."""
+        q, q_dot, theta_dot, phi = self.q[i], self.q_dot[i], self.theta_dot[i], self.phi[i]
+        alpha = self._half_gap[i]
+        gear = self._border(i, phi - min(max(phi, -alpha), alpha), q_dot - theta_dot)
+        stop = self._border(i, q - min(max(q, self._lower[i]), self._upper[i]), q_dot)
+        self.gear[i], self.stop[i] = gear, stop
+        self.friction[0, i] = self._rub(0, i, q_dot)
+        self.friction[1, i] = self._rub(1, i, theta_dot)
+        self._link[i] = self.external[i] - gear - stop - self.friction[0, i]
+
+    def _border(self, i: int, delta: float, delta_dot: float) -> float:
+        """A spring and a damper, behind delta: a border pushes, it never pulls."""
+        torque = delta * self._stiffness[i] + self._damping[i] * delta_dot
+        return float(torque) if torque * delta > 0.0 else 0.0
+
+    def _rub(self, side: int, i: int, velocity: float) -> float:
+        """Coulomb's torque over the velocity's tanh, or Dahl's with stiction; and viscous."""
+        way, coulomb = self._per_slip * velocity, self.coulomb[side, i]
+        if self._stiction:
+            torque = self._slide(side, i, way, coulomb)
+        else:
+            torque = smooth_sign(way) * coulomb
+        return float(torque + self.viscous[side, i] * velocity)
+
+    def _slide(self, side: int, i: int, way: float, coulomb: float) -> float:
+        """Dahl: z_dot = v - |v| z / z_max, torque = T_c z / z_max + sigma_1 z_dot, at most T_c.
+
+        The implicit step z = (z + v h) / (1 + |v| h / z_max) keeps |z| <= z_max at any speed.
+        Without LuGre's sigma_1 a joint at rest goes on swinging on its bristles and creeps away.
+        """
+        before = self.deflection[side, i]
+        z = (before + way) / (abs(way) + 1.0)
+        self.deflection[side, i] = z
+        torque = (z - before) * self._bristle_damping[side, i] + z * coulomb
+        return float(max(min(torque, coulomb), -coulomb))
+
+    def _move(self, i: int) -> None:
+        """Semi-implicit Euler: the new velocities move joint i."""
+        h = self._step
+        self.q_dot[i] += h * self._link[i]
+        push = self.motor[i] + self.gear[i] - self.friction[1, i]
+        self.theta_dot[i] += h * self.free[i] / self._rotor[i] * push
+        self.phi[i] += h * (self.q_dot[i] - self.theta_dot[i])
+        self.q[i] += h * self.q_dot[i]

@@ -1,0 +1,148 @@
+"""Plant, servo and sensors against themselves in arrays, and compiled against plain."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from compiled import SIMULATOR, uncompiled
+from simulator.description import ArmDescription, SimulationSettings
+from simulator.mismatch import true_parameters
+from simulator.plant import Plant
+from simulator.sensors import Sensors
+from simulator.servo import Servo
+from simulator.servo_periods import ServoPeriods
+from tests.plain import built, plain
+from tests.simulator import in_arrays
+
+N, PER_PERIOD = 7, 4
+
+
+def settings(friction: str, **changes: Any) -> SimulationSettings:
+    return SimulationSettings(friction=friction, **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("friction", ["smooth", "dahl"])
+def test_the_plant_is_that_in_arrays(romeo: ArmDescription, friction: str) -> None:
+    """To rounding; what that becomes where a border is struck a little sooner stays below 1e-9."""
+    s = settings(friction)
+    p = true_parameters(romeo, s)
+    plant, other = Plant(p, s.step_s, s.friction), in_arrays.Plant(p, s)
+    plant.brake(3, closed=True)
+    other.closed[3] = True
+    plant.scale_friction(np.linspace(0.5, 1.5, N))
+    other.scale = np.tile(np.linspace(0.5, 1.5, N), 2)
+    rng = np.random.default_rng(2)
+    struck = np.zeros(N)
+    for _ in range(60):
+        plant.motor_torque[:] = other.motor = 1.5 * rng.normal(size=N)
+        plant.external_torque[:] = other.external = 0.5 * rng.normal(size=N)
+        plant.advance(10)
+        for _ in range(10):
+            other.step()
+        struck += plant.gear_torque != 0.0
+        for name, found in (
+            ("q", plant.q), ("phi", plant.phi), ("q_dot", plant.q_dot), ("theta", plant.theta_dot),
+            ("gear", plant.gear_torque), ("friction", plant.friction_torque),
+        ):  # fmt: skip
+            values = {"theta": other.theta_dot, "gear": -other.gear}
+            expected = values.get(name, getattr(other, name, None))
+            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9, err_msg=name)
+    assert (struck > 0).all()
+    assert np.abs(plant.q_dot).max() > 1.0
+
+
+@pytest.mark.parametrize("latency", [0.0, 2.5])
+def test_servo_and_sensors_are_those_in_arrays(romeo: ArmDescription, latency: float) -> None:
+    s = settings("smooth", link_latency_ms=latency, velocity_scale_error=0.01, velocity_bias=0.002)
+    p = true_parameters(romeo, s)
+    state = in_arrays.Plant(p, s)
+    servo, sensors = Servo(romeo, p.usual_link), Sensors(romeo, s, state.q)
+    servo_too, sensors_too = in_arrays.Servo(romeo, servo.damping), in_arrays.Sensors(romeo, s)
+    rng = np.random.default_rng(3)
+    for joint in range(N):
+        servo.energise(joint, 0.0)
+    saturated = 0
+    for k in range(300):
+        state.q, state.phi, state.theta_dot = rng.normal(size=(3, N)) * [[1.0], [0.01], [0.5]]
+        if k % 10 == 0:
+            servo_too.target = rng.normal(size=N)
+            servo_too.rate = np.abs(servo_too.target - servo_too.reference) / 10
+            for joint in range(N):
+                servo.follow(joint, servo_too.target[joint], 0.01)
+        servo.update(state.theta_dot)
+        current = servo_too.update(state.theta_dot)
+        np.testing.assert_allclose(servo.current, current, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(servo.reference, servo_too.reference, rtol=0, atol=1e-15)
+        saturated += sum(servo.saturated(joint) for joint in range(N))
+        sensors.update(state.q, current)
+        sensors_too.update(state.q, current)
+        if k > 5:
+            found = sensors.read(state.q, state.q - state.phi, state.theta_dot)
+            for name, expected in vars(sensors_too.read(state)).items():
+                assert getattr(found, name) == expected.tolist(), (name, k)
+    assert saturated
+
+
+@pytest.mark.parametrize("friction", ["smooth", "dahl"])
+def test_compiled_and_plain_are_the_same_to_the_last_bit(
+    romeo: ArmDescription, friction: str
+) -> None:
+    if uncompiled(SIMULATOR):
+        pytest.skip("the modules are not compiled here")
+    s = settings(friction, link_latency_ms=1.5)
+    p = true_parameters(romeo, s)
+    ends = []
+    for modules in (built(SIMULATOR), plain(SIMULATOR)):
+        masses = modules["two_masses"].TwoMasses(
+            modules["links"].Links(p.model), p, s.step_s, stiction=friction == "dahl",
+            friction_width=s.friction_width, presliding=s.presliding,
+        )  # fmt: skip
+        servo = modules["servo"].Servo(romeo, p.usual_link)
+        sensors = modules["sensors"].Sensors(romeo, s, p.initial_position)
+        periods = modules["servo_periods"].ServoPeriods(servo, sensors, masses, p.torque_constant)
+        for joint in range(N):
+            servo.energise(joint, 0.0)
+            servo.follow(joint, 0.5, 0.05)
+        counts = []
+        for _ in range(30):
+            periods.run(5, PER_PERIOD, None)
+            q, phi = np.asarray(masses.q), np.asarray(masses.phi)
+            r = sensors.read(q, q - phi, np.asarray(masses.theta_dot))
+            counts.append((r.link_position, r.motor_position, r.motor_velocity, r.current))
+        public = ("phi", "q", "q_dot", "theta_dot", "motor", "gear", "stop", "friction")
+        state = [np.asarray(getattr(masses, name)).tobytes() for name in (*public, "deflection")]
+        ends.append((counts, state, servo.current.tobytes(), servo.reference.tobytes()))
+        assert np.abs(q - p.initial_position).max() > 0.02
+    assert ends[0] == ends[1]
+
+
+def test_periods_are_what_its_parts_do_one_after_the_other(romeo: ArmDescription) -> None:
+    s = settings("smooth")
+    p = true_parameters(romeo, s)
+    states = []
+    for at_once in (True, False):
+        plant = Plant(p, s.step_s)
+        servo, sensors = Servo(romeo, p.usual_link), Sensors(romeo, s, plant.q)
+        for joint in range(N):
+            servo.energise(joint, 0.0)
+            servo.follow(joint, 0.3, 0.01)
+
+        def touch(q: np.ndarray, q_dot: np.ndarray, out: np.ndarray) -> None:
+            out[:] = 0.5 - 20.0 * q - q_dot
+
+        if at_once:
+            periods = ServoPeriods(servo, sensors, plant.masses, p.torque_constant)
+            periods.run(20, PER_PERIOD, plant.touched_by(touch))
+        else:
+            for _ in range(20):
+                servo.update(plant.theta_dot)
+                np.multiply(p.torque_constant, servo.current, out=plant.motor_torque)
+                sensors.update(plant.q, servo.current)
+                for _ in range(PER_PERIOD):
+                    touch(plant.q, plant.q_dot, plant.external_torque)
+                    plant.advance(1)
+        state = np.concatenate((plant.q, plant.phi, plant.theta_dot, servo.current))
+        states.append(state.tobytes())
+        assert np.abs(plant.external_torque).max() > 0.1
+    assert states[0] == states[1]
