@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.complete
 # Extensions that are older than their sources would run in place of them.
 KERNEL := $(VENV)/.compiled
-TYPES  := $(wildcard *.pxd */*.pxd)
+TYPES  := $(wildcard *.pxd */*.pxd */*/*.pxd)
 SOURCE := hatch_build.py $(TYPES) $(TYPES:.pxd=.py)
 MUTMUT := build/mutants/venv/bin/mutmut
 

@@ -11,7 +11,6 @@ and a target velocity goes the same way backwards. All of it is affine, so that 
 multiplication and one addition. COB-IDs are those of `drivers.ids`.
 """
 
-import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from typing import Final
 import numpy as np
 
 from arrays import Vector
+from drivers.counts import decode, encode
 from drivers.drive import Drive
 from drivers.ids import NEXT_PDO, RPDO, TPDO
 from drivers.settings import DriveProfile, PdoEntry, PdoLayout, Quantity
@@ -173,7 +173,6 @@ class SampleDecoder:
                 self.slots[pdo.cob_id] = (i, start, len(self.raw), pdo.layout)
         entries = [e for e in MEASURED if all((e, i) in place for i in range(n))]
         self._status_slots = [place["statusword", i] for i in range(n)]
-        self._counts = np.empty(len(self.raw))
         self._order = np.array([[place[e, i] for i in range(n)] for e in entries])
         affine = np.array(
             [
@@ -190,10 +189,8 @@ class SampleDecoder:
 
     def decode(self) -> None:
         """Bring the arrays and the statuswords up to the counts in `raw`."""
-        self._counts[:] = self.raw
-        values = np.take(self._counts, self._order, mode="clip")
-        np.multiply(values, self._gain, out=values)
-        np.add(values, self._bias, out=values)
+        values = np.empty(self._gain.shape)
+        decode(self.raw, self._order, self._gain, self._bias, values)
         values.setflags(write=False)  # and so is every row of it
         current, link_position, motor_velocity = self._rows
         self.current: Vector = values[current]
@@ -224,12 +221,8 @@ class SetpointEncoder:
         Raises ValueError if a velocity is not finite: saturated, it would be a setpoint of full
         speed.
         """
-        if not math.isfinite(sum(velocity.tolist())):
+        if not encode(
+            velocity, self._gain, self._bias, self._lowest, self._highest, self._counts
+        ):
             raise ValueError(f"target velocity is not finite: {velocity}")
-        counts = self._counts
-        np.subtract(velocity, self._bias, out=counts)
-        np.divide(counts, self._gain, out=counts)
-        np.rint(counts, out=counts)
-        np.maximum(counts, self._lowest, out=counts)
-        np.minimum(counts, self._highest, out=counts)
-        return [int(count) for count in counts.tolist()]
+        return [int(count) for count in self._counts.tolist()]

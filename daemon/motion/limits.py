@@ -4,12 +4,13 @@ Pure; arrays of shape (n,), SI units at the link side.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Vector
+from daemon.motion.bounding import Bounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +25,13 @@ class Limits:
     reaction_s: float
     # Distance beyond a limit from which a joint may still be led back [rad].
     tolerance: float = 0.0
+    _bounding: Bounding = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        bounding = Bounding(
+            self.lower, self.upper, self.velocity, self.acceleration, self.reaction_s
+        )
+        object.__setattr__(self, "_bounding", bounding)
 
     def bound_velocity(
         self,
@@ -45,14 +53,9 @@ class Limits:
 
         A velocity that is not finite counts as zero: the joint decelerates.
         """
-        if not all_finite(desired):
-            desired = np.where(np.isfinite(desired), desired, 0.0)
-        desired = np.minimum(np.maximum(desired, -self.velocity), self.velocity)
-        step = self.acceleration * dt
-        bounded = np.minimum(np.maximum(desired, before - step), before + step)
-        down, up = self.funnel(self._room(q, play))
-        within: Vector = np.minimum(np.maximum(bounded, -down), up)
-        return within
+        bounded = np.empty_like(self.velocity)
+        self._bounding.bound_velocity(q, desired, before, dt, self._each(play), bounded)
+        return bounded
 
     def funnel(self, distance: Vector) -> Vector:
         """Largest speed [rad/s] towards a limit that is `distance` [rad] away, both (..., n), from
@@ -76,14 +79,15 @@ class Limits:
     ) -> Vector:
         """Desired velocity (n,) [rad/s], at each limit replaced by a loop of that gain [1/s] on the
         distance to it: a joint that a hand pushed past its limit is led back to it."""
-        down, up = gain * self._room(q, play)
-        bounded: Vector = np.maximum(np.minimum(desired, up), -down)
+        bounded = np.empty_like(self.velocity)
+        self._bounding.soft_stop(q, desired, gain, self._each(play), bounded)
         return bounded
 
-    def _room(self, q: Vector, play: Vector | float) -> Vector:
-        """Least distance of the link to its lower and to its upper limit, (2, n) [rad]."""
-        room: Vector = np.array((q - self.lower, self.upper - q)) - play
-        return room
+    def _each(self, play: Vector | float) -> Vector:
+        """`play` downwards and upwards, (2, n) [rad]."""
+        if isinstance(play, np.ndarray):
+            return play
+        return np.full((2, len(self.velocity)), play)
 
     def outside(self, q: Vector) -> NDArray[np.bool_]:
         """Mask (n,) of joints that stand beyond their limits by more than the tolerance."""

@@ -1,0 +1,32 @@
+# Types of measures.py, for the compiler alone.
+
+cimport cython
+
+cdef Py_ssize_t JUMP, OVERSPEED, TORQUE_STUCK, TORQUE_SATURATED
+cdef Py_ssize_t RESIDUAL_LIMIT, JOINT_LIMIT, FROZEN, APART, ROWS
+
+cdef class Measures:
+    cdef readonly Py_ssize_t n
+    cdef readonly double[:, ::1] bounds, measures
+    cdef readonly double[::1] q, q_before, current, velocity, dt
+    cdef readonly double[::1] full_ticks, fast_ticks, same_ticks
+    cdef double[::1] _middle, _play, _full, _speed
+    cdef double[::1] _theta, _lowest, _highest, _turned, _turned_stuck
+    cdef double _standstill, _drift, _scale_error
+    cdef bint _started
+
+    cpdef void restart(self) noexcept
+    @cython.locals(beyond=bint, same=bint, advance=double)
+    cpdef bint step(
+        self, const double[:] q, const double[:] motor_velocity, const double[:] motor_position,
+        const double[:] current, const double[:] residual, const double[:] dt, bint energised
+    ) noexcept
+    @cython.locals(advance=double)
+    cdef double _turn(
+        self, Py_ssize_t i, double moved, double velocity, double dt, bint measured
+    ) noexcept
+    cdef void _start(self, Py_ssize_t i) noexcept
+    cdef void _follow_gap(self, Py_ssize_t i, double advance, bint same) noexcept
+    cdef void _follow_motion(
+        self, Py_ssize_t i, double advance, bint same, double residual
+    ) noexcept

@@ -1,0 +1,137 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Figures of each joint that plausibility compares with its bounds: a row each, a loop over joints.
+
+Ordinary Python, which runs as it is; `measures.pxd` names the types for the compiler, decision
+0037. It only answers whether any figure is beyond; which, and in what words, is `plausibility`.
+"""
+
+import numpy as np
+
+from arrays import Matrix, Vector
+
+JUMP, OVERSPEED, TORQUE_STUCK, TORQUE_SATURATED = 0, 1, 2, 3
+RESIDUAL_LIMIT, JOINT_LIMIT, FROZEN, APART = 4, 5, 6, 7
+ROWS = 8
+
+
+class Measures:
+    """Figures and bounds (ROWS, n), SI at the link side, and what they are made of."""
+
+    def __init__(
+        self,
+        bounds: Matrix,
+        *,
+        middle: Vector,
+        play: Vector,
+        full_current: Vector,
+        speed: Vector,
+        standstill: float,
+        motor_drift: float,
+        motor_scale_error: float,
+    ) -> None:
+        """bounds: (ROWS, n). middle: of each range [rad]; play: of each gap [rad]; full_current:
+        from which on a drive is at its limit [A]; speed: a motor's and its link's [rad/s];
+        standstill: below which they stand [rad/s]; motor_drift, motor_scale_error: of an integrated
+        motor position [rad/s], and its share.
+        """
+        n = self.n = bounds.shape[1]
+        self.bounds = bounds.copy()
+        self._middle, self._play = middle.copy(), play.copy()
+        self._full, self._speed = full_current.copy(), speed.copy()
+        self._standstill = standstill
+        self._drift, self._scale_error = motor_drift, motor_scale_error
+        self.measures = np.zeros((ROWS, n))
+        self.q, self.q_before, self.current, self.velocity, self.dt = np.zeros((5, n))
+        # Ticks in a row at the current limit, beyond the speed, and with one current.
+        self.full_ticks, self.fast_ticks, self.same_ticks = np.zeros((3, n))
+        self._theta, self._lowest, self._highest = np.zeros((3, n))  # the latter of q - theta
+        self._turned, self._turned_stuck = np.zeros((2, n))  # since q, or the current, changed
+        self._started = False
+
+    def restart(self) -> None:
+        """Forget the samples before: the next are believed, whatever they are."""
+        self._started = False
+
+    def step(
+        self,
+        q: Vector,
+        motor_velocity: Vector,
+        motor_position: Vector | None,
+        current: Vector,
+        residual: Vector,
+        dt: Vector,
+        energised: bool,
+    ) -> bool:
+        """Take samples, dt (n,) [s] after those before, 0 where there is none. True if a figure is
+        beyond its bound."""
+        beyond = False
+        for i in range(self.n):
+            self.q_before[i], self.q[i] = self.q[i], q[i]
+            advance = self._turn(
+                i, 0.0 if motor_position is None else motor_position[i] - self._theta[i],
+                motor_velocity[i], dt[i], motor_position is not None,
+            )  # fmt: skip
+            same = current[i] == self.current[i]
+            self.current[i], self.velocity[i], self.dt[i] = current[i], motor_velocity[i], dt[i]
+            if not self._started:
+                self._start(i)
+                advance, same = 0.0, True
+            self._follow_gap(i, advance, same)
+            if energised:
+                self._follow_motion(i, advance, same, abs(residual[i]))
+            else:
+                for row in range(FROZEN):
+                    self.measures[row, i] = 0.0
+                self.full_ticks[i] = self.fast_ticks[i] = self.same_ticks[i] = 0.0
+                self._turned_stuck[i] = 0.0
+            for row in range(ROWS):
+                beyond = beyond or self.measures[row, i] > self.bounds[row, i]
+        self._started = True
+        return beyond
+
+    def _turn(self, i: int, moved: float, velocity: float, dt: float, measured: bool) -> float:
+        """Move theta, and return by how much: as measured, or integrated."""
+        if measured:
+            self._theta[i] += moved
+            return moved
+        advance = velocity * dt if abs(velocity) > self._standstill else 0.0
+        self._theta[i] += advance
+        # An integral drifts: what it was long ago says less and less of where the gap is.
+        drift = self._drift * dt + self._scale_error * abs(advance)
+        # A motor this slow may turn, or its velocity be biased: both are taken for possible.
+        drift += abs(velocity * dt - advance)
+        self._highest[i] -= drift
+        self._lowest[i] += drift
+        return advance
+
+    def _start(self, i: int) -> None:
+        self.q_before[i] = self.q[i]
+        self._lowest[i] = self._highest[i] = self.q[i] - self._theta[i]
+        self._turned[i] = self._turned_stuck[i] = 0.0
+        self.full_ticks[i] = self.fast_ticks[i] = self.same_ticks[i] = 0.0
+
+    def _follow_gap(self, i: int, advance: float, same: bool) -> None:
+        """What holds for an arm that is moved by hand, too."""
+        phi = self.q[i] - self._theta[i]
+        self._highest[i] = max(self._highest[i], phi)
+        self._lowest[i] = min(self._lowest[i], phi)
+        self._turned[i] = self._turned[i] + advance if self.q[i] == self.q_before[i] else 0.0
+        self._turned_stuck[i] = self._turned_stuck[i] + advance if same else 0.0
+        self.measures[APART, i] = self._highest[i] - self._lowest[i]
+        self.measures[FROZEN, i] = abs(self._turned[i])
+
+    def _follow_motion(self, i: int, advance: float, same: bool, residual: float) -> None:
+        """What holds where the drives have power."""
+        came = 1.0 if self.dt[i] > 0.0 else 0.0
+        full, fast = abs(self.current[i]) >= self._full[i], abs(self.velocity[i]) >= self._speed[i]
+        self.full_ticks[i] = self.full_ticks[i] + came if full else 0.0
+        self.fast_ticks[i] = self.fast_ticks[i] + came if fast else 0.0
+        self.same_ticks[i] = self.same_ticks[i] + came if same else 0.0
+        self.bounds[JUMP, i] = self._speed[i] * self.dt[i] + self._play[i]
+        self.measures[JUMP, i] = abs(self.q[i] - self.q_before[i] - advance)
+        self.measures[OVERSPEED, i] = self.fast_ticks[i]
+        self.measures[TORQUE_STUCK, i] = abs(self._turned_stuck[i])
+        self.measures[TORQUE_SATURATED, i] = self.full_ticks[i]
+        self.measures[RESIDUAL_LIMIT, i] = residual
+        self.measures[JOINT_LIMIT, i] = abs(self.q[i] - self._middle[i])

@@ -1,0 +1,32 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Counts of PDOs and SI values at the link side, one into the other: loops over all joints.
+
+Ordinary Python, which runs as it is; `counts.pxd` names the types for the compiler, decision 0037.
+"""
+
+from arrays import Matrix, Vector
+
+# Adding and subtracting 1.5 * 2^52 rounds to a whole number, ties to even.
+_ROUNDING = 6755399441055744.0
+_LARGEST = 1.7976931348623157e308  # what is finite
+
+
+def decode(raw: list[float], order: Matrix, gain: Matrix, bias: Matrix, values: Matrix) -> None:
+    """values = gain * counts + bias, each (m, n), with the counts from where `order` says."""
+    for row in range(values.shape[0]):
+        for i in range(values.shape[1]):
+            values[row, i] = gain[row, i] * raw[order[row, i]] + bias[row, i]
+
+
+def encode(
+    velocity: Vector, gain: Vector, bias: Vector, lowest: Vector, highest: Vector, counts: Vector
+) -> bool:
+    """counts = (velocity - bias) / gain, each (n,), rounded to the nearest, ties to even, and
+    saturated. False if a velocity is not finite: the counts are of no use then."""
+    finite = True
+    for i in range(velocity.shape[0]):
+        finite = finite and abs(velocity[i]) <= _LARGEST
+        wanted = min(max((velocity[i] - bias[i]) / gain[i], lowest[i]), highest[i])
+        counts[i] = (wanted + _ROUNDING) - _ROUNDING
+    return finite
