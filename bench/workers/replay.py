@@ -135,11 +135,13 @@ def stepped(path: Path) -> tuple[int, float]:
     took = 0.0
     for state in states:
         assert isinstance(state, State)
-        rows = [np.array(row) for row in (state.current, state.link_position, state.motor_velocity)]
-        motor = None if state.motor_position is None else np.array(state.motor_position)
+        current, q = np.array(state.current), np.array(state.link_position)
+        theta_dot = np.array(state.motor_velocity)
+        theta = None if state.motor_position is None else np.array(state.motor_position)
         fresh = np.array(state.fresh)
         begun = time.process_time()
-        estimator.step(*rows, motor, state.interval_s, time_s=state.time_s, fresh=fresh)
+        dt, time_s = state.interval_s, state.time_s
+        estimator.step(current, q, theta_dot, theta, dt, time_s=time_s, fresh=fresh)
         took += time.process_time() - begun
     return len(states), took
 
