@@ -71,7 +71,8 @@ def compared(bench: str, before: Path, seeds: Sequence[int], minutes: float) -> 
 @click.option("--minutes", default=4.0, show_default=True, help="Of benches over a population.")
 @click.option("--json", "as_json", is_flag=True)
 def main(chosen: tuple[str, ...], seeds: int, minutes: float, as_json: bool) -> None:
-    targets, data = [], {}
+    targets: list[Target] = []
+    data: dict[str, Any] = {}
     with code_before() as before:
         if before is None:
             raise click.ClickException("before: missing")

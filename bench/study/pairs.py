@@ -5,6 +5,7 @@ the same machine, so their ratio is worth more than the ratio of two long runs; 
 such ratios has bounds that need no assumption about their distribution.
 """
 
+import contextlib
 import json
 import math
 import os
@@ -12,13 +13,11 @@ import statistics
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from bench.study.before import BEFORE, ROOT
-from daemon.service.realtime import single_threaded
 
 RUNNER: Final = ROOT / "bench" / "workers" / "runner.py"
 CONFIDENCE: Final = 0.95
@@ -124,12 +123,15 @@ class Worker:
     def close(self) -> None:
         """End it and wait, so that it can clean up; killed if it does not."""
         assert self._process.stdin is not None
-        self._process.stdin.close()
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.close()
         try:
             self._process.wait(60.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        assert self._process.stdout is not None
+        self._process.stdout.close()
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,13 +146,12 @@ class Sides:
         return [self.today] if self.before is None else [self.today, self.before]
 
 
-@contextmanager
+@contextlib.contextmanager
 def sides(
     name: str, before: Path | None, options: Callable[[str], Mapping[str, Any]]
 ) -> Iterator[Sides]:
     """Workers that are ready; `options` for "today" and for "before"."""
-    single_threaded()  # of this process, whose environment they get
-    with ExitStack() as stack:
+    with contextlib.ExitStack() as stack:
 
         def begun(side: str, code: Path) -> Worker:
             worker = Worker(name, code, options(side))

@@ -16,6 +16,8 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, cast
 
+from daemon.service.realtime import single_threaded
+
 Answer = Callable[[dict[str, Any]], dict[str, Any]]
 Begin = Callable[[dict[str, Any]], AbstractContextManager[Answer]]
 
@@ -39,6 +41,7 @@ def main() -> None:
     def say(answer: dict[str, Any]) -> None:
         print(json.dumps(answer), file=answers, flush=True)
 
+    single_threaded()  # before the worker loads numpy
     begin = loaded(sys.argv[1])
     with begin(json.loads(lines.readline())) as answer:
         say({})

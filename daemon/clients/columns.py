@@ -72,7 +72,7 @@ class Layout:
         variants = set(self.beside)
         return {
             **columns,
-            "side": np.array([[SIDES[name] for name in state.side] for state in states]),
+            "side": self._sides(states),
             "touched_link": _codes(links.get(state.touched_link, STRANGE) for state in states),
             "beside": _codes(0 if state.beside.keys() == variants else STRANGE for state in states),
             **{
@@ -81,6 +81,11 @@ class Layout:
             },
             "flags": _codes(_flags_code(tuple(state.flags)) for state in states),
         }
+
+    def _sides(self, states: Sequence[State]) -> NDArray[np.int8]:
+        codes = map(SIDES.__getitem__, chain.from_iterable(state.side for state in states))
+        shape = len(states), len(self.joints)
+        return np.fromiter(codes, np.int8, shape[0] * shape[1]).reshape(shape)
 
     def empty(self, ticks: int) -> Columns:
         """Columns that `put` fills."""
