@@ -106,7 +106,7 @@ def measure(hz: int, seconds: int, before: Path | None, *, load: bool, waits: bo
 
         today, then = in_turns(found, math.ceil(seconds / turn_s), turn)
     name = "" if rival is None else rival.name
-    return _run(hz, today, then, rival=name, waited=waits)
+    return run_of(hz, today, then, rival=name, waited=waits)
 
 
 def _turn(worker: Worker, seconds: int, hz: int, rival: Rival | None, missed: int) -> Turn:
@@ -123,7 +123,7 @@ def _turn(worker: Worker, seconds: int, hz: int, rival: Rival | None, missed: in
     )
 
 
-def _run(
+def run_of(
     hz: int, today: Sequence[Turn], before: Sequence[Turn], *, rival: str, waited: bool
 ) -> Run:
     """Figures of all turns together, and their ratios turn by turn."""
