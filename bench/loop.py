@@ -26,7 +26,7 @@ RESIDENT_S = 30
 
 
 @click.command(help=__doc__)
-@click.option("--hz", type=click.IntRange(10, 1000), help="Ticks per second.  [100, then 1000]")
+@click.option("--hz", type=click.IntRange(10, 1000), help="Ticks per second.  [100, 250, 1000]")
 @click.option("--seconds", type=click.IntRange(2, 3600), default=60, show_default=True)
 @click.option("--load", is_flag=True, help="With CPU hogs beside it.")
 @click.option("--in-a-row", is_flag=True, help="Without waiting between ticks.")

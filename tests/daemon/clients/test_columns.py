@@ -118,6 +118,21 @@ def test_any_field_that_differs_is_named_with_its_row(
 
 
 @pytest.mark.parametrize(
+    ("phi", "flags", "first"),
+    [(7, 20, (7, "phi")), (20, 7, (7, "flags")), (7, 7, (7, "phi"))],
+    ids=["first column", "last column", "one row"],
+)
+def test_the_earliest_row_comes_before_the_order_of_columns(
+    told: tuple[Layout, list[State], list[Estimate]], phi: int, flags: int, first: tuple[int, str]
+) -> None:
+    layout, states, estimates = told
+    recorded, replayed = layout.recorded(states), filled(layout, estimates)
+    recorded["phi"][phi, 2] += 1e-9
+    recorded["flags"][flags] = 1
+    assert first_difference(recorded, replayed) == first
+
+
+@pytest.mark.parametrize(
     "change",
     [
         lambda beside: {},

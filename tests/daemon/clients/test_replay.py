@@ -105,6 +105,13 @@ def test_after_a_gap_it_waits_for_a_snapshot_in_batches_of_any_size(
 
 
 @pytest.mark.usefixtures("_batch")
+def test_states_that_come_late_do_not_end_a_gap(messages: Messages, tmp_path: Path) -> None:
+    snapshot, states = messages[0], messages[1:]
+    disordered = [snapshot, *states[:100], *states[103:110], *states[100:103], *states[110:120]]
+    assert replay(written(tmp_path / "a.mcap", disordered)) == Replay(100, 20, 1, None, "")
+
+
+@pytest.mark.usefixtures("_batch")
 def test_the_reset_when_the_arm_begins_to_hold_is_replayed(
     messages: Messages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
