@@ -21,7 +21,7 @@ from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
 from errors import LogError
 from estimator.estimator import Estimator
 
-BATCH: Final = 64  # States at once; of more, the decoded ones leave the processor's cache
+BATCH: Final = 32  # States at once; of more, the decoded ones leave the processor's cache
 
 
 @dataclass(frozen=True, slots=True)
