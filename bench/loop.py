@@ -7,7 +7,7 @@ the code before in turns.
 Without --hz three runs: seven joints at 100 and at 250 Hz, one joint at 1 kHz; with it one run, of
 seven joints up to 250 Hz and of one joint above. The drives are a recording of the simulated ones,
 taken in lockstep just before: they answer each SYNC inside its sending, and their CPU time is left
-out. SYNC-setpoint is the time from their last answer to the last setpoint of the tick. Every
+out. "To setpoint" is the time from their last answer to the last setpoint of the tick. Every
 5 s the loop stands still, unnoticed by its arm, and that of the commit before the estimator's
 compiled kernel takes its turn: ratios are of such pairs, with 95 % bounds of their median.
 

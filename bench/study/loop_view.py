@@ -23,12 +23,12 @@ def show(run: Run) -> None:
         f"\n[bold]{joints} at {run.hz} Hz[/], {ticks} ticks, {run.missed} deadlines missed"
     )
     console.print(Text(", ".join(run.realtime), "dim"))
-    columns = {"CPU of a tick": run.cpu_us}
+    columns = {"CPU of tick": run.cpu_us}
     if run.waited:
         beside = {} if run.rival_us is None else {run.rival: run.rival_us}
         columns = {"woken late": run.lateness_us, **beside, **columns}
-        columns["to last frame"] = run.work_us
-    columns["SYNC-setpoint"] = run.setpoint_us
+        columns["last frame"] = run.work_us
+    columns["to setpoint"] = run.setpoint_us
     console.print(_histogram(columns))
     if run.waited:
         console.print(f"deadlines missed: {run.missed}; as late, {run.rival}: {run.rivals_missed}")
