@@ -3,12 +3,13 @@
     python -m bench.contact_free [--seconds S] [--seed N] [--json]
 
 The plant differs from the model by the default mismatch of `simulation.yaml`; thresholds are the
-paper's, raised near rest. Every variant of the residual runs on the same samples.
+paper's, raised near rest. Every variant of the residual runs on the same samples. At the end, how
+fast lockstep is by CPU time, as a multiple of real time, and in turns with the commit before the
+estimator's compiled kernel.
 """
 
-import gc
-import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import click
@@ -18,6 +19,8 @@ import numpy as np
 from arrays import Vector
 from bench.report import Target, print_report
 from bench.rigs.lockstep import lockstep_rig
+from bench.study.before import code_before
+from bench.study.pairs import Ratio, in_turns, named, ratio, sides
 from daemon.config.schema import Configuration, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
 from estimator.motor_position import Side
@@ -109,22 +112,15 @@ def contact_free(seconds: float, seed: int, friction: str, motor_position: str) 
     }
 
 
-def lockstep_speed(seconds: float, seed: int) -> float:
-    """Simulated seconds per second of CPU time, bus, daemon and plant as configured; the median
-    over stretches of one second, since others use the machine too."""
-    with lockstep_rig(simulate=lambda s: msgspec.structs.replace(s, seed=seed)) as rig:
-        rig.enable()
-        rig.request(Event.START)
-        rig.run(2.0)
-        gc.collect()
-        gc.freeze()  # as the daemon does before its loop
-        took = []
-        for _ in range(round(seconds)):
-            begun = time.process_time()
-            rig.run(1.0)
-            took.append(time.process_time() - begun)
-        gc.unfreeze()
-        return float(1.0 / np.median(took))
+def lockstep_speed(seconds: float, seed: int, before: Path | None) -> tuple[float, Ratio | None]:
+    """Simulated seconds per second of CPU time, bus, daemon and plant as configured, and the ratio
+    of this speed to that of before; medians over stretches of one second in turns, since others use
+    the machine too."""
+    with sides("lockstep", before, lambda _: {"seed": seed}) as found:
+        rounds = max(round(seconds), 1)
+        took, then = in_turns(found, rounds, lambda w: float(w.ask(seconds=1.0)["cpu_s"]))
+    faster = ratio(list(zip(then, took, strict=True))) if then else None
+    return 1.0 / float(np.median(took)), faster
 
 
 def rounded(values: Vector) -> list[float]:
@@ -163,9 +159,15 @@ def main(seconds: float, seed: int, as_json: bool) -> None:
         )
         for run in runs
     ]
-    speed = lockstep_speed(min(seconds, 20.0), seed)
-    targets.append(Target("lockstep speed, by CPU time", speed, 5, "x real time", "higher"))
-    print_report("contact_free", seed, targets, {"runs": runs}, as_json=as_json)
+    with code_before() as before:
+        speed, faster = lockstep_speed(min(seconds, 20.0), seed, before)
+    targets.append(Target("lockstep speed, by CPU time", speed, 15, "x real time", "higher"))
+    if faster is not None:
+        targets.append(Target("lockstep speed over before's", faster.median, 3, "x", "higher"))
+    if not as_json:
+        click.echo(f"\n{named(before)}; lockstep {speed:.1f} times real time, {faster or 'alone'}")
+    data = {"runs": runs, "before": named(before), "faster": faster and faster.data()}
+    print_report("contact_free", seed, targets, data, as_json=as_json)
 
 
 if __name__ == "__main__":

@@ -221,8 +221,6 @@ class SetpointEncoder:
         Raises ValueError if a velocity is not finite: saturated, it would be a setpoint of full
         speed.
         """
-        if not encode(
-            velocity, self._gain, self._bias, self._lowest, self._highest, self._counts
-        ):
+        if not encode(velocity, self._gain, self._bias, self._lowest, self._highest, self._counts):
             raise ValueError(f"target velocity is not finite: {velocity}")
         return [int(count) for count in self._counts.tolist()]

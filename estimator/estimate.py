@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from arrays import Vector
 from estimator.contact import Contact
 
-
 SENSED_PERIODS = 2.5
 """A joint that was without a sample for longer senses nothing [periods]: its residual is old."""
 

@@ -23,7 +23,14 @@ def without_headers(monkeypatch, tmp_path: Path) -> Path:
     for name in ("estimator", "drivers", "daemon", "configs"):
         ignored = shutil.ignore_patterns("*.so", "__pycache__")
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
-    for file in ("arrays.py", "compiled.py", "elementary.py", "elementary.pxd", "errors.py", "regular_file.py"):
+    for file in (
+        "arrays.py",
+        "compiled.py",
+        "elementary.py",
+        "elementary.pxd",
+        "errors.py",
+        "regular_file.py",
+    ):
         shutil.copy(ROOT / file, tmp_path)
     (tmp_path / "estimator" / "kernel.cpython-00.so").write_text("older than its source")
     real = sysconfig.get_path

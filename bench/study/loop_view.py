@@ -1,18 +1,21 @@
 """Histograms of `bench.loop` in a terminal."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from bench.study.loop_run import Distribution, Run
+from bench.study.loop_run import Run
+from bench.study.wakeups import Distribution
 
 EDGES_US = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, np.inf)
-BAR_WIDTH = 9
+BAR_WIDTH = 6
 
 
 def show(run: Run) -> None:
-    """Wake-up lateness beside cyclictest's, and what the ticks took."""
+    """Wake-up lateness beside the rival's, what the ticks took, and the same over before."""
     console = Console(highlight=False)
     ticks = int(run.lateness_us.counts.sum())
     joints = f"{run.joints} {'joint' if run.joints == 1 else 'joints'}"
@@ -20,14 +23,28 @@ def show(run: Run) -> None:
         f"\n[bold]{joints} at {run.hz} Hz[/], {ticks} ticks, {run.missed} deadlines missed"
     )
     console.print(Text(", ".join(run.realtime), "dim"))
-    if run.why_no_cyclictest:
-        console.print(Text(run.why_no_cyclictest, "yellow"))
-    columns = {"CPU of a tick": run.cpu_us}
+    columns = {"CPU of tick": run.cpu_us}
     if run.waited:
-        beside = {} if run.cyclictest_us is None else {"cyclictest": run.cyclictest_us}
+        beside = {} if run.rival_us is None else {run.rival: run.rival_us}
         columns = {"woken late": run.lateness_us, **beside, **columns}
-        columns["until last frame"] = run.work_us
+        columns["last frame"] = run.work_us
+    columns["to setpoint"] = run.setpoint_us
     console.print(_histogram(columns))
+    if run.waited:
+        console.print(f"deadlines missed: {run.missed}; as late, {run.rival}: {run.rivals_missed}")
+    for name, ratio in run.to_before.items():
+        console.print(f"  {name}: {ratio}")
+
+
+def show_resident(memory: Mapping[str, Mapping[str, float]], seconds: float) -> None:
+    """Memory of `contactd run`, by side."""
+    for side, of in memory.items():
+        resident, anonymous = of["resident_kB"] / 1024, of["anonymous_kB"] / 1024
+        print(
+            f"run, {side}: {resident:.0f} MB resident, of it {anonymous:.0f} MB anonymous; "
+            f"grown in {seconds:g} s of serving by {of['resident_kB grown']:.0f} and "
+            f"{of['anonymous_kB grown']:.0f} kB"
+        )
 
 
 def _histogram(columns: dict[str, Distribution]) -> Table:

@@ -1,23 +1,27 @@
 """Replay of a recording: the estimator on its samples again, compared with it bit by bit.
 
+In batches of consecutive States: decoded, turned into arrays, stepped through, compared as arrays.
+Only the step itself is per State.
+
 Recordings of format 2 are of an estimator that did the same arithmetic in another order: they are
 compared to a tolerance, which the result says.
 """
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Final
 
 import numpy as np
 
 from daemon.assembly import build_estimator
+from daemon.clients.columns import Columns, Layout, Samples, first_difference
 from daemon.clients.recorder import read_log
 from daemon.config.load import parse_configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State
-from daemon.tick.telemetry import estimated
 from errors import LogError
-from estimator.estimate import Estimate
 from estimator.estimator import Estimator
 from estimator.memory import of_format_2
 
@@ -25,6 +29,8 @@ BEFORE_THE_KERNEL = 2
 """Format of which the estimator was not the kernel yet."""
 TOLERANCE = 1e-9
 """[Nm, rad, rad/s]; by which numbers of that one may differ"""
+
+BATCH: Final = 32  # States at once; of more, the decoded ones leave the processor's cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,16 +74,73 @@ def replay(path: Path) -> Replay:
     run = _Run(path)
     broken = ""
     try:
-        for message in read_log(path):
-            if isinstance(message, Snapshot):
-                run.restart(message)
+        for batch in batches(path):
+            if isinstance(batch, Snapshot):
+                run.restart(batch)
             else:
-                run.compare(message)
+                run.compare(batch)
     except LogError as error:
         if not run.states:
             raise
         broken = str(error)
     return Replay(run.states, run.skipped, run.stretches, run.difference, broken, run.tolerance)
+
+
+def batches(path: Path) -> Iterator[Snapshot | list[State]]:
+    """Snapshots of a recording, and what lies between them in batches.
+
+    Raises LogError like `read_log`, after all that came whole.
+    """
+    states: list[State] = []
+    broken: LogError | None = None
+    try:
+        for message in read_log(path):
+            if isinstance(message, State):
+                states.append(message)
+            if states and (message is not states[-1] or len(states) == BATCH):
+                yield states
+                states = []
+            if isinstance(message, Snapshot):
+                yield message
+    except LogError as error:
+        broken = error
+    if states:
+        yield states
+    if broken is not None:
+        raise broken
+
+
+def stepped(
+    estimator: Estimator, samples: Samples, resets: Collection[int], layout: Layout
+) -> Columns:
+    """What the estimator makes of the samples; after these rows it is reset.
+
+    The only loop over ticks of a replay.
+    """
+    columns = layout.empty(len(samples.time_s))
+    put = layout.put(columns)
+    rows = zip(
+        samples.current,
+        samples.link_position,
+        samples.motor_velocity,
+        samples.motor_position,
+        samples.interval_s.tolist(),
+        samples.time_s.tolist(),
+        samples.fresh,
+        strict=True,
+    )
+    # What makes no finite number of them is flagged in the estimate.
+    with np.errstate(all="ignore"):
+        for row, (current, q, theta_dot, theta, interval_s, time_s, fresh) in enumerate(rows):
+            put(
+                row,
+                estimator.step(
+                    current, q, theta_dot, theta, interval_s, time_s=time_s, fresh=fresh
+                ),
+            )
+            if row in resets:
+                estimator.reset()
+    return columns
 
 
 class _Run:
@@ -87,6 +150,7 @@ class _Run:
         self.difference: Difference | None = None
         self.tolerance = 0.0
         self._estimator: Estimator | None = None
+        self._layout = Layout((), ())
         self._tick = -1
         self._mode = ""
 
@@ -99,6 +163,12 @@ class _Run:
         configuration = parse_configuration(
             snapshot.configuration, "the recorded configuration", snapshot.identified
         )
+        joints = tuple(configuration.joint_names)
+        if len(joints) != len(snapshot.joints):
+            raise LogError(
+                f"the snapshot after tick {snapshot.tick} is damaged: {len(snapshot.joints)} "
+                f"joints, {len(joints)} in its configuration"
+            )
         self._estimator = build_estimator(configuration, snapshot.urdf)
         try:
             if snapshot.format == BEFORE_THE_KERNEL:
@@ -110,55 +180,45 @@ class _Run:
             raise LogError(
                 f"the estimator's memory after tick {snapshot.tick} is damaged: {error}"
             ) from error
+        beside = tuple(variant.name for variant in configuration.estimator.beside)
+        self._layout = Layout(joints, beside)
         self._tick, self._mode = snapshot.tick, ""
         self.stretches += 1
 
-    def compare(self, state: State) -> None:
-        if self._estimator is None or state.tick != self._tick + 1:
+    def compare(self, states: list[State]) -> None:
+        whole = self._without_gap(states)
+        self.skipped += len(states) - len(whole)
+        if self._estimator is not None and whole:
+            samples = self._layout.samples(whole)
+            replayed = stepped(self._estimator, samples, self._resets(whole), self._layout)
+            self.states += len(whole)
+            self._tick, self._mode = whole[-1].tick, whole[-1].mode
+            if self.difference is None:
+                self.difference = self._first_difference(whole, replayed)
+        if len(whole) < len(states):
             # The estimator's memory of the gap is lost until the next snapshot.
             self._estimator = None
-            self.skipped += 1
-            return
-        self._tick = state.tick
-        motor = state.motor_position
-        # What makes no finite number of them is flagged in the estimate.
-        with np.errstate(all="ignore"):
-            estimate = self._estimator.step(
-                np.array(state.current),
-                np.array(state.link_position),
-                np.array(state.motor_velocity),
-                None if motor is None else np.array(motor),
-                state.interval_s,
-                time_s=state.time_s,
-                fresh=np.array(state.fresh),
-            )
-        # As the tick does when the arm begins to hold.
-        if self._mode == Mode.ENABLING and state.mode == Mode.HOLDING:
-            self._estimator.reset()
-        self._mode = state.mode
-        self.states += 1
-        self.difference = self.difference or _difference(state, estimate, self.tolerance)
 
+    def _without_gap(self, states: list[State]) -> list[State]:
+        """The States that follow on the last one, up to the first gap."""
+        if self._estimator is None:
+            return []
+        steps = zip(states, range(self._tick + 1, self._tick + 1 + len(states)), strict=True)
+        gap = next((k for k, (state, tick) in enumerate(steps) if state.tick != tick), len(states))
+        return states[:gap]
 
-def _difference(state: State, estimate: Estimate, tolerance: float) -> Difference | None:
-    for field, value in estimated(estimate).items():
-        recorded = getattr(state, field)
-        if not _same(recorded, value, tolerance):
-            return Difference(state.tick, field, recorded, value)
-    return None
+    def _resets(self, states: list[State]) -> frozenset[int]:
+        """Rows at which the arm begins to hold: the tick resets its estimator then."""
+        modes = [self._mode, *(state.mode for state in states)]
+        changes = enumerate(pairwise(modes))
+        return frozenset(k for k, of in changes if of == (Mode.ENABLING, Mode.HOLDING))
 
-
-def _same(recorded: Any, replayed: Any, tolerance: float) -> bool:
-    """True for values, or lists or tables of them, that are equal, numbers to the tolerance."""
-    if recorded == replayed:
-        return True
-    if isinstance(recorded, list) and isinstance(replayed, list):
-        pairs = zip(recorded, replayed, strict=False)
-        return len(recorded) == len(replayed) and all(_same(*pair, tolerance) for pair in pairs)
-    if isinstance(recorded, dict) and isinstance(replayed, dict):
-        return recorded.keys() == replayed.keys() and all(
-            _same(recorded[key], replayed[key], tolerance) for key in recorded
+    def _first_difference(self, states: list[State], replayed: Columns) -> Difference | None:
+        found = first_difference(self._layout.recorded(states), replayed, self.tolerance)
+        if found is None:
+            return None
+        row, field = found
+        recorded = getattr(states[row], field)
+        return Difference(
+            states[row].tick, field, recorded, self._layout.in_words(replayed, field, row)
         )
-    if isinstance(recorded, float) and isinstance(replayed, float):
-        return abs(recorded - replayed) <= tolerance
-    return False

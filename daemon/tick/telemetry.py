@@ -1,6 +1,6 @@
 """Telemetry of a tick: its record as a State, with names and lists instead of enums and arrays."""
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,6 +19,18 @@ SIDE_NAMES: dict[int, SideName] = {
 }
 DRIVE_STATE_NAMES = {state: state.name.lower().replace("_", " ") for state in DriveState}
 FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
+# Fields of a State that are a vector of the estimate, with its name there. What is in words
+# (`estimated`) comes beside them.
+ESTIMATED: Final = {
+    "link_velocity": "q_dot",
+    "motor_estimate": "theta",
+    "phi": "phi",
+    "phi_sigma": "phi_sigma",
+    "motor_torque": "tau_M",
+    "residual": "residual",
+    "threshold": "threshold",
+    "thresholded": "thresholded",
+}
 
 
 def state_of(record: TickRecord) -> State:
@@ -65,15 +77,8 @@ def state_of(record: TickRecord) -> State:
 def estimated(estimate: Estimate) -> dict[str, Any]:
     """Fields of a State that come from an estimate, by name: what a replay must reproduce."""
     return {
-        "link_velocity": estimate.q_dot.tolist(),
-        "motor_estimate": estimate.theta.tolist(),
-        "phi": estimate.phi.tolist(),
-        "phi_sigma": estimate.phi_sigma.tolist(),
+        **{field: getattr(estimate, name).tolist() for field, name in ESTIMATED.items()},
         "side": [SIDE_NAMES[side] for side in estimate.side.tolist()],
-        "motor_torque": estimate.tau_M.tolist(),
-        "residual": estimate.residual.tolist(),
-        "threshold": estimate.threshold.tolist(),
-        "thresholded": estimate.thresholded.tolist(),
         "touched_link": estimate.touched_link,
         "beside": {name: values.tolist() for name, values in estimate.beside.items()},
         "flags": [FLAG_NAMES[flag] for flag in estimate.flags],

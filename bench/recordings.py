@@ -1,0 +1,113 @@
+"""Speed of working on recordings: replay, beside the code before, in turns.
+
+    python -m bench.recordings [--minutes N] [--rounds N] [--seed N] [--json]
+
+Both codes record both shipped arms in lockstep, so many minutes of robot time each: set in motion,
+pushed every six seconds. Then each replays its own in turns with the other; the code before is that
+of the last commit before the estimator's compiled kernel. Times are CPU times. To decode is to read
+the file and to make arrays of it, to step is the estimator alone, the rest is comparison.
+"""
+
+import statistics
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import click
+
+from bench.report import Target, print_report
+from bench.rigs.lockstep import DESK_ARM, ROMEO
+from bench.study.before import code_before
+from bench.study.pairs import Ratio, Sides, Worker, in_turns, named, ratio, sides
+
+ARMS: Final = (ROMEO.name, DESK_ARM.name)
+PARTS: Final = ("replay", "decode", "step")
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """CPU time of a replay and its parts [us per state]."""
+
+    replay: float
+    decode: float
+    step: float
+    compare: float
+    """all that is neither decoding nor a step; noise may make it less than nothing"""
+
+    @classmethod
+    def of(cls, rounds: Sequence[Mapping[str, float]]) -> "Shares":
+        """Medians over the rounds, in each of which all PARTS were measured."""
+        rest = [r["replay"] - r["decode"] - r["step"] for r in rounds]
+        middle = {part: statistics.median(r[part] for r in rounds) for part in PARTS}
+        return cls(**middle, compare=statistics.median(rest))
+
+    @property
+    def states_per_s(self) -> float:
+        """Speed of a replay."""
+        return 1e6 / self.replay
+
+    def data(self) -> dict[str, float]:
+        """Figures for JSON."""
+        parts = {f"{name}_us": round(us, 2) for name, us in asdict(self).items()}
+        return {**parts, "states_per_s": round(self.states_per_s)}
+
+    def __str__(self) -> str:
+        return (
+            f"{self.states_per_s:7.0f} states/s, {self.replay:6.1f} us: decode {self.decode:.1f}, "
+            f"step {self.step:.1f}, compare {self.compare:.1f}"
+        )
+
+
+def measure(found: Sides, arm: str, rounds: int) -> tuple[Shares, Shares | None, Ratio | None]:
+    """Shares today and before, and how many times faster a replay is."""
+
+    def parts(worker: Worker) -> dict[str, float]:
+        answers = {part: worker.ask(arm=arm, part=part) for part in PARTS}
+        return {part: 1e6 * answer["cpu_s"] / answer["states"] for part, answer in answers.items()}
+
+    today, before = in_turns(found, rounds, parts)
+    if not before:
+        return Shares.of(today), None, None
+    pairs = [(then["replay"], now["replay"]) for now, then in zip(today, before, strict=True)]
+    return Shares.of(today), Shares.of(before), ratio(pairs)
+
+
+@click.command(help=__doc__)
+@click.option("--minutes", default=2.0, show_default=True, help="Of each arm.")
+@click.option("--rounds", default=6, show_default=True, help="Replays of each, by each side.")
+@click.option("--seed", default=1, show_default=True)
+@click.option("--json", "as_json", is_flag=True)
+def main(minutes: float, rounds: int, seed: int, as_json: bool) -> None:
+    targets: list[Target] = []
+    data: dict[str, Any] = {}
+
+    def say(text: str) -> None:
+        if not as_json:
+            click.echo(text)
+
+    with code_before() as before, tempfile.TemporaryDirectory(prefix="recordings-") as folder:
+        say(named(before))
+
+        def options(side: str) -> dict[str, Any]:
+            own = Path(folder) / side
+            own.mkdir()
+            return {"folder": str(own), "seconds": 60.0 * minutes, "seed": seed}
+
+        with sides("replay", before, options) as found:
+            for arm in ARMS:
+                today, then, faster = measure(found, arm, rounds)
+                say(f"replay, {arm}\n  today  {today}")
+                data[arm] = {"today": today.data()}
+                if then is not None and faster is not None:
+                    say(f"  before {then}\n  speed: {faster}")
+                    data[arm] |= {"before": then.data(), "faster": faster.data()}
+                    name = f"replay speed over before's, {arm}"
+                    targets.append(Target(name, faster.median, 4, "x", "higher"))
+    told = {"before": named(before), "minutes": minutes, "rounds": rounds, "replay": data}
+    print_report("recordings", seed, targets, told, as_json=as_json)
+
+
+if __name__ == "__main__":
+    main()

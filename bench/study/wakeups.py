@@ -1,0 +1,159 @@
+"""Wake-ups of control threads: how late they come, as histograms, and a rival of the daemon's loop
+that does nothing else than wake up.
+
+The rival is cyclictest of Debian's rt-tests. Where that is not installed, or lacks the rights that
+it needs, a sleeping thread with the daemon's own real-time set-up takes its place.
+"""
+
+import contextlib
+import json
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.study.before import ROOT
+from bench.study.pairs import Worker
+from daemon.service.realtime import FIFO_PRIORITY
+
+LONGEST_US: Final = 100_000  # of cyclictest's histogram
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """Figures in us with how often each came up, in rising order."""
+
+    values: NDArray[np.float64]
+    counts: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, figures: Sequence[float] | NDArray[np.float64]) -> "Distribution":
+        """Distribution of these, to a tenth of a microsecond; NaN are left out."""
+        found = np.asarray(figures, dtype=np.float64)
+        values, counts = np.unique(np.round(found[~np.isnan(found)], 1), return_counts=True)
+        return cls(values, counts)
+
+    def __add__(self, other: "Distribution") -> "Distribution":
+        values, place = np.unique(np.append(self.values, other.values), return_inverse=True)
+        counts = np.bincount(place, np.append(self.counts, other.counts), values.size)
+        return Distribution(values, counts.astype(np.int64))
+
+    def at(self, percent: float) -> float:
+        """The smallest value that so many per cent do not exceed."""
+        share = np.cumsum(self.counts) / max(self.counts.sum(), 1)
+        return float(self.values[min(np.searchsorted(share, percent / 100.0), share.size - 1)])
+
+    def beyond(self, limit: float) -> int:
+        """Number of larger ones."""
+        return int(self.counts[self.values > limit].sum())
+
+    def data(self) -> dict[str, float]:
+        """Percentiles for JSON."""
+        return {f"p{p:g}": round(self.at(p), 1) for p in (50, 90, 99, 99.9, 100)}
+
+
+class Rival(Protocol):
+    """A control thread that only wakes up, as often as the loop, beside each turn."""
+
+    @property
+    def name(self) -> str:
+        """What it is."""
+
+    def begin(self, seconds: int) -> None:
+        """Start it."""
+
+    def result(self) -> Distribution:
+        """How late it woke up [us]; waits for its end."""
+
+
+@contextlib.contextmanager
+def a_rival(hz: int) -> Iterator[Rival]:
+    """cyclictest, or where it cannot be had a sleeping thread of ours."""
+    with tempfile.TemporaryDirectory(prefix="cyclictest-") as folder:
+        if program := shutil.which("cyclictest"):
+            with contextlib.closing(Cyclictest(program, hz, Path(folder) / "json")) as cyclictest:
+                if cyclictest.works():
+                    yield cyclictest
+                    return
+        with contextlib.closing(Worker("sleeper", ROOT, {"hz": hz})) as worker:
+            worker.receive()
+            yield Sleeper(worker)
+
+
+class Sleeper:
+    """`bench.workers.sleeper`."""
+
+    name = "sleeper"
+
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+
+    def begin(self, seconds: int) -> None:
+        self._worker.send({"seconds": seconds})
+
+    def result(self) -> Distribution:
+        return Distribution.of(self._worker.receive()["lateness_us"])
+
+
+class Cyclictest:
+    """cyclictest at the loop's interval and priority."""
+
+    name = "cyclictest"
+
+    def __init__(self, program: str, hz: int, report: Path) -> None:
+        self._report = report
+        self._words = [
+            *(program, "--quiet", "--mlockall", f"--priority={FIFO_PRIORITY}"),
+            *(f"--interval={1_000_000 // hz}", "--threads=1"),
+            *(f"--histogram={LONGEST_US}", f"--json={report}"),
+        ]
+        self._process: subprocess.Popen[str] | None = None
+
+    def works(self) -> bool:
+        """Try it: without the rights that it needs it fails."""
+        try:
+            self.begin(1)
+            self.result()
+        except RuntimeError:
+            return False
+        return True
+
+    def begin(self, seconds: int) -> None:
+        self._process = subprocess.Popen(
+            [*self._words, f"--duration={seconds}"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def result(self) -> Distribution:
+        """Latencies. Raises RuntimeError if it failed."""
+        assert self._process is not None
+        _, said = self._process.communicate()
+        if self._process.returncode != 0 or not self._report.exists():
+            raise RuntimeError(f"cyclictest failed: {said.strip()}")
+        return histogram(json.loads(self._report.read_text()))
+
+    def close(self) -> None:
+        """End it, if something else went wrong."""
+        if self._process is not None and self._process.returncode is None:
+            self._process.terminate()
+            self._process.communicate()
+
+
+def histogram(report: dict[str, Any]) -> Distribution:
+    """Latencies in the JSON of cyclictest."""
+    thread = report["thread"]["0"]
+    found = {int(us): count for us, count in thread["histogram"].items()}
+    if (lost := int(thread["cycles"]) - sum(found.values())) > 0:
+        # Beyond the histogram there is only the largest one.
+        found[int(thread["max"])] = found.get(int(thread["max"]), 0) + lost
+    pairs = sorted(found.items())
+    values = np.array([us for us, _ in pairs], dtype=np.float64)
+    return Distribution(values, np.array([count for _, count in pairs]))

@@ -1,0 +1,97 @@
+"""Targets of `bench.loop`, from turns of both codes and a rival's wake-ups."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.study.loop_run import FIGURES, Run, Turn, run_of
+from bench.study.loop_targets import targets_of
+from bench.study.wakeups import Distribution, histogram
+from daemon.modes.table import Mode
+
+TICKS = 100
+
+
+def turn(cpu_us: float, *, missed: int = 0, rival_us: tuple[float, ...] = (50.0,)) -> Turn:
+    figures = {name: np.full(TICKS, cpu_us) for name in FIGURES}
+    figures["lateness_us"] = np.full(TICKS, 60.0)
+    figures["setpoint_us"] = np.full(TICKS, 0.5 * cpu_us)
+    return Turn(figures, missed, Distribution.of(rival_us), Mode.TRACKING, 7, ["granted"])
+
+
+def run(hz: int, today: list[Turn], before: list[Turn]) -> Run:
+    return run_of(hz, today, before, rival="sleeper", waited=True)
+
+
+def met(of: Run, *, load: bool = False) -> dict[str, bool]:
+    return {target.name.split(": ")[1]: target.met for target in targets_of(of, load=load)}
+
+
+def test_turns_become_one_run() -> None:
+    today = [turn(100.0, missed=1), turn(300.0, missed=2, rival_us=(50.0, 70.0))]
+    found = run(100, today, [turn(200.0), turn(400.0)])
+    assert found.missed == 3
+    assert found.cpu_us.counts.tolist() == [TICKS, TICKS]
+    assert found.rival_us is not None
+    assert dict(zip(found.rival_us.values, found.rival_us.counts, strict=True)) == {50: 2, 70: 1}
+    ratio = found.to_before["cpu p50"]
+    assert (ratio.median, ratio.low, ratio.high, ratio.pairs) == (0.625, 0.5, 0.75, 2)
+    assert found.to_before.keys() == {"cpu p50", "cpu p99", "setpoint p50", "setpoint p99"}
+    assert found.data()["to_before"]["setpoint p99"]["median"] == 0.625
+
+
+def test_ticks_without_a_setpoint_are_left_out() -> None:
+    one = turn(100.0)
+    one.figures["setpoint_us"][:50] = np.nan
+    found = run(100, [one], [turn(100.0)])
+    assert found.setpoint_us.counts.sum() == TICKS - 50
+    assert found.to_before["setpoint p50"].median == 1.0
+
+
+@pytest.mark.parametrize(("cpu_us", "good"), [(55.0, True), (56.0, False)])
+def test_a_woken_tick_is_held_against_before_at_100_hz(cpu_us: float, good: bool) -> None:
+    name = "CPU of a tick, median over before's"
+    assert met(run(100, [turn(cpu_us)], [turn(100.0)]))[name] is good
+    assert name not in met(run(100, [turn(cpu_us)], []))
+    assert name not in met(run(250, [turn(cpu_us)], [turn(100.0)]))
+
+
+@pytest.mark.parametrize(("setpoint_us", "good"), [(50.0, True), (51.0, False)])
+def test_the_setpoint_is_held_against_before(setpoint_us: float, good: bool) -> None:
+    found = met(run(100, [turn(2 * setpoint_us)], [turn(200.0)]))
+    assert found["SYNC to setpoint, median over before's"] is good
+
+
+@pytest.mark.parametrize(
+    ("missed", "rival_us", "good"),
+    # A wake-up 40 % of 4 ms late costs a deadline.
+    [(0, (50.0,), True), (1, (1599.0,), False), (1, (1601.0,), True), (2, (9000.0,), False)],
+)
+def test_loaded_at_250_hz_no_more_deadlines_are_missed_than_the_rival_would(
+    missed: int, rival_us: tuple[float, ...], good: bool
+) -> None:
+    found = run(250, [turn(100.0, missed=missed, rival_us=rival_us)], [])
+    assert met(found, load=True)["deadlines missed, at most the sleeper's"] is good
+    assert not [name for name in met(found) if "missed" in name]
+
+
+@pytest.mark.parametrize(("work_us", "good"), [(1999.0, True), (2001.0, False)])
+def test_loaded_at_250_hz_a_tick_takes_half_a_period_at_most(work_us: float, good: bool) -> None:
+    one = turn(100.0)
+    one.figures["work_us"][:2] = work_us
+    assert met(run(250, [one], []), load=True)["tick, p99"] is good
+
+
+def test_a_machine_that_stalls_excuses_the_arm_that_stopped() -> None:
+    stopped = replace(turn(100.0), mode="holding")
+    assert met(run(100, [stopped], []))["tracking at the end"] is False
+    stalled = replace(stopped, rival_us=Distribution.of([10_001.0]))
+    assert "tracking at the end" not in met(run(100, [stalled], []))
+
+
+def test_cyclictests_histogram_with_what_lies_beyond_it() -> None:
+    thread = {"histogram": {"3": 5, "10": 2}, "cycles": 9, "max": 120_000}
+    found = histogram({"thread": {"0": thread}})
+    assert found.values.tolist() == [3, 10, 120_000]
+    assert found.counts.tolist() == [5, 2, 2]

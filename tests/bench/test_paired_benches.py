@@ -1,0 +1,134 @@
+"""Benches that measure in pairs with the code before: short runs of the commands themselves."""
+
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from bench import contact_free, estimator, loop, recordings, same
+from bench.recordings import Shares
+from bench.study import before as the_code_before
+from bench.study.before import ROOT
+
+
+@contextmanager
+def no_code() -> Iterator[None]:
+    yield None
+
+
+@contextmanager
+def todays_code() -> Iterator[Path]:
+    yield ROOT
+
+
+def reported(command: Any, *words: str) -> dict[str, Any]:
+    result = CliRunner().invoke(command, [*words, "--json"], catch_exceptions=False)
+    found: dict[str, Any] = json.loads(result.stdout.splitlines()[-1])
+    return found
+
+
+def names(report: dict[str, Any]) -> list[str]:
+    return [target["name"] for target in report["targets"]]
+
+
+def test_recordings(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recordings, "code_before", todays_code)
+    report = reported(recordings.main, "--minutes", "0.03", "--rounds", "1")
+    for arm in ("romeo_left_arm", "desk_arm"):
+        of = report["data"]["replay"][arm]
+        assert of.keys() == {"today", "before", "faster"}
+        assert of["faster"]["pairs"] == 1
+        for side in ("today", "before"):
+            assert 0.0 < of[side]["decode_us"] < of[side]["replay_us"]
+            assert of[side]["states_per_s"] > 0
+    assert names(report) == [
+        f"replay speed over before's, {arm}" for arm in ("romeo_left_arm", "desk_arm")
+    ]
+
+
+def test_lockstep_beside_a_code_before() -> None:
+    speed, faster = contact_free.lockstep_speed(1.0, 1, ROOT)
+    assert speed > 0.0
+    assert faster is not None
+    assert faster.pairs == 1
+
+
+def test_loop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without its waiting, and so without a wake-up that a busy machine may spoil."""
+    monkeypatch.setattr(the_code_before, "code_before", no_code)
+    report = reported(loop.main, "--hz", "100", "--seconds", "2", "--in-a-row")
+    run = report["data"]["100_Hz"]
+    assert report["data"]["before"] == "before: missing"
+    assert (run["joints"], run["mode"], run["missed"]) == (7, "tracking", 0)
+    assert run["ticks"] == 200 - 5
+    assert 0.0 < run["setpoint_us"]["p50"] < run["cpu_us"]["p50"] < math.inf
+    assert run["to_before"] == {}
+    assert not [name for name in names(report) if "before" in name]
+
+
+def test_estimator(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(estimator, "LATE", 200)
+    report = reported(estimator.main, "--repetitions", "2")
+    assert [arm["arm"] for arm in report["data"]["arms"]] == ["1 joint", "7 joints", "14 joints"]
+    limits = {target["name"]: target["limit"] for target in report["targets"]}
+    for joints in (7, 14):
+        assert limits[f"step over bare pinocchio calls, {joints} joints"] == 4
+
+
+def test_shares_of_a_replay_are_medians_and_the_rest_is_comparison() -> None:
+    rounds = [{"replay": r, "decode": 10.0, "step": s} for r, s in ((30.0, 5.0), (50.0, 7.0))]
+    found = Shares.of([*rounds, {"replay": 40.0, "decode": 20.0, "step": 6.0}])
+    assert found == Shares(replay=40.0, decode=10.0, step=6.0, compare=15.0)
+    assert found.states_per_s == 25_000.0
+
+
+REPORT: dict[str, Any] = {"targets": [], "data": {"alarms": 0, "delays": [1.0, 2.0]}}
+
+
+@pytest.mark.parametrize(("moved", "status"), [(0.0, 0), (0.5, 1)])
+def test_same_says_which_figures_differ(
+    monkeypatch: pytest.MonkeyPatch, moved: float, status: int
+) -> None:
+    """On today's code against itself; one of the two is told to report something else."""
+    asked = []
+
+    def reports(bench: str, codes: tuple[Path, Path], seed: int, _: float) -> list[dict[str, Any]]:
+        asked.append((bench, seed))
+        return [REPORT, {**REPORT, "data": {"alarms": 0, "delays": [1.0, 2.0 + moved]}}]
+
+    monkeypatch.setattr(same, "code_before", todays_code)
+    monkeypatch.setattr(same, "reports", reports)
+    result = CliRunner().invoke(same.main, ["--bench", "paper", "--seeds", "2"])
+    assert result.exit_code == status
+    assert asked == [("paper", 1), ("paper", 2)]
+    assert f"3 figures, {3 - status} same, 0 noise, {status} differs" in result.stdout
+    assert ("delays / 1: 2, 2 before, 2.5, 2.5 today" in result.stdout) == bool(status)
+
+
+def test_same_without_the_code_before_has_nothing_to_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(same, "code_before", no_code)
+    result = CliRunner().invoke(same.main, [])
+    assert result.exit_code == 1
+    assert result.stderr.strip() == "Error: before: missing"
+
+
+def test_same_runs_a_bench_on_both_codes_at_once() -> None:
+    words = same.arguments("motor_position", 3, 0.05)
+    assert words[:5] == ["-m", "bench.motor_position", "--json", "--seed", "3"]
+    assert same.arguments("paper", 1, 9.0) == ["-m", "bench.paper", "--json", "--seed", "1"]
+    old, new = same.reports("motor_position", (ROOT, ROOT), 3, 0.05)
+    assert old == new
+    assert old["bench"] == "motor_position"
+    assert old["seed"] == 3
+
+
+def test_a_bench_that_fails_is_no_result(tmp_path: Path) -> None:
+    (tmp_path / "bench").mkdir()
+    (tmp_path / "bench" / "__init__.py").write_text("")
+    with pytest.raises(RuntimeError, match=r"bench.paper on .* ended with status 1"):
+        same.reports("paper", (tmp_path,), 1, 0.1)
