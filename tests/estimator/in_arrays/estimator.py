@@ -18,19 +18,21 @@ from estimator.motor_position import MotorPosition
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
-from tests.estimator.in_arrays.parts import (
+from tests.estimator.in_arrays.contacts import (
+    RAISED_PERIODS,
+    ContactDetector,
+    Residual,
+    ThresholdRaise,
+    touched_link,
+)
+from tests.estimator.in_arrays.motion import (
     ALIGNED,
     FRICTIONS,
-    RAISED_PERIODS,
     Alignment,
-    ContactDetector,
     FrictionTerms,
     Interval,
-    Residual,
     Stiction,
-    ThresholdRaise,
     displacement,
-    touched_link,
 )
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
