@@ -61,13 +61,13 @@ def _opened(path: str, flags: int) -> int:
         file = os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
     except OSError as error:
         if error.errno == errno.ENXIO:  # a socket
-            raise OSError(errno.EINVAL, "is no regular file", path) from error
+            raise OSError(errno.EINVAL, "is not a regular file", path) from error
         raise
     if stat.S_ISDIR(mode := os.fstat(file).st_mode):
         why: OSError = IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
     elif stat.S_ISREG(mode):
         return file
     else:
-        why = OSError(errno.EINVAL, "is no regular file", path)
+        why = OSError(errno.EINVAL, "is not a regular file", path)
     os.close(file)
     raise why

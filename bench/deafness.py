@@ -11,6 +11,7 @@ go on by itself before it was quiet, and sensed, for 2 s. Last, 1 % of each driv
 lost: in pairs for the delay, and for some minutes with nobody touching the arm.
 """
 
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,6 +26,7 @@ from bench.report import Target, print_report
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
 from bench.rigs.losses import Loss, Mask, Pattern, lossy_steps
+from daemon.commands.options import Range
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Sinusoid, Trajectory
 from daemon.faults.table import Condition
@@ -290,13 +292,16 @@ def untouched(arm: str, minutes: float, seed: int) -> Counter[str]:
         rig = run.rig
         ticks = round(60.0 * minutes / rig.robot.configuration.period_s)
         lost = ONE_PERCENT.drawn(rng, ticks, run.n)
-        for _ in lossy_steps(rig, run.wire, ONE_PERCENT, lost):
-            found.update(n.kind for n in rig.last.notices if n.kind == "contact")
-            if rig.mode is Mode.TRACKING and rig.last.armed:
-                continue
-            if finding := rig.tick.controller.finding:
-                found[finding.condition.value] += 1
-            _go_on(run)
+        steps = lossy_steps(rig, run.wire, ONE_PERCENT, lost)
+        label = f"{arm}, untouched"
+        with click.progressbar(steps, length=ticks, label=label, file=sys.stderr) as shown:
+            for _ in shown:
+                found.update(n.kind for n in rig.last.notices if n.kind == "contact")
+                if rig.mode is Mode.TRACKING and rig.last.armed:
+                    continue
+                if finding := rig.tick.controller.finding:
+                    found[finding.condition.value] += 1
+                _go_on(run)
     return found
 
 
@@ -368,9 +373,14 @@ def targets_of(
 
 
 @click.command(help=__doc__)
-@click.option("--repeat", default=2, help="Of the whole population.")
-@click.option("--pairs", default=60, help="Of pushes at 1 % of losses.")
-@click.option("--minutes", default=5.0, help="Untouched at 1 % of losses, for each arm.")
+@click.option("--repeat", type=click.IntRange(min=0), default=2, help="Of the whole population.")
+@click.option("--pairs", type=click.IntRange(min=0), default=60, help="Of pushes at 1 % of losses.")
+@click.option(
+    "--minutes",
+    type=Range(min=0.0),
+    default=5.0,
+    help="Untouched at 1 % of losses, for each arm.",
+)
 @click.option("--arm", "arms", multiple=True, type=click.Choice(list(ARMS)), help="Only this one.")
 @click.option("--json", "as_json", is_flag=True)
 def main(repeat: int, pairs: int, minutes: float, arms: tuple[str, ...], as_json: bool) -> None:

@@ -9,7 +9,7 @@ from daemon.config.identified import objections, parameters_known, parameters_mi
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row, sinusoids_of
 from daemon.config.schema import Configuration
-from daemon.faults.detector import DetectorSettings, FaultDetector
+from daemon.faults.detector import DetectorSettings, FaultDetector, patience_deaf
 from daemon.faults.following import Following, FollowingSettings
 from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility, PlausibilitySettings
@@ -72,7 +72,9 @@ def check_parameters(robot: Robot) -> Check:
     """Arming check of gaps, friction and thresholds: identified, or known otherwise. A loop over
     the links is closed without them: that is how friction is identified."""
     missing = parameters_missing(robot.identified, robot.configuration)
-    text = "; ".join(missing) or parameters_known(robot.configuration)
+    text = parameters_known(robot.identified, robot.configuration)
+    if missing:
+        text = "; ".join(missing) + "; what was identified since is used from the next start on"
     return Check(name="parameters", passed=not missing, text=text)
 
 
@@ -132,15 +134,10 @@ def build_transmission(c: Configuration) -> Transmission:
     )
 
 
-#: An arm may be deaf for so long, beside the 2.5 periods after which a joint is [s].
-DEAF_S = 0.06
-
-
 def build_fault_detector(c: Configuration) -> FaultDetector:
     """Detector of faults, with the bounds and the patience that the configuration gives it."""
     s = c.supervisor
-    deaf_ticks = min(max(int(DEAF_S / c.period_s + 1e-9), 1), 5)
-    patience = DetectorSettings(s.stale_ticks, s.overrun_ticks, deaf_ticks)
+    patience = DetectorSettings(s.stale_ticks, s.overrun_ticks, patience_deaf(c.period_s))
     bounds = PlausibilitySettings(
         lower=row(c, lambda j: j.limits.lower),
         upper=row(c, lambda j: j.limits.upper),

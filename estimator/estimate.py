@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from arrays import Vector
 from estimator.contact import Contact
 
+SENSED_PERIODS = 2.5
+"""A joint that was without a sample for longer senses nothing [periods]: its residual is old."""
+
 
 class Flag(IntFlag):
     """Conditions that limit what a tick's estimate is worth."""

@@ -11,7 +11,7 @@ import numpy as np
 from estimator.contact_detector import ContactDetector
 from estimator.dynamics import Dynamics
 from estimator.elementary import decay, smooth_sign
-from estimator.estimate import Flag
+from estimator.estimate import SENSED_PERIODS, Flag
 from estimator.interval import Interval
 from estimator.link_velocity import SAMPLES, Alignment
 from estimator.motor_position import MotorPosition, Side
@@ -23,6 +23,7 @@ from estimator.transmission import REST_VELOCITY, Transmission
 
 # For the compiler.
 _SAMPLES, _SIDE_UNKNOWN, _REST_VELOCITY = SAMPLES, int(Side.UNKNOWN), REST_VELOCITY
+_SENSED_PERIODS = SENSED_PERIODS
 _INVALID, _LATE, _RESTARTED = int(Flag.INVALID), int(Flag.LATE), int(Flag.RESTARTED)
 _STARTING, _BRIDGED, _RAISED = int(Flag.STARTING), int(Flag.BRIDGED), int(Flag.RAISED)
 _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA = range(5)  # rows of `interval.TERMS`
@@ -31,8 +32,6 @@ _STICTION = 10
 # An interval of so many periods is late; one of so many raises the levels of its joint: two samples
 # were missing.
 _LATE_PERIODS, _RAISED_PERIODS = 1.5, 2.5
-# A joint that was without a sample for longer senses nothing [periods]: its residual is old.
-_SENSED_PERIODS = 2.5
 # Over a longer gap nothing is bridged [periods]: Tustin's rule does not know what happened in it.
 _BRIDGED_PERIODS = 5.5
 

@@ -82,7 +82,8 @@ def read_script(path: Path) -> Script:
         script = msgspec.convert(yaml.load(text, _OnceLoader), type=Script)
         return tuple(sorted(script, key=lambda act: act.at_s))
     except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        raise ConfigurationError(f"{path}: hand script: {error}") from error
+        why = getattr(error, "strerror", None) or error
+        raise ConfigurationError(f"{path}: hand script: {why}") from error
 
 
 class Hand:

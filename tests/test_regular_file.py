@@ -1,4 +1,4 @@
-"""Files by a configured or derived path: what is no regular file is refused, not waited for."""
+"""Files by a configured or derived path: what is not a regular file is refused, not waited for."""
 
 import os
 import shutil
@@ -48,9 +48,9 @@ def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
         opened.bind(str(bound))
     held = len(os.listdir("/proc/self/fd"))
     for path in (fifo, bound, device):
-        with pytest.raises(OSError, match="is no regular file"):
+        with pytest.raises(OSError, match="is not a regular file"):
             open_regular(path)
-        with pytest.raises(OSError, match="is no regular file"):
+        with pytest.raises(OSError, match="is not a regular file"):
             read_text(path)
     assert len(os.listdir("/proc/self/fd")) == held
 
@@ -83,7 +83,7 @@ READERS: dict[str, Callable[[Path], object]] = {
 def test_no_reader_waits_for_a_fifo(tmp_path: Path, name: str) -> None:
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
-    with pytest.raises(ContactdError, match=f"{fifo}.*is no regular file"):
+    with pytest.raises(ContactdError, match=f"{fifo}.*is not a regular file"):
         READERS[name](fifo)
 
 
@@ -94,7 +94,7 @@ def test_no_part_of_a_robot_is_waited_for(tmp_path: Path, name: str) -> None:
     folder = tmp_path / "configs" / SINGLE_JOINT.name
     (folder / name).unlink(missing_ok=True)
     os.mkfifo(folder / name)
-    with pytest.raises(ContactdError, match=f"{name}.*is no regular file"):
+    with pytest.raises(ContactdError, match=f"{name}.*is not a regular file"):
         load_robot(folder)
 
 

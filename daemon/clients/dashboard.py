@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.clients.felt import felt_lines
-from daemon.clients.sensed import not_sensing, sensing_for_s
+from daemon.clients.sensed import lost_samples, not_sensing, sensing_for_s
 from daemon.modes.table import Mode
 from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Check, Grant, Snapshot, State, Status, Trajectory
@@ -229,6 +229,8 @@ def status_view(status: Status) -> RenderableType:
     table.add_row("loop", f"{status.ticks} ticks, {missed}, {work}")
     if (senses_s := sensing_for_s(status)) is not None:
         table.add_row("sensing", f"every joint, for {_duration(senses_s)}")
+    if words := lost_samples(status):
+        table.add_row("samples", Text(words, "yellow"))
     table.add_row("real time", _grants(status.realtime))
     uptime = _duration(status.uptime_s)
     table.add_row("process", f"pid {status.pid}, up {uptime}, {status.readers} readers")

@@ -5,6 +5,9 @@ from collections.abc import Sequence
 from daemon.modes.table import SENSING, Mode
 from daemon.protocol.messages import State, Status
 
+LOST = 0.01
+"""Share of lost samples from which on it is shown."""
+
 
 def not_sensing(shown: State | Status, joints: Sequence[str]) -> str:
     """Joints that do not sense contact now and for how long, in one line; empty if all do, and
@@ -30,6 +33,13 @@ def sensing_for_s(shown: State | Status) -> float | None:
     if not shown.sensing or not all(shown.sensing) or Mode(shown.mode) not in SENSING:
         return None
     return _now_s(shown) - max(shown.sensing_since_s or [0.0])
+
+
+def lost_samples(status: Status) -> str:
+    """Shares of their samples that joints lost of late, from 1 % on; empty if there are none."""
+    lost = zip(status.joints, status.lost or [], strict=False)
+    many = [f"{joint} {share:.0%}" for joint, share in lost if share >= LOST]
+    return f"lost of late: {', '.join(many)}" if many else ""
 
 
 def _now_s(shown: State | Status) -> float:

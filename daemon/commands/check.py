@@ -11,6 +11,7 @@ from rich.table import Table
 from daemon.assembly import build_setups
 from daemon.commands.felt_poses import felt_over_poses
 from daemon.config.bounds import near
+from daemon.config.identified import unarmable
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.config.worst_loads import Load, worst_loads
@@ -97,6 +98,8 @@ def print_check(config: Path) -> None:
             )
     for problem in near(c, robot.urdf):
         console.print(robot.in_words(problem), highlight=False, soft_wrap=True, markup=False)
+    for reason in unarmable(robot.identified, c, robot.urdf):
+        click.echo(f"`contactctl arm` will be refused: {reason}")
     click.echo(f"{robot.path}: good")
 
 

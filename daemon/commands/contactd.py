@@ -86,8 +86,9 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
 @main.command()
 @CONFIG
 def check(config: Path) -> None:
-    """Check a configuration and print what follows from it: quantities, PDOs, bus load, and how
-    far each joint still goes if the daemon dies."""
+    """Check a configuration and print what follows from it: quantities, PDOs, bus load, loads by
+    gravity, how far each joint still goes if its drive or the daemon fails, which touch is felt,
+    what comes near its bounds, and why `arm` would be refused."""
     from daemon.commands.check import print_check
 
     print_check(config)

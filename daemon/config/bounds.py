@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from daemon.config.problem import Keys, Problem, at
 from daemon.config.schema import Configuration, Joint
 from daemon.config.worst_loads import Load, worst_loads
+from daemon.faults.detector import patience_deaf
+from estimator.estimate import SENSED_PERIODS
 from estimator.model import Model
 from estimator.urdf import MovedLink, moved_links
 
@@ -26,6 +28,10 @@ NEAR = 0.7
 FELT = 0.5
 """Share of the motor's largest torque that a touch of a moving joint, friction, or what a rotor
 takes may be. Half is left for whoever is pressed: beyond, the motor gives out before it feels."""
+LEAST = 0.001
+"""Share of the motor's largest torque that a touch may be at least."""
+HEAVIEST = 30.0
+"""Times all other moving links together that one of three or more may weigh."""
 STRONGEST_BLOW = 3.0
 """Times the motor's largest torque: more than the gears of such motors are built for at once."""
 TOO_HEAVY = 2.0
@@ -91,7 +97,7 @@ def beyond(c: Configuration, urdf: str) -> list[Problem]:
 
 def near(c: Configuration, urdf: str) -> list[Problem]:
     """What comes near its bounds, of a configuration that is within them."""
-    return [b.problem for b in bounded(c, urdf) if b.near and not b.refused]
+    return [*_deaf(c), *(b.problem for b in bounded(c, urdf) if b.near and not b.refused)]
 
 
 def bounded(c: Configuration, urdf: str) -> Iterator[Bounded]:
@@ -105,16 +111,46 @@ def bounded(c: Configuration, urdf: str) -> Iterator[Bounded]:
         yield from _levels(i, joint, load.motor, c)
         yield from _transmission(i, joint, load.motor)
         yield from _links(c, joint, load)
-    for link in moved_links(urdf):
+    links = moved_links(urdf)
+    for link in links:
         yield _shape(c, link, reach)
+    if sum(link.mass > 0.0 for link in links) > 2:
+        for link in links:
+            yield _mass(c, link, sum(other.mass for other in links) - link.mass)
+
+
+def _deaf(c: Configuration) -> Iterator[Problem]:
+    """What may take longer than a touch should. Not refused: such an arm holds all the same."""
+    stale_s = c.supervisor.stale_ticks * c.period_s
+    if stale_s > LATEST_S:
+        yield Problem(
+            ["supervisor", "stale_ticks"],
+            "supervisor.stale_ticks",
+            f"{c.supervisor.stale_ticks} ticks: a drive that sends nothing is found after "
+            f"{stale_s:.3g} s, more than {LATEST_S:g} s, in which nobody knows where its joint "
+            "goes",
+        )
+    seconds = (SENSED_PERIODS + patience_deaf(c.period_s)) * c.period_s
+    if seconds > LATEST_S:
+        yield Problem(
+            ["period_ms"],
+            "period_ms",
+            f"{c.period_ms} ms: where samples go missing, the arm stops or holds only after "
+            f"{seconds:.2g} s in which a touch may not be felt; up to 40 ms it takes at most "
+            f"{LATEST_S:g} s",
+        )
 
 
 def _sensing(c: Configuration) -> Iterator[Bounded]:
-    slowest = math.log(2.0) / LATEST_S
-    why = f"so that a torque of twice its level is felt within ln 2 / gain = {LATEST_S:g} s"
+    # By the end of a tick, in which it is found.
+    slowest = math.log(2.0) / max(LATEST_S - c.period_s, 1e-9)
+    why = (
+        "so that a torque of twice its level is felt within ln 2 / gain and a period = "
+        f"{LATEST_S:g} s"
+    )
     gain = c.estimator.gain
     yield Bounded(["estimator", "gain"], "estimator.gain", gain, math.inf, "/s", why, slowest)
-    left = max(0.0, LATEST_S - math.log(2.0) / gain)
+    left = max(0.0, LATEST_S - c.period_s - math.log(2.0) / gain)
     ticks = 1.0 + left / c.period_s
     yield Bounded(
         ["estimator", "debounce"],
@@ -162,7 +198,9 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
         levels.contact,
         high,
         "Nm",
-        f"{FELT:g} of {of}: beyond, it presses with nearly all it has and feels nothing",
+        f"{LEAST:g} to {FELT:g} of {of}: beyond, it presses with nearly all it has and feels "
+        "nothing; below, its current's noise is a touch",
+        LEAST * motor,
     )
     speed = joint.limits.velocity
     yield Bounded(
@@ -251,6 +289,17 @@ def _links(c: Configuration, joint: Joint, load: Load) -> Iterator[Bounded]:
     needed, a = load.inertia * joint.limits.acceleration, joint.limits.acceleration
     what = f"{place}: inertia of {load.inertia:.4g} kg m2 at limits.acceleration ({a:g} rad/s2)"
     yield Bounded(["urdf"], what, needed, high, "Nm", of)
+
+
+def _mass(c: Configuration, link: MovedLink, others: float) -> Bounded:
+    return Bounded(
+        ["urdf"],
+        f"urdf ({c.urdf}), line {link.line}: link {link.name!r}",
+        link.mass,
+        HEAVIEST * others,
+        "kg",
+        f"{HEAVIEST:g} times all other moving links together: is it in kg?",
+    )
 
 
 def _shape(c: Configuration, link: MovedLink, reach: float) -> Bounded:

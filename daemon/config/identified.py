@@ -209,22 +209,32 @@ def unidentified(step: Step, found: Identified | None, c: Configuration) -> list
     ]
 
 
+def unarmable(found: Identified | None, c: Configuration, urdf: str) -> list[str]:
+    """Reasons why this arm will not be armed, whichever drives answer; empty if there are none."""
+    entries = found.joints if found is not None else {}
+    same = {name: entry.serial for name, entry in entries.items()}
+    return [*objections(found, c, urdf, same), *parameters_missing(found, c)]
+
+
 def parameters_missing(found: Identified | None, c: Configuration) -> list[str]:
-    """Reasons not to arm: the gaps, friction and thresholds that nobody has identified, each with
+    """Reasons not to arm: the gaps, friction and thresholds that the file does not have, each with
     the command to run; empty if there are none."""
     return [
-        f"{what} of {', '.join(names)} never identified ({command}; or, known otherwise, say how: "
+        f"{what} of {', '.join(names)} not identified ({command}; or, known otherwise, say how: "
         f"`known: {{{step}: ...}}` in config.yaml)"
         for step, what, command in _PARAMETERS
         if (names := unidentified(step, found, c))
     ]
 
 
-def parameters_known(c: Configuration) -> str:
+def parameters_known(found: Identified | None, c: Configuration) -> str:
     """Evidence that the parameters are right: identified, or how else they are known."""
+    entries = found.joints if found is not None else {}
     said: dict[tuple[str, str], list[str]] = {}
     for joint in c.joints:
         for step, how in joint.known.items():
+            if getattr(entries.get(joint.name), step, None) is not None:
+                continue
             said.setdefault((step, how), []).append(joint.name)
     if not said:
         return "gap, friction and thresholds of every joint are identified"

@@ -28,6 +28,16 @@ STARVED_FACTOR = 3
 LEAK = 0.5
 
 
+# Ticks with a joint that senses nothing, until the arm holds: so many, and no longer than that.
+DEAF_TICKS, DEAF_S = 5, 0.06
+
+
+def patience_deaf(period_s: float) -> int:
+    """Ticks that an arm with this period may go on with a joint that senses nothing, one at least.
+    It does so only after `SENSED_PERIODS`."""
+    return min(max(int(DEAF_S / period_s + 1e-9), 1), DEAF_TICKS)
+
+
 @dataclass(frozen=True, slots=True)
 class DetectorSettings:
     """Patience with a nuisance before it becomes a fault."""
@@ -35,7 +45,7 @@ class DetectorSettings:
     stale_ticks: int
     overrun_ticks: int
     # Ticks with a joint that senses nothing, less half of those with none, until the arm holds.
-    deaf_ticks: int = 5
+    deaf_ticks: int = DEAF_TICKS
 
 
 class FaultDetector:

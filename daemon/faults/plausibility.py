@@ -182,6 +182,8 @@ class Plausibility:
         # An integral drifts: what it was long ago says less and less of where the gap is.
         s = self._settings
         drift = s.motor_drift * dt + s.motor_scale_error * np.abs(self._advance)
+        # A motor this slow may turn, or its velocity be biased: both are taken for possible.
+        drift += np.abs(motor_velocity * dt - self._advance)
         self._highest -= drift
         self._lowest += drift
 

@@ -18,12 +18,16 @@ from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import SENSING
 from daemon.protocol.messages import Snapshot, State, printable
+from daemon.tick.sensing import HARMLESS
+from daemon.tick.telemetry import FLAG_NAMES
 from errors import ContactdError, LogError, ShortLogError
+from estimator.estimate import Flag
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 from regular_file import open_text
 
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position")
 _SENSING = frozenset(mode.value for mode in SENSING)
+_DOUBTS = {FLAG_NAMES[flag] for flag in Flag if flag not in HARMLESS}
 _APART_S = 10.0  # between recordings, so that they are stretches
 
 
@@ -35,7 +39,7 @@ class Measured:
     sha256: str
     residual: Matrix | None = None  # (N, n) [Nm]
     raised: Matrix | None = None  # (N, n) threshold in force beyond its level [Nm]
-    touched: NDArray[np.bool_] | None = None  # (N,) thresholded residual not zero
+    touched: NDArray[np.bool_] | None = None  # (N,) thresholded residual not zero, or not sure
     notes: tuple[str, ...] = ()
     outdated: str = ""  # recording whose residuals use other values than today's, in words
 
@@ -154,12 +158,14 @@ def from_states(
     }
     log = MotionLog(tuple(joints), np.array([s.time_s for s in used]), **columns)
     thresholded = np.array([s.thresholded for s in used])
+    # A residual that is old, or begins anew, and levels that are raised for it, teach nothing.
+    unsure = np.array([not all(s.sensing or [True]) or bool(_DOUBTS & {*s.flags}) for s in used])
     return Measured(
         log=log,
         sha256=_hash(log),
         residual=np.array([s.residual for s in used]),
         raised=np.array([s.threshold for s in used]),
-        touched=(thresholded != 0.0).any(axis=1),
+        touched=(thresholded != 0.0).any(axis=1) | unsure,
         notes=notes,
     )
 

@@ -1,5 +1,6 @@
 """Steps of the identification: from measurements to entries of `identified.yaml` and to text."""
 
+import math
 from dataclasses import dataclass, field
 
 import msgspec
@@ -9,8 +10,10 @@ from arrays import Vector
 from daemon.assembly import build_transmission
 from daemon.config import identified as file
 from daemon.config.load import Robot
+from daemon.config.motion import row
 from daemon.config.schema import Configuration, Friction, GapSpring, Levels
 from daemon.identify.measured import Measured
+from daemon.tick.arming_checks import RAISED
 from errors import LogError
 from estimator.identification.friction import (
     FrictionFit,
@@ -142,11 +145,26 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
         raise LogError("thresholds need residuals: a recording of `contactctl record`, not a CSV")
     if measured.outdated:
         raise LogError(f"{measured.outdated}: start the daemon again, and record anew")
+    hidden = _hidden_at_rest(c)
+    settings = _level_settings(c, per_hour, hidden)
     levels = identify_levels(
-        measured.log.joints, measured.log.period_s, r, raised, touched, _level_settings(c, per_hour)
+        measured.log.joints, measured.log.period_s, r, raised, touched, settings
     )
-    lines, entries = [], dict[str, file.Entry]()
-    for one, joint in zip(levels, c.joints, strict=True):
+    lines, entries, notes = [], dict[str, file.Entry](), list(measured.notes)
+    discarded_s = len(touched) * measured.log.period_s - levels[0].used_s
+    if touched.any():
+        notes.append(
+            f"{discarded_s:.0f} s discarded, in which a joint was beyond its contact level, or "
+            "samples were missing: if nobody touched the arm, contacts in the log were false, and "
+            "the new levels are too low; give higher ones in config.yaml, and measure again"
+        )
+    least = _least_at_rest(c, hidden)
+    for one, joint, rests, level in zip(levels, c.joints, hidden, least, strict=True):
+        if one.floored and one.contact == level:
+            notes.append(
+                f"{one.joint}: its friction hides {rests:.2g} Nm at rest, and `arm` is refused "
+                f"beyond {RAISED:g} times the contact level; less was seen"
+            )
         good = one.verdict is LevelVerdict.GOOD
         figures = ""
         if np.isfinite(one.contact):
@@ -158,7 +176,7 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
                 date=date,
                 log=measured.sha256,
                 thresholds=Levels(
-                    contact=float(f"{one.contact:.4g}"),
+                    contact=_rounded_up(one.contact),
                     collision=float(f"{one.collision:.4g}"),
                     # What grows with speed was in the raise, and is not in the level.
                     per_speed=joint.thresholds.per_speed,
@@ -166,14 +184,36 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
                 per_hour=per_hour,
                 largest=float(f"{one.largest:.4g}"),
             )
-    return Outcome(lines, entries, measured.notes)
+    return Outcome(lines, entries, tuple(notes))
 
 
-def _level_settings(c: Configuration, per_hour: float) -> LevelSettings:
-    """Floor and ceiling of the levels. Two counts of the current's noise, the floor, cannot be a
-    touch. The ceiling is a fifth of the drive's largest torque: a level above protects nobody."""
+def _rounded_up(level: float) -> float:
+    """To four digits: a level that is a bound must not fall below it."""
+    digits = 3 - math.floor(math.log10(level))
+    return math.ceil(level * 10.0**digits) / 10.0**digits
+
+
+def _hidden_at_rest(c: Configuration) -> Vector:
+    """Torque (n,) [Nm] that the friction of a joint at rest hides, at most."""
+    t = build_transmission(c)
+    hidden: Vector = (c.estimator.stiction_share + t.stiction) * t.engaged_coulomb
+    return hidden
+
+
+def _least_at_rest(c: Configuration, hidden: Vector) -> Vector:
+    """Contact levels (n,) [Nm] that are in force at rest at `RAISED` times their value: with what
+    is hidden, and the side of a gap not known."""
+    unsure = c.estimator.unknown_side_share * (row(c, lambda j: j.half_gap) > 0.0)
+    least: Vector = hidden / (RAISED - 1.0 - unsure)
+    return least
+
+
+def _level_settings(c: Configuration, per_hour: float, hidden: Vector) -> LevelSettings:
+    """Floor and ceiling of the levels. Two counts of the current's noise cannot be a touch, and
+    what is `hidden` (n,) [Nm] at rest raises a level no further than `arm` allows: the floor. The
+    ceiling is a fifth of the drive's largest torque: a level above protects nobody."""
     strongest = np.array([j.torque_constant * j.wiring.max_current_A for j in c.joints])
-    floor: Vector = 0.01 * strongest
+    floor: Vector = np.maximum(0.01 * strongest, _least_at_rest(c, hidden))
     return LevelSettings(per_hour, per_hour / 100.0, floor, 0.2 * strongest)
 
 

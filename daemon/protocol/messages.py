@@ -297,3 +297,4 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     felt: Felt | None = None  # None before the first samples
     sensing: list[bool] | None = None  # joints that sense contact now; None before the first tick
     sensing_since_s: PerJoint | None = None  # when that last changed, as `uptime_s` counts
+    lost: PerJoint | None = None  # share of the samples of late that went missing

@@ -1,10 +1,11 @@
 """Connections of the control socket, and the lines in which they stand.
 
 Each is either silent, and makes room for others the sooner the longer it has been so, or waits for
-its turn with one packet. Readers stand beside them and make room for nobody.
+its turn with what it said. Readers stand beside them and make room for nobody.
 """
 
 import socket
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
@@ -12,6 +13,7 @@ from typing import Final
 from daemon.protocol.socket_path import Peer
 
 MAX_CONNECTIONS: Final = 256  # silent ones cost nothing, loud ones wait for their turn
+MOST_SAID: Final = 8  # packets of a connection that are kept for its turns
 MAX_READERS: Final = 16
 MAX_READERS_OF_ONE_USER: Final = 8
 
@@ -24,9 +26,17 @@ class Connection:
     file: int  # its descriptor
     peer: Peer
     reads: bool = False
-    gone: bool = False  # it has hung up, and still is in the lines for what it said before
-    packet: bytes | None = None  # that waits for its turn; None if it was too long
-    poll: int = 0  # in which that packet came
+    gone: bool = False  # it says no more, and still is in the lines for what it said before
+    # Packets that wait for their turns, None if too long, each with a moment after which it was
+    # sent.
+    said: deque[tuple[bytes | None, int]] = field(default_factory=deque)
+    silent_at: int = 0  # the last moment at which it was known to have nothing more to say
+    looked: int = 0  # the last poll in which it had something to say
+
+    @property
+    def full(self) -> bool:
+        """True if the kernel keeps what else it says."""
+        return len(self.said) >= MOST_SAID
 
 
 @dataclass(slots=True)
@@ -53,14 +63,17 @@ class Connections:
             line.pop(connection.file, None)
 
     def wait(self, connection: Connection) -> None:
-        """Put one that has spoken at the end of those who wait for their turn."""
+        """Put one that has spoken at the end of those who wait, unless it waits already."""
         self._silent.pop(connection.file, None)
-        self.waiting[connection.file] = connection
+        self.waiting.setdefault(connection.file, connection)
 
     def next_turn(self) -> Connection:
-        """Whose turn it is; from now on it is silent again."""
+        """Whose turn it is; from now on it is the last of those who wait, or silent."""
         connection = self.waiting.pop(next(iter(self.waiting)))
-        self.served(connection)
+        if len(connection.said) > 1:
+            self.wait(connection)
+        else:
+            self.served(connection)
         return connection
 
     def served(self, connection: Connection) -> None:

@@ -4,11 +4,15 @@ AF_UNIX with message boundaries (SOCK_SEQPACKET): one JSON message is one packet
 connect is decided by the socket file's group; who did connect is known from the kernel, which is
 asked once more.
 
-**`stop` and `disarm` come first.** Every `poll` takes the next packet of everybody who has spoken
-and lets in everybody who waits outside; a stop among these is served on the spot, whatever else is
-waiting. All other requests are kept, one a connection, and get their turn: at most four a poll, and
-none is begun when the time is over, so that no client, however loud, takes more than a bounded
-share of a tick. A connection's own requests stay in their order.
+**`stop` and `disarm` come first.** Every `poll` takes what everybody has said and lets in everybody
+who waits outside; a stop among these is served on the spot, whatever else is waiting. All other
+requests are kept, eight a connection, and get their turn: at most four a poll, and none is begun
+when the time is over, so that no client, however loud, takes more than a bounded share of a tick. A
+connection's own requests stay in their order. Of who hangs up all is read at once.
+
+What lets the arm move is refused unless it was sent after the last stop: the connection said
+nothing more at some moment after that stop was served, or the stop was its own. Moments are counted
+by what is looked at and read.
 
 Where all places are taken, whoever has been silent longest makes room: those who only hold
 connections lock nobody out. Nor can one user hold all the places of readers.
@@ -44,7 +48,7 @@ from daemon.service.entrance import MOST_OUTSIDE, Entrance
 from errors import ContactdError
 
 TURNS_PER_POLL: Final = 4
-LAST_WORDS: Final = 32  # of who has hung up, among which a stop is looked for
+LAST_WORDS: Final = 1024  # of all who have hung up, read in one poll; the kernel keeps 300 of each
 SHORT_BYTES: Final = 128  # a stop is no longer; what is longer is looked at in its turn
 _MADE_ROOM: Final = msgspec.json.encode(
     Reply(
@@ -73,6 +77,11 @@ class ControlSocket:
         self._connections = Connections()
         self._poll = 0
         self._served_in: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)
+        self._moment = 0
+        self._stopped_at: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)  # each, by a moment
+        self._began, self._began_before = 0, 0  # moments: this poll, and the one before
+        self._last_words = LAST_WORDS
+        self._outside_silent_at = self._outside_looked = 0  # as of a connection
         self.spare = 0  # the number of a connection that never has to make room
         self.on_close: Listener = lambda _: None  # told of all that end, perhaps twice
         self._buffer = bytearray(MAX_REQUEST_BYTES)
@@ -111,6 +120,8 @@ class ControlSocket:
         One of each always does.
         """
         self._poll += 1
+        self._began_before, self._began = self._began, self._next_moment()
+        self._last_words = LAST_WORDS
         if events := self._epoll.poll(0, MAX_CONNECTIONS + 1):
             entrance = self._entrance.fileno()
             for file, what in events:
@@ -120,32 +131,41 @@ class ControlSocket:
                 self._let_in(handle, entrance_s)
         self._serve_in_turn(handle, turns_s)
 
+    def _next_moment(self) -> int:
+        self._moment += 1
+        return self._moment
+
     def _look_at(self, connection: Connection, handle: Handler, events: int) -> None:
-        if connection.file not in self._connections.waiting:
-            self._hear(connection, handle)
-        if events & select.EPOLLHUP and not connection.gone:
-            # What it said before waits for its turn; what it owned must not.
-            connection.gone = True
-            self.on_close(connection.peer)
+        if connection.gone:
+            return
+        if connection.looked < self._poll - 1:  # the poll before found nothing
+            connection.silent_at = self._began_before
+        connection.looked = self._poll
+        if events & select.EPOLLHUP:
+            self._hear_out(connection, handle)
+            if connection.file in self._connections.waiting:
+                # What it said before waits for its turn; what it owned must not.
+                self.on_close(connection.peer)
+        else:
+            self._hear_all(connection, handle)
 
     def _serve_in_turn(self, handle: Handler, turns_s: float) -> None:
         waiting = self._connections.waiting
         if not waiting:
             return
         deadline = time.monotonic() + turns_s
-        for _ in range(min(TURNS_PER_POLL, len(waiting))):
+        for _ in range(TURNS_PER_POLL):
             connection = self._connections.next_turn()
-            self._serve(connection, handle)
-            if time.monotonic() >= deadline:
+            packet, after = connection.said.popleft()
+            reply = self._answer(connection, packet, after, handle)
+            if not _has_hung_up(connection.socket):
+                self._send(connection, reply)
+            elif not connection.gone:
+                self._hear_out(connection, handle)
+            if connection.gone and not connection.said:
+                self._drop(connection)
+            if not waiting or time.monotonic() >= deadline:
                 return
-
-    def _serve(self, connection: Connection, handle: Handler) -> None:
-        reply = self._answer(connection, handle)
-        if _has_hung_up(connection.socket):
-            self._hear_out(connection, handle)
-            self._drop(connection)
-        else:
-            self._send(connection, reply)
 
     def publish(self, state: State) -> None:
         """Send `state` to every reader that has room for it; encoded once, if there is a reader."""
@@ -173,25 +193,31 @@ class ControlSocket:
 
     def _let_in(self, handle: Handler, entrance_s: float) -> None:
         """Let in those who wait outside, and hear at once what each has to say."""
+        if self._outside_looked < self._poll - 1:
+            self._outside_silent_at = self._began_before
+        self._outside_looked = self._poll
         deadline = time.monotonic() + entrance_s
         for _ in range(MOST_OUTSIDE):
             connection = self._entrance.next()
             if connection is None:
+                self._outside_silent_at = self._next_moment()
                 return
+            connection.silent_at, connection.looked = self._outside_silent_at, self._poll
             if self._connections.full:
                 self._make_room(handle)
             self._connections.add(connection)
             self._epoll.register(connection.file, select.EPOLLIN)
-            self._hear(connection, handle)
+            self._hear_all(connection, handle)
             if time.monotonic() >= deadline:
                 return
 
     def _make_room(self, handle: Handler) -> None:
         while self._connections.full:
             connection = self._connections.makes_room(self.spare)
-            waits = connection.file in self._connections.waiting
-            if waits or not self._hear(connection, handle):  # its last word may be a stop
-                break
+            if not connection.said and self._hear(connection, handle):
+                continue
+            self._hear_out(connection, handle)  # its last word may be a stop
+            break
         else:
             return
         with contextlib.suppress(OSError):
@@ -204,37 +230,48 @@ class ControlSocket:
         connection.gone = True
         self.on_close(connection.peer)
 
+    def _hear_all(self, connection: Connection, handle: Handler) -> None:
+        """Take what a connection has said, as far as it may be kept."""
+        while not connection.full and self._hear(connection, handle):
+            pass
+
+    def _hear_out(self, connection: Connection, handle: Handler) -> None:
+        """Take the last words of a connection, in several polls if there are many; a stop among
+        them counts, however many there are."""
+        while self._last_words:
+            self._last_words -= 1
+            if not self._hear(connection, handle):
+                return
+
     def _hear(self, connection: Connection, handle: Handler) -> bool:
         """Take the next packet of a connection: serve a stop at once, keep anything else for its
-        turn; a client that is gone is dropped. False if there was nothing to hear."""
+        turn if there is room. A client that says no more is gone, and dropped if it waits for no
+        turn. False if there was no packet."""
         try:
             size = self._receive(connection.socket)
         except BlockingIOError:
+            connection.silent_at = self._next_moment()
             return False
         except OSError:
             size = 0
-        if not size:
-            self._drop(connection)
-            return True
-        connection.packet = bytes(self._buffer[:size]) if size <= MAX_REQUEST_BYTES else None
-        connection.poll = self._poll
-        if size <= SHORT_BYTES and self._is_urgent(bytes(self._buffer[:size])):
-            self._connections.served(connection)
-            self._serve(connection, handle)
-        else:
+        if not size:  # an empty packet, which nobody sends, is an end, too
+            connection.gone = True
+            if not connection.said:
+                self._drop(connection)
+            return False
+        self._next_moment()
+        packet = bytes(self._buffer[:size]) if size <= MAX_REQUEST_BYTES else None
+        if packet is not None and self._is_urgent(packet):
+            if not connection.said:
+                self._connections.served(connection)
+            reply = self._answer(connection, packet, self._moment, handle)
+            if not _has_hung_up(connection.socket):
+                self._send(connection, reply)
+            connection.silent_at = self._moment  # what it says now comes after its own stop
+        elif not connection.full:
+            connection.said.append((packet, connection.silent_at))
             self._connections.wait(connection)
-        return True
-
-    def _hear_out(self, connection: Connection, handle: Handler) -> None:
-        """Look for a stop among the last words of who has hung up and waits for no answer."""
-        with contextlib.suppress(OSError):
-            for _ in range(LAST_WORDS):
-                size = self._receive(connection.socket)
-                if not size:
-                    return
-                if size <= SHORT_BYTES and self._is_urgent(bytes(self._buffer[:size])):
-                    connection.packet = bytes(self._buffer[:size])
-                    self._answer(connection, handle)
+        return not connection.gone
 
     def _receive(self, connected: socket.socket) -> int:
         """Size of the next packet, which may be more than there is room for; 0 at the end."""
@@ -245,8 +282,10 @@ class ControlSocket:
         return 0
 
     def _is_urgent(self, packet: bytes) -> bool:
-        """True for a bare `stop` or `disarm`, the first of its kind in this poll: the arm stops by
-        that one, and a flood of them must not keep others waiting."""
+        """True for a short, bare `stop` or `disarm`, the first of its kind in this poll: the arm
+        stops by that one, and a flood of them must not keep others waiting."""
+        if len(packet) > SHORT_BYTES:
+            return False
         try:
             request = self._decoder.decode(packet)
         except msgspec.DecodeError:
@@ -257,8 +296,10 @@ class ControlSocket:
             and self._served_in[request.command] != self._poll
         )
 
-    def _answer(self, connection: Connection, handle: Handler) -> Reply:
-        packet, connection.packet = connection.packet, None
+    def _answer(
+        self, connection: Connection, packet: bytes | None, after: int, handle: Handler
+    ) -> Reply:
+        """Carry out a packet that was sent after this moment."""
         if packet is None:
             return Reply(ok=False, message=f"a request has at most {MAX_REQUEST_BYTES} bytes")
         try:
@@ -269,7 +310,7 @@ class ControlSocket:
                 message=f'not a request: {error}; expected {{"command": ...}} with one of '
                 + ", ".join(COMMANDS),
             )
-        refusal = self._outdated(request, connection)
+        refusal = self._outdated(request, after, connection)
         if request.command == "subscribe":
             refusal = self._connections.refuse_reader(connection)
         if refusal:
@@ -278,20 +319,21 @@ class ControlSocket:
             reply = handle(request, connection.peer)
         except ContactdError as error:
             return Reply(ok=False, message=str(error))
-        if request.command in OUTDATED_BY:
+        if request.command in OUTDATED_BY and reply.ok:
             self._served_in[request.command] = self._poll
+            self._stopped_at[request.command] = self._next_moment()
         if request.command == "subscribe" and reply.ok:
             with contextlib.suppress(OSError):
                 connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
             self._connections.set_reading(connection, True)
         return reply
 
-    def _outdated(self, request: Request, connection: Connection) -> str:
+    def _outdated(self, request: Request, after: int, connection: Connection) -> str:
         """Reason why a request that lets the arm move is none any more; empty if it still is."""
         if request.command not in AWAITED:
             return ""
         for stop, outdated in OUTDATED_BY.items():
-            if request.command in outdated and connection.poll <= self._served_in[stop]:
+            if request.command in outdated and after < self._stopped_at[stop]:
                 return f"a {stop} overtook it; ask again"
         if _has_hung_up(connection.socket):
             return "nobody waits for the answer"

@@ -77,6 +77,7 @@ def status_of(
         felt=felt_now(tick) if machine.mode in SENSING else None,
         sensing=last.sensing.tolist() if last else None,
         sensing_since_s=last.sensing_since_s.tolist() if last else None,
+        lost=tick.losses.share.tolist(),
     )
 
 

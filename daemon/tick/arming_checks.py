@@ -17,6 +17,7 @@ from daemon.modes.table import ARMABLE, Mode, refusal
 from daemon.motion.limits import Limits
 from daemon.protocol.messages import Check
 from daemon.tick.record import TickRecord
+from daemon.tick.sensing import HARMLESS
 from daemon.tick.telemetry import FLAG_NAMES
 from drivers.answers import Samples
 from drivers.cia402 import FAULT_STATES, DriveState
@@ -53,6 +54,8 @@ LATE_TICKS, LATE_WITHIN_S = 2, 1.0
 # that comes to 4.7 on the arms shipped. Beyond, it is friction that decides what is felt, and
 # nobody who reads the configuration would expect it.
 RAISED = 5.0
+# A joint must have sensed for so long [s]: one that comes and goes would be armed in a good moment.
+SENSES_S = 0.25
 # Between two ticks the last one is at most a period old; a thousandth of it is rounding.
 OLDEST = 1.001  # periods
 # EMCY: the drive misses the master's heartbeat (CiA 301).
@@ -151,6 +154,7 @@ class ArmingChecks:
             *self._of_drives(silent, unset),
             *(check for check in self._settled if not check.passed),
             *self._of_estimate(record.estimate),
+            *self._of_sensing(record),
             *self._of_limits(record.samples),
             *self._of_loop(record.time_s, time_s),
         ]
@@ -189,8 +193,8 @@ class ArmingChecks:
             yield _failed("set-up", f"not set up: {', '.join(unset)} (`contactctl reset`)")
 
     def _of_estimate(self, estimate: Estimate) -> Iterator[Check]:
-        if estimate.flags:
-            words = ", ".join(FLAG_NAMES[flag] for flag in estimate.flags)
+        if doubts := estimate.flags & ~HARMLESS:
+            words = ", ".join(FLAG_NAMES[flag] for flag in doubts)
             yield _failed("estimator", f"the estimator is not ready: {words}")
         for i in np.flatnonzero(estimate.threshold > RAISED * self._contact).tolist():
             yield _failed(
@@ -208,6 +212,20 @@ class ArmingChecks:
                 f"{self._joints[i]} feels {estimate.residual[i]:+.2f} Nm, beyond its threshold of "
                 f"{estimate.threshold[i]:.2f} Nm: is somebody touching it?",
             )
+
+    def _of_sensing(self, record: TickRecord) -> Iterator[Check]:
+        for name, senses, since_s in zip(
+            self._joints, record.sensing.tolist(), record.sensing_since_s.tolist(), strict=True
+        ):
+            if not senses:
+                yield _failed("estimator", f"{name} does not sense contact")
+            elif (for_s := record.time_s - since_s) < SENSES_S:
+                yield _failed(
+                    "estimator",
+                    f"{name} has sensed contact for {for_s:.2f} s, which must be {SENSES_S:g} s: "
+                    "ask again (does it come and go? `contactctl status` says which samples are "
+                    "lost)",
+                )
 
     def _of_limits(self, samples: Samples) -> Iterator[Check]:
         q, limits = samples.link_position, self._limits

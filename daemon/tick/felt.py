@@ -13,14 +13,16 @@ def felt_now(tick: Tick) -> Felt | None:
     and at rest; None before the first estimate. A joint that does not sense now feels nothing."""
     if tick.last is None or tick.last.estimate is None:
         return None
-    estimator, q = tick.estimator, tick.last.estimate.q
+    estimator, estimate = tick.estimator, tick.last.estimate
+    # What samples that were missing have raised the levels by fades.
+    fading = estimate.threshold - estimator.levels_at(tick.last.samples.motor_velocity)
     fastest = tick.controller.motion.limits.velocity
     sensing = tick.last.sensing
     moving, resting = (
-        np.where(sensing, estimator.levels_at(speed), np.inf)
+        np.where(sensing, estimator.levels_at(speed) + np.maximum(fading, 0.0), np.inf)
         for speed in (fastest, np.zeros_like(fastest))
     )
-    jacobian = estimator.model.tool_jacobian(q)
+    jacobian = estimator.model.tool_jacobian(estimate.q)
     return Felt(
         joints=list(tick.drives.names),
         tool=estimator.model.tool,

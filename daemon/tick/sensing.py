@@ -20,7 +20,7 @@ SETTLED: Final = 4.0
 #: A joint that sensed for less at a stretch [s] does not sense again: it comes and goes.
 AGAIN_S: Final = 0.5
 #: Flags of an estimate that is right all the same: true intervals were used, gaps were bridged.
-_HARMLESS: Final = Flag.LATE | Flag.BRIDGED
+HARMLESS: Final = Flag.LATE | Flag.BRIDGED
 
 
 class Sensing:
@@ -43,7 +43,7 @@ class Sensing:
         """Take the estimate of this tick; None while there is none."""
         if estimate is None:
             return
-        if estimate.flags & ~(_HARMLESS | Flag.RAISED):
+        if estimate.flags & ~(HARMLESS | Flag.RAISED):
             self._unsettled_s = time_s
         if Flag.RAISED in estimate.flags:
             self._raised_s = time_s
@@ -54,7 +54,7 @@ class Sensing:
             self.joints = now
         self.settled = time_s - self._unsettled_s > self._settles_s
         # They fade with half the residual's gain.
-        raised = time_s - self._raised_s <= self._settles_s
+        raised = time_s - self._raised_s <= 2.0 * self._settles_s
         self.sure = self.settled and not raised and bool(now.all())
 
 

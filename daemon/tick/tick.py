@@ -17,6 +17,7 @@ from daemon.protocol.messages import Notice
 from daemon.tick.arming_checks import ArmingChecks, ArmingResult
 from daemon.tick.controller import ControlInput, Controller, Decision
 from daemon.tick.record import ON_TIME, TickRecord, Wakeup
+from daemon.tick.sample_losses import SampleLosses
 from daemon.tick.sensing import Sensing, SensingNews
 from daemon.tick.telemetry import contact_notice
 from drivers.answers import Samples
@@ -57,6 +58,7 @@ class Tick:
         self._sampled_s = np.full(len(drives.names), -period_s)  # time of the last samples
         self._sensing = Sensing(len(drives.names), estimator.settings.gain)
         self._sensing_news = SensingNews(drives.names)
+        self.losses = SampleLosses(drives.names, period_s)
         self._reported: frozenset[Finding] = frozenset()
         self._standstill = np.zeros(len(drives.names))
 
@@ -114,7 +116,9 @@ class Tick:
             quiet_s=self.controller.quiet.quiet_s,
             unproved=(unproved := self.drives.unproved()),
             silenced=self.drives.silenced,
-            notices=self._notices(findings, news, unproved),
+            notices=self._notices(
+                findings, news, unproved, self.losses.step(samples.fresh, complete=complete)
+            ),
         )
 
     def _estimated(self, samples: Samples, interval_s: float) -> Estimate | None:
@@ -203,11 +207,17 @@ class Tick:
         )
 
     def _notices(
-        self, findings: tuple[Finding, ...], sensed: Estimate | None, unproved: Sequence[str]
+        self,
+        findings: tuple[Finding, ...],
+        sensed: Estimate | None,
+        unproved: Sequence[str],
+        losses: Sequence[Notice],
     ) -> tuple[Notice, ...]:
-        """News of this tick. A finding is reported once until the latch is reset; contacts are
-        those of `sensed`, None where a brake may carry the arm and nothing is sensed."""
+        """News of this tick, with those of `losses`. A finding is reported once until the latch is
+        reset; contacts are those of `sensed`, None where a brake may carry the arm and nothing is
+        sensed."""
         notices = list(self._sensing_news.step(self._time_s, self._sensing, findings))
+        notices += losses
         if findings or self._reported:
             notices += [
                 Notice(kind="fault", text=str(finding))

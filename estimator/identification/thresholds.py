@@ -1,6 +1,6 @@
 """Thresholds from contact-free motion, at a chosen rate of false alarms."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -29,8 +29,8 @@ class LevelVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class LevelSettings:
-    """Allowed false alarms per joint and hour, and bounds of the levels [Nm], floors and ceilings
-    (n,).
+    """Allowed false alarms per joint and hour, and bounds of the contact levels [Nm], floors and
+    ceilings (n,).
 
     The collision level is at least `collision_factor` times the contact level.
     """
@@ -51,6 +51,8 @@ class LevelsResult:
     reason: str
     contact: float = float("nan")
     collision: float = float("nan")
+    floored: bool = False
+    """the contact level is its floor: less was seen"""
     largest: float = float("nan")
     """|r| without the raise near rest, in what was not frozen"""
     used_s: float = 0.0
@@ -108,11 +110,20 @@ def _of_joint(
         gumbel_level(maxima[:, i], settings.collision_per_hour),
         settings.collision_factor * contact,
     )
-    found = {"contact": contact, "collision": collision, "largest": largest, "used_s": used_s}
+    found = LevelsResult(
+        joint=name,
+        verdict=LevelVerdict.GOOD,
+        reason="",
+        contact=contact,
+        collision=collision,
+        floored=contact == floor,
+        largest=largest,
+        used_s=used_s,
+    )
     if contact > ceiling:
         about = f"{contact:.3g} Nm are needed, at most {ceiling:.3g} Nm are allowed"
-        return LevelsResult(joint=name, verdict=LevelVerdict.CEILING, reason=about, **found)
-    return LevelsResult(joint=name, verdict=LevelVerdict.GOOD, reason="", **found)
+        return replace(found, verdict=LevelVerdict.CEILING, reason=about)
+    return found
 
 
 def gumbel_level(maxima: Vector, per_hour: float) -> float:

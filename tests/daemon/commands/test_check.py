@@ -120,7 +120,8 @@ def test_an_arm_in_grams_or_millimetres_is_refused(tmp_path, scaled):
 def test_an_arm_that_its_motors_cannot_hold_everywhere_is_told(tmp_path):
     result = check(scaled_urdf(DESK_ARM, tmp_path, "mass value", 5.0))
     assert result.exit_code == 0
-    *_, exchange, warning, good = result.output.splitlines()
+    *_, exchange, warning, refused, good = result.output.splitlines()
+    assert "belongs to another configuration" in refused  # which the URDF is part of
     assert exchange.startswith("bus load")
     assert warning == (
         "swing: gravity is more than the motor can hold (5.672 Nm of 4.8 Nm): "
@@ -141,11 +142,28 @@ def test_what_comes_near_its_bounds_is_told_with_its_line(tmp_path):
     line = 1 + next(i for i, x in enumerate(config.read_text().splitlines()) if "4.3" in x)
     assert warning == (
         f"{config}:{line}: joints[0] (joint).thresholds.contact: 4.3 Nm comes near what can be: "
-        "up to 6 Nm, 0.5 of the motor's 12 Nm (torque_constant times max_current_A): beyond, it "
-        "presses with nearly all it has and feels nothing"
+        "0.012 to 6 Nm, 0.001 to 0.5 of the motor's 12 Nm (torque_constant times max_current_A): "
+        "beyond, it presses with nearly all it has and feels nothing; below, its current's noise "
+        "is a touch"
     )
     assert good.endswith("config.yaml: good")
     assert "comes near" not in check(SINGLE_JOINT).output
+
+
+def test_what_arm_would_refuse_is_told(tmp_path):
+    folder = shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
+    shutil.copytree(ROMEO, tmp_path / "romeo_left_arm")
+    config = folder / "config.yaml"
+    assert "will be refused" not in check(SINGLE_JOINT).output
+    config.write_text(re.sub(r"known: .*", "known: {gap: none}", config.read_text()))
+    (folder / "identified.yaml").unlink()
+    result = check(folder)
+    assert result.exit_code == 0
+    *_, wiring, friction, thresholds, good = result.output.splitlines()
+    for line, what in ((wiring, "wiring"), (friction, "friction"), (thresholds, "thresholds")):
+        assert line.startswith(f"`contactctl arm` will be refused: the {what} of joint ")
+        assert f"`contactd identify {what}`" in line
+    assert good.endswith("config.yaml: good")
 
 
 def test_the_tables_of_the_arm_fit_into_80_columns():

@@ -15,7 +15,9 @@ from daemon.assembly import build_estimator
 from daemon.config.bounds import beyond, bounded, near
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint
+from daemon.faults.detector import patience_deaf
 from errors import ConfigurationError
+from estimator.estimate import SENSED_PERIODS
 from estimator.interval import ROW
 from estimator.residual import Residual
 from estimator.settings import Variant
@@ -28,7 +30,16 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "levels of 800 Nm on a motor of 12": (
         SINGLE_JOINT, "config.yaml", "contact: 0.5, collision: 4.0",
         "contact: 800, collision: 900", "joints[0] (joint).thresholds.contact",
-        ("800 Nm is beyond", "up to 6 Nm", f"0.5 of the motor's 12 {OF_MOTOR}"),
+        ("800 Nm is beyond", "0.012 to 6 Nm", f"0.5 of the motor's 12 {OF_MOTOR}"),
+    ),
+    "levels below all noise": (
+        SINGLE_JOINT, "config.yaml", "contact: 0.5", "contact: 1e-12",
+        "joints[0] (joint).thresholds.contact", ("1e-12 Nm is beyond", "its current's noise"),
+    ),
+    "one link in grams": (
+        ROMEO, "arm.urdf", 'mass value="0.694[0-9]*"', 'mass value="694"',
+        "urdf (arm.urdf), line 20",
+        ("694 kg is beyond", "30 times all other moving links together: is it in kg?"),
     ),
     "a collision that no gear stands": (
         SINGLE_JOINT, "config.yaml", "collision: 4.0", "collision: 36.1",
@@ -38,11 +49,11 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "a residual that never rises": (
         SINGLE_JOINT, "config.yaml", "estimator:\n", "estimator:\n  gain: 1e-300\n",
         "estimator.gain",
-        ("1e-300 /s is beyond", "from 4.621 on /s", "felt within ln 2 / gain = 0.15 s"),
+        ("1e-300 /s is beyond", "from 4.951 on /s", "ln 2 / gain and a period = 0.15 s"),
     ),
     "a touch that must last too long": (
         SINGLE_JOINT, "config.yaml", "estimator:\n", "estimator:\n  debounce: 14\n",
-        "estimator.debounce", ("14 ticks is beyond", "up to 13.23 ticks", "ln 2 / gain"),
+        "estimator.debounce", ("14 ticks is beyond", "up to 12.23 ticks", "ln 2 / gain"),
     ),
     "levels that grow with speed": (
         SINGLE_JOINT, "config.yaml", "collision: 4.0}", "collision: 4.0, per_speed: 1e6}",
@@ -281,3 +292,17 @@ def test_the_check_can_fail() -> None:
     slow = msgspec.structs.replace(ROBOT.configuration.estimator, gain=3.0)
     assert not feels(msgspec.structs.replace(ROBOT.configuration, estimator=slow))
     assert feels(ROBOT.configuration)
+
+
+@pytest.mark.parametrize("period_ms", [1, 4, 10, 20, 40, 50, 100])
+def test_a_period_that_is_deaf_for_long_is_told(period_ms: int) -> None:
+    robot = load_robot(SINGLE_JOINT)
+    c = msgspec.structs.replace(robot.configuration, period_ms=period_ms)
+    told = [p.what for p in near(c, robot.urdf) if p.where == "period_ms"]
+    assert len(told) == (period_ms > 40)
+    patience = patience_deaf(period_ms / 1000)
+    assert 1 <= patience <= 5
+    if period_ms <= 40:
+        assert (SENSED_PERIODS + patience) * period_ms <= 150
+    # No sooner than it must: on a fast loop a few samples are no doubt.
+    assert patience == 5 or (patience + 1) * period_ms > 60

@@ -94,6 +94,11 @@ def test_all_that_is_missing_is_named(tmp_path: Path) -> None:
         assert command in reason
 
 
+def test_what_is_identified_is_not_known_otherwise(tmp_path: Path) -> None:
+    robot = arm(tmp_path, "{gap: of the data sheet, friction: by the maker}", "gap", "thresholds")
+    assert check_parameters(robot).text == "known otherwise: friction of all: by the maker"
+
+
 def test_nothing_known_otherwise(tmp_path: Path) -> None:
     check = check_parameters(arm(tmp_path, "", *ENTRIES))
     assert check == Check(
@@ -142,8 +147,9 @@ def test_joints_are_named_where_they_differ() -> None:
     )
     check = check_parameters(replace(robot, configuration=c))
     assert not check.passed
-    assert "the gap of swing never identified" in check.text
-    assert "the thresholds of column, swing never identified" in check.text
+    assert "the gap of swing not identified" in check.text
+    assert check.text.endswith("identified since is used from the next start on")
+    assert "the thresholds of column, swing not identified" in check.text
     assert "friction" not in check.text.partition("the thresholds")[0]
 
 
@@ -158,7 +164,7 @@ def test_without_them_the_arm_runs_and_is_not_armed() -> None:
         rig.enable()
         refused = rig.permit()
         assert len(refused) == 1
-        assert "the gap of joint never identified" in refused[0]
+        assert "the gap of joint not identified" in refused[0]
         rig.request(Event.START)
         rig.run(1.0)
         assert rig.mode is Mode.TRACKING

@@ -384,3 +384,12 @@ def test_every_finding_is_named_with_its_joint_and_figures() -> None:
         f"motor and link apart: shoulder (by 1.000 rad, {play})",
         f"motor and link apart: elbow (by 1.500 rad, {play})",
     ]
+
+
+def test_a_motor_that_creeps_under_a_hand_is_not_apart_from_its_link() -> None:
+    """Slower than what is integrated, for a minute; a link that goes on alone still is."""
+    joint = Joint(measured=False)
+    for k in range(6000):
+        assert joint.tick(0.0001 * k, velocity=0.01) == {}
+    found = [joint.tick(0.6 + 0.001 * k, velocity=0.01) for k in range(200)]
+    assert Condition.APART in found[-1]

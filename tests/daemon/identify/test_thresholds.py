@@ -13,6 +13,7 @@ from daemon.config.schema import Configuration
 from daemon.identify.measured import COLUMNS, from_csv, from_states, raised
 from daemon.identify.steps import thresholds_step
 from daemon.protocol.messages import State
+from daemon.tick.arming_checks import RAISED
 
 T = 0.01
 
@@ -69,6 +70,41 @@ def test_what_grows_with_speed_goes_on_to_grow(make_state, per_speed: float) -> 
         replace(robot, configuration=c), from_states(states, ["joint"]), 1.0, "2026-01-02"
     )
     assert outcome.entries["joint"].thresholds.per_speed == per_speed
+
+
+def test_a_level_is_one_that_arm_accepts_at_rest(make_state) -> None:
+    """Friction of 8 Nm, of which 0.35 may hide at rest, beside a residual of 0.2 Nm."""
+    robot = load_robot(SINGLE_JOINT)
+    (joint,) = robot.configuration.joints
+    rough = msgspec.structs.replace(joint.friction, motor_coulomb=8.0, stiction=0.0)
+    c = msgspec.structs.replace(
+        robot.configuration, joints=(msgspec.structs.replace(joint, friction=rough),)
+    )
+    states = raised(moved(make_state(0), 60.0, c, 0.0), c)
+    outcome = thresholds_step(
+        replace(robot, configuration=c), from_states(states, ["joint"]), 1.0, "2026-01-02"
+    )
+    hidden = c.estimator.stiction_share * (8.0 + rough.link_coulomb)
+    level = outcome.entries["joint"].thresholds.contact
+    unsure = c.estimator.unknown_side_share
+    raised_to = hidden + (1.0 + unsure) * level
+    assert raised_to == pytest.approx(RAISED * level, rel=1e-3)
+    assert raised_to <= RAISED * level
+    (note,) = outcome.notes
+    assert note.startswith(f"joint: its friction hides {hidden:.2g} Nm at rest")
+
+
+def test_what_was_discarded_is_told(make_state) -> None:
+    robot = load_robot(SINGLE_JOINT)
+    c = robot.configuration
+    states = raised(moved(make_state(0), 60.0, c, 0.0), c)
+    states[3000] = msgspec.structs.replace(states[3000], thresholded=[0.1])
+    outcome = thresholds_step(robot, from_states(states, ["joint"]), 1.0, "2026-01-02")
+    (note,) = outcome.notes
+    assert note.startswith(
+        "2 s discarded, in which a joint was beyond its contact level, or samples"
+    )
+    assert "joint" in outcome.entries
 
 
 def test_a_pause_is_no_part_of_rounded_times(tmp_path: Path) -> None:

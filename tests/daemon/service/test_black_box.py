@@ -320,10 +320,10 @@ def make_folder(path):
 @pytest.mark.parametrize(
     ("make", "word"),
     [
-        (make_fifo, "is no regular file"),
+        (make_fifo, "is not a regular file"),
         (make_link, "is a link, not a file"),
         (make_link_to_nothing, "is a link, not a file"),
-        (make_socket, "is no regular file"),
+        (make_socket, "is not a regular file"),
         (make_folder, "Is a directory"),
     ],
 )

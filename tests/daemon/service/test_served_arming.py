@@ -54,6 +54,7 @@ def test_arm_shows_every_check_and_who_armed(served: ServedDaemon) -> None:
 
 def test_arm_shows_what_the_arm_feels_now(served: ServedDaemon) -> None:
     served.rig.enable()
+    served.run(0.5)
     shown = served.contactctl("arm").stdout.splitlines()
     felt = json.loads(served.contactctl("--json", "arm").stdout)["felt"]
     rig = served.rig
@@ -61,7 +62,7 @@ def test_arm_shows_what_the_arm_feels_now(served: ServedDaemon) -> None:
     # At rest: the level in force, of an arm that rests.
     assert felt["resting"] == pytest.approx(rig.estimate.threshold.tolist(), rel=1e-3)
     unsure = 1.25 if rig.estimate.side[0] == Side.UNKNOWN else 1.0
-    assert felt["moving"] == [pytest.approx(unsure * joint.thresholds.contact)]
+    assert felt["moving"] == [pytest.approx(unsure * joint.thresholds.contact, rel=1e-3)]
     # A bar that hangs down, its centre 0.2 m below the joint: felt along x alone.
     assert felt["tool"] == "the centre of mass of bar"
     lever = 0.2
@@ -94,6 +95,7 @@ def test_before_the_first_samples_nothing_is_said_to_be_felt(served: ServedDaemo
 
 
 def test_arm_is_refused_with_the_checks_that_failed(served: ServedDaemon) -> None:
+    served.run(0.3)
     result = served.contactctl("arm")
     assert (result.exit_code, result.stdout) == (1, "")
     failed = [line for line in result.stderr.splitlines() if line.startswith("failed")]
@@ -184,6 +186,7 @@ def test_only_who_armed_renews(served: ServedDaemon, client: Client) -> None:
     assert "only they renew it" in refused.reasons[0]
     with Client(served.path) as another:
         assert served.contactctl("disarm").exit_code == 0
+        served.run(0.03)  # what is asked any sooner may be older than the disarm
         assert served.until(another.arm).ok
         assert not served.until(client.renew).ok
 

@@ -1,13 +1,15 @@
-"""Which joints sense contact, as the daemon's status says it."""
+"""Joints that sense contact, and what they feel, as the daemon's status says it."""
 
 import json
 from pathlib import Path
 
 import msgspec
+import pytest
 
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.served_daemon import served_daemon
 from daemon.config.schema import Configuration
+from daemon.tick.felt import felt_now
 from drivers.can.wire import Wire
 from drivers.codec import transmit_pdos
 
@@ -46,3 +48,31 @@ def test_status_says_which_joint_does_not_sense_and_since_when(tmp_path: Path) -
     assert "not sensing contact: joint for 0." in shown
     assert "every joint" not in shown
     assert "joint         nothing    nothing" in shown
+
+
+def test_a_level_that_fades_after_missing_samples_is_told(tmp_path: Path) -> None:
+    wires: list[FaultyWire] = []
+
+    def between(wire: Wire) -> FaultyWire:
+        wires.append(FaultyWire(wire))
+        return wires[0]
+
+    with served_daemon(tmp_path, configure=patient, between=between) as served:
+        served.rig.enable()
+        served.run(0.3)
+        before = felt_now(served.rig.tick)
+        (drive,) = served.rig.robot.configuration.joint_drives
+        wires[0].lost = {pdo.cob_id for pdo in transmit_pdos(drive)}
+        served.run(0.03)
+        wires[0].lost = set()
+        served.run(0.02)
+        after = felt_now(served.rig.tick)
+        assert before is not None
+        assert after is not None
+        (level,) = served.rig.estimate.threshold.tolist()
+        assert after.resting == [pytest.approx(level, rel=1e-3)]
+        (resting,), (moving,) = before.resting, before.moving
+        assert resting is not None
+        assert level > 1.3 * resting
+        # By as much in motion.
+        assert after.moving == [pytest.approx(moving + level - resting, rel=1e-3)]

@@ -78,7 +78,7 @@ def test_whatever_clients_do_a_tick_does_little_and_disarm_comes_through(
     assert served.rig.ticks - ticks < 60
     for one in opened:
         one.close()
-    served.run(0.5)
+    served.run(1.0)
     assert served.service.control.connections == 0
 
 

@@ -313,7 +313,7 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
         "too many late ticks (40 ms late)",
         "not heard from joint",
         "not set up: joint (`contactctl reset`)",
-        "the estimator is not ready: late, starting",
+        "the estimator is not ready: starting",
         f"{over}: is somebody touching it?",
         "the last tick is 40 ms old: ask again",
     )

@@ -148,7 +148,7 @@ def run(robot: Robot, harm, commands) -> tuple[FuzzedWire, list[Mode]]:
     return bus, modes
 
 
-USUAL = {3: [Event.ENABLE], 20: ["arm"], 25: [Event.START]}
+USUAL = {3: [Event.ENABLE], 30: ["arm"], 32: [Event.START]}
 
 
 def test_without_harm_it_moves(robot):

@@ -97,10 +97,10 @@ def test_raised_levels_are_settled_and_not_sure() -> None:
     told = Told().tell(ALL, 30)
     assert told.sensing.sure
     told.tell(ALL, 1, Flag.LATE | Flag.RAISED)
-    for _ in range(10):
+    for _ in range(20):
         assert (told.sensing.settled, told.sensing.sure) == (True, False)
         told.tell(ALL)
-    told.tell(ALL, 2)
+    told.tell(ALL, 14)
     assert told.sensing.sure
 
 

@@ -1,0 +1,50 @@
+"""Share of each joint's samples that go missing, and the news of it.
+
+Single ones are bridged and change nothing; whoever owns the cable wants to know of them all the
+same. Pure.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arrays import Vector
+from daemon.protocol.messages import Notice
+
+WITHIN_S: Final = 10.0
+"""Time constant of the share [s]."""
+#: Shares from which on losses are news, and below which they are over.
+MANY, FEW = 0.1, 0.02
+_NONE = 1e-4
+
+
+class SampleLosses:
+    """Losses of an arm of n joints, as of the last `step`."""
+
+    def __init__(self, names: Sequence[str], period_s: float) -> None:
+        """names: of the joints, (n,)."""
+        self.share: Vector = np.zeros(len(names))
+        """of the samples of late, (n,) [-]"""
+        self._names = tuple(names)
+        self._weight = period_s / WITHIN_S
+        self._any = False
+        self._told: set[int] = set()
+
+    def step(self, fresh: NDArray[np.bool_], *, complete: bool) -> tuple[Notice, ...]:
+        """Take one tick: which joints have a sample (n,), and whether all have. Returns news."""
+        if complete and not self._any:
+            return ()
+        self.share += (~fresh - self.share) * self._weight
+        self._any = bool(self.share.max() > _NONE)
+        many = set(np.flatnonzero(self.share > MANY).tolist()) - self._told
+        self._told = {i for i in self._told if self.share[i] > FEW} | many
+        if not many:
+            return ()
+        text = f"samples go missing: {self.in_words(sorted(many))}: cable, terminator, bus load?"
+        return (Notice(kind="mode", text=text),)
+
+    def in_words(self, joints: Sequence[int]) -> str:
+        """Shares of these joints."""
+        return ", ".join(f"{self._names[i]} {self.share[i]:.0%}" for i in joints)
