@@ -25,6 +25,6 @@ cdef class ContactDetector:
     @cython.locals(
         begun="long long", past="long long", streak="long long", begins=bint
     )
-    cpdef long long step(self, Py_ssize_t i, double residual, bint came, bint beside) noexcept
+    cpdef long long step(self, Py_ssize_t i, double residual, bint came, bint waits) noexcept
     cpdef Py_ssize_t touched_link(self, double[::1] residual) noexcept
     cpdef void reset(self, Py_ssize_t i) noexcept

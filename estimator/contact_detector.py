@@ -32,7 +32,7 @@ _MISSING_SHARE, _MISSING_MOST = 0.4, 1.2
 # Shares of its contact level: what a residual does not reach by the model's errors alone, and below
 # which it is clearly absent.
 _CLEAR, _ABSENT = 0.35, 0.175
-# Ticks for which a contact beside a missing sample may wait for it.
+# Ticks for which a contact may wait where samples are missing.
 _WAITS = 2
 
 
@@ -68,7 +68,7 @@ class ContactDetector:
         self.above = np.zeros(n)  # what is added to both levels in this tick
         # Ticks in a row past each level, signed as the residual.
         self.streak = np.zeros((2, n), dtype=np.int64)
-        # Ticks for which a contact has waited for the sample of another joint.
+        # Ticks for which a contact has waited where samples were missing.
         self.waited = np.zeros((2, n), dtype=np.int64)
         self.begins = np.zeros((2, n), dtype=np.int64)
 
@@ -100,12 +100,13 @@ class ContactDetector:
         self.above[i] = raised + self._per_speed[i] * speed
         return self.level_at(i, raised, speed)
 
-    def step(self, i: int, residual: float, came: bool, beside: bool) -> int:
+    def step(self, i: int, residual: float, came: bool, waits: bool) -> int:
         """Count what is past the levels in force; returns how many contacts of joint i begin.
 
-        Without a sample, unless it `came`, what counts is what counted before. `beside` a joint
-        without one a contact waits, for _WAITS ticks at most, for the tick that shows whether that
-        went on as it was taken to: what it did else is a torque on the others until then.
+        Without a sample, unless it `came`, what counts is what counted before. A contact waits for
+        the next tick, _WAITS times at most, beside a joint without a sample, which may not have
+        gone on as it was taken to: what it did else is a torque on the others until it is known;
+        and over an interval in which a sample was missing, whose mean may miss a knock in the gap.
         """
         begun = 0
         for k in range(2):
@@ -115,7 +116,7 @@ class ContactDetector:
             if came:
                 streak = past + self.streak[k, i] if past * self.streak[k, i] > 0 else past
                 begins = abs(streak) == self._debounce
-                if begins and beside and self.waited[k, i] < _WAITS:
+                if begins and waits and self.waited[k, i] < _WAITS:
                     self.waited[k, i] += 1
                     begins = False
                 else:

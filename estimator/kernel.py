@@ -23,6 +23,7 @@ from estimator.transmission import REST_VELOCITY, Transmission
 
 # For the compiler.
 _SAMPLES, _SIDE_UNKNOWN, _REST_VELOCITY = SAMPLES, int(Side.UNKNOWN), REST_VELOCITY
+_SENSED_PERIODS = SENSED_PERIODS
 _INVALID, _LATE, _RESTARTED = int(Flag.INVALID), int(Flag.LATE), int(Flag.RESTARTED)
 _STARTING, _BRIDGED, _RAISED = int(Flag.STARTING), int(Flag.BRIDGED), int(Flag.RAISED)
 _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA = range(5)  # rows of `interval.TERMS`
@@ -31,8 +32,6 @@ _STICTION = 10
 # An interval of so many periods is late; one of so many raises the levels of its joint: two samples
 # were missing.
 _LATE_PERIODS, _RAISED_PERIODS = 1.5, 2.5
-# A joint that was without a sample for longer senses nothing [periods]: its residual is old.
-_SENSED_PERIODS = SENSED_PERIODS
 # Over a longer gap nothing is bridged [periods]: Tustin's rule does not know what happened in it.
 _BRIDGED_PERIODS = 5.5
 
@@ -219,7 +218,8 @@ class Kernel:
         hidden = self.detector.hidden(i, rest, unknown, unsure, gap / self._period)
         self.threshold[i] = self.detector.put_in_force(i, hidden, abs(theta_dot), dt)
         came = self.came[i] != 0
-        self.begun += self.detector.step(i, self.residual.values[0, i], came, beside)
+        waits = beside or gap > _LATE_PERIODS * self._period
+        self.begun += self.detector.step(i, self.residual.values[0, i], came, waits)
         self.tau_M[i] = tau_M
         everything = q + q_dot + tau_M + position.theta[i] + position.sigma[i]
         return float(everything + self.threshold[i] + self.residual.sum(i))

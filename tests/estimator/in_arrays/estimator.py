@@ -18,19 +18,21 @@ from estimator.motor_position import MotorPosition
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
-from tests.estimator.in_arrays.parts import (
+from tests.estimator.in_arrays.contacts import (
+    RAISED_PERIODS,
+    ContactDetector,
+    Residual,
+    ThresholdRaise,
+    touched_link,
+)
+from tests.estimator.in_arrays.motion import (
     ALIGNED,
     FRICTIONS,
-    RAISED_PERIODS,
     Alignment,
-    ContactDetector,
     FrictionTerms,
     Interval,
-    Residual,
     Stiction,
-    ThresholdRaise,
     displacement,
-    touched_link,
 )
 
 # Sums of an interval's terms that the motor position needs; the residual's forms follow them.
@@ -255,7 +257,8 @@ class Estimator:
             flags |= Flag.RAISED
         hidden = self._threshold_raise.at(rest, self.stiction.unknown, side, periods)
         threshold = self.detector.thresholds(hidden, theta_dot, dt)
-        contacts = self.detector.step(self.residual.values[0], side, time_s, absent)
+        late = None if periods is None else periods > 1.5
+        contacts = self.detector.step(self.residual.values[0], side, time_s, absent, late)
         self._show(q, q_dot, tau_M, threshold)
         sensing = going & (self.since <= SENSED_PERIODS * self.period_s)
         return self._estimate(contacts, flags, sensing)
