@@ -95,7 +95,8 @@ def main(root: Path) -> int:
         build(root, root)
     except (OSError, subprocess.CalledProcessError) as error:
         for module in modules(root):
-            (root / f"{module}{SUFFIX}").unlink(missing_ok=True)
+            for extension in root.glob(f"{module}.*.so"):
+                extension.unlink()
         print(
             f"contactd: not compiled, runs as plain Python, some 50 times slower: {error}",
             file=sys.stderr,
