@@ -160,19 +160,20 @@ def test_collision_levels_are_raised_like_those_of_contacts() -> None:
 
 
 def raised(i: int, *, rest: float, unknown: float, side: Side, periods: float = 1.0) -> float:
-    detector = ContactDetector(("a", "b"), TRANSMISSION, LEVELS, SETTINGS)
+    levels = Thresholds(np.array([0.6, 2.0]), np.array([3.0, 4.0]))
+    detector = ContactDetector(("a", "b"), TRANSMISSION, levels, SETTINGS)
     return detector.hidden(i, rest, unknown, side == Side.UNKNOWN, periods)
 
 
 def test_at_rest_with_nothing_known_all_of_it_is_hidden() -> None:
-    # 0.25 and 0.4 of 2 Nm, and half of 1; 0.25 and 0.8 of 0.5 Nm, and no gap to be unsure of.
-    for i, hidden in enumerate((0.5 + 0.8 + 0.5, 0.125 + 0.4)):
+    # 0.25 and 0.4 of 2 Nm, and half of 0.6; 0.25 and 0.8 of 0.5 Nm, and no gap to be unsure of.
+    for i, hidden in enumerate((0.5 + 0.8 + 0.3, 0.125 + 0.4)):
         assert raised(i, rest=1.0, unknown=1.0, side=Side.UNKNOWN) == pytest.approx(hidden)
 
 
 @pytest.mark.parametrize("side", Side)
 def test_it_fades_with_motion_with_what_is_known_and_with_the_side(side: Side) -> None:
-    unsure = 0.5 * (side == Side.UNKNOWN)
+    unsure = 0.5 * 0.6 * (side == Side.UNKNOWN)
     assert raised(0, rest=0.5, unknown=0.25, side=side) == pytest.approx(
         0.5 * (0.5 + 0.25 * 0.8) + unsure
     )

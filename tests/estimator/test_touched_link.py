@@ -34,6 +34,7 @@ LEVEL = np.array([0.8, 0.5, 0.4])
         ([1.2, 0.34, 0.0], -1),  # perhaps the second
         ([1.2, 0.0, 0.2], -1),
         ([0.2, 0.1, 0.0], -1),
+        ([0.1, 0.1, 0.0], -1),
     ],
 )
 def test_pattern(strength: list[float], link: int) -> None:
