@@ -8,18 +8,23 @@ from daemon.tick.tick import Tick
 from estimator.tool_force import ToolSense, tool_sense
 
 
+FADING = 1.02
+"""Times its level from which on one that is in force counts as raised."""
+
+
 def felt_now(tick: Tick) -> Felt | None:
     """What it would feel in the pose of the last estimate, with every joint at its velocity limit,
     and at rest; None before the first estimate. A joint that does not sense now feels nothing."""
     if tick.last is None or tick.last.estimate is None:
         return None
     estimator, estimate = tick.estimator, tick.last.estimate
-    # What samples that were missing have raised the levels by fades.
-    fading = estimate.threshold - estimator.levels_at(tick.last.samples.motor_velocity)
+    # What samples that were missing have raised the levels by fades; less is the velocity's noise.
+    usual = estimator.levels_at(tick.last.samples.motor_velocity)
+    fading = np.where(estimate.threshold > FADING * usual, estimate.threshold - usual, 0.0)
     fastest = tick.controller.motion.limits.velocity
     sensing = tick.last.sensing
     moving, resting = (
-        np.where(sensing, estimator.levels_at(speed) + np.maximum(fading, 0.0), np.inf)
+        np.where(sensing, estimator.levels_at(speed) + fading, np.inf)
         for speed in (fastest, np.zeros_like(fastest))
     )
     jacobian = estimator.model.tool_jacobian(estimate.q)
