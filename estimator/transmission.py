@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from arrays import Vector
 from errors import ModelError
+from estimator.play import put_play
 
 REST_VELOCITY = 0.05  # [rad/s]
 CREEP = 0.003
@@ -84,10 +85,9 @@ class Transmission:
     def play(self, phi: Vector, sigma: Vector) -> Vector:
         """Way that each link may fall downwards and upwards while its motor stands, (2, n) [rad]:
         alpha + phi and alpha - phi, and phi's uncertainty `sigma`, never more than the gap."""
-        way = np.array((phi, -phi))
-        way += self.half_gap + sigma
-        within: Vector = np.minimum(np.maximum(way, 0.0), 2.0 * self.half_gap)
-        return within
+        way = np.empty((2, self.n))
+        put_play(self.half_gap, phi, sigma, way)
+        return way
 
     def _checked(self, name: str) -> Vector:
         try:

@@ -166,7 +166,7 @@ class FaultDetector:
     def _of_sensing(self, sensing: NDArray[np.bool_], settled: bool) -> Iterator[Finding]:
         if self._mode not in SENSING:
             self._deaf = 0.0
-        elif sensing.all():
+        elif all(sensing.tolist()):
             # A residual that begins anew again and again says as little as one that is old.
             self._deaf = max(self._deaf - LEAK * settled, 0.0)
         else:
@@ -213,10 +213,9 @@ class FaultDetector:
                 continue  # the hand that leads the arm is stronger than the motor
             yield finding
         if mode in SENSING:
-            not_following = self._following.not_following(
+            for joint in self._following.not_following(
                 samples.motor_velocity, samples.current, samples.fresh
-            )
-            for joint in np.flatnonzero(not_following).tolist():
+            ):
                 figures = self._following.figures(joint)
                 yield Finding(Condition.NOT_FOLLOWING, self._names[joint], figures)
             for joint in self._ignored.joints(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Vector
+from daemon.faults.measures import within
 
 #: A motor must differ for so many ticks in a row.
 TICKS: Final = 20
@@ -59,15 +60,15 @@ class Following:
 
     def not_following(
         self, velocity: Vector, current: Vector, fresh: NDArray[np.bool_]
-    ) -> NDArray[np.bool_]:
-        """Mask (n,) of drives that do not follow, from motor velocity [rad/s] and current [A] of
+    ) -> list[int]:
+        """Joints whose drives do not follow, from motor velocity [rad/s] and current [A] of
         those that are fresh."""
         deviation = self._settings.deviation
-        off = np.abs(velocity - self._setpoints[self._next - 1]) > deviation
-        if fresh.all() and not np.count_nonzero(off):
+        obeyed = within(velocity, self._setpoints[self._next - 1], deviation)
+        if obeyed and all(fresh.tolist()):
             # All obey the last setpoint: the usual tick need not look for more.
             self._in_row.fill(0)
-            return np.zeros(len(velocity), dtype=np.bool_)
+            return []
         slower = self._setpoints.min(axis=0) - velocity
         faster = velocity - self._setpoints.max(axis=0)
         np.maximum(slower, faster, out=self._off)
@@ -75,8 +76,7 @@ class Following:
         np.logical_and(faster > deviation, current > -self._pressing, out=self._too_fast)
         self._in_row += fresh
         self._in_row *= self._too_slow | self._too_fast | ~fresh
-        not_following: NDArray[np.bool_] = self._in_row >= TICKS
-        return not_following
+        return np.flatnonzero(self._in_row >= TICKS).tolist()
 
     def figures(self, joint: int) -> str:
         """Deviation of a joint from the nearest of its setpoints, and its bound, in words."""

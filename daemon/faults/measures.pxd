@@ -5,6 +5,9 @@ cimport cython
 cdef Py_ssize_t JUMP, OVERSPEED, TORQUE_STUCK, TORQUE_SATURATED
 cdef Py_ssize_t RESIDUAL_LIMIT, JOINT_LIMIT, FROZEN, APART, ROWS
 
+@cython.locals(good=bint)
+cpdef bint within(const double[:] a, const double[:] b, const double[:] bound) noexcept
+
 cdef class Measures:
     cdef readonly Py_ssize_t n
     cdef readonly double[:, ::1] bounds, measures

@@ -15,6 +15,14 @@ RESIDUAL_LIMIT, JOINT_LIMIT, FROZEN, APART = 4, 5, 6, 7
 ROWS = 8
 
 
+def within(a: Vector, b: Vector, bound: Vector) -> bool:
+    """True if no |a - b| is above its bound, each (n,)."""
+    good = True
+    for i in range(a.shape[0]):
+        good = good and abs(a[i] - b[i]) <= bound[i]
+    return good
+
+
 class Measures:
     """Figures and bounds (ROWS, n), SI at the link side, and what they are made of."""
 

@@ -7,7 +7,6 @@ from daemon.protocol.messages import Felt, ToolForce
 from daemon.tick.tick import Tick
 from estimator.tool_force import ToolSense, tool_sense
 
-
 FADING = 1.02
 """Times its level from which on one that is in force counts as raised."""
 

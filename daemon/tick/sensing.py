@@ -21,6 +21,7 @@ SETTLED: Final = 4.0
 AGAIN_S: Final = 0.5
 #: Flags of an estimate that is right all the same: true intervals were used, gaps were bridged.
 HARMLESS: Final = Flag.LATE | Flag.BRIDGED
+_UNSETTLED: Final = ~(HARMLESS | Flag.RAISED)
 
 
 class Sensing:
@@ -33,9 +34,10 @@ class Sensing:
         self.since_s: Vector = np.zeros(n)
         """when that last changed, of each (n,) [s]"""
         self.settled = False
-        """No residual is still on its way up from zero."""
+        """no residual is still on its way up from zero."""
         self.sure = False
-        """Every joint senses, settled, at levels that are not raised for missing samples."""
+        """every joint senses, settled, at levels that are not raised for missing samples."""
+        self._each = [False] * n  # `joints`
         self._settles_s = SETTLED / gain
         self._unsettled_s = self._raised_s = -np.inf
 
@@ -43,19 +45,19 @@ class Sensing:
         """Take the estimate of this tick; None while there is none."""
         if estimate is None:
             return
-        if estimate.flags & ~(HARMLESS | Flag.RAISED):
-            self._unsettled_s = time_s
-        if Flag.RAISED in estimate.flags:
-            self._raised_s = time_s
-        now = estimate.sensing
-        changed = now != self.joints
-        if changed.any():
-            self.since_s = np.where(changed, time_s, self.since_s)
-            self.joints = now
+        if estimate.flags:
+            if estimate.flags & _UNSETTLED:
+                self._unsettled_s = time_s
+            if Flag.RAISED in estimate.flags:
+                self._raised_s = time_s
+        now = estimate.sensing.tolist()
+        if now != self._each:
+            self.since_s = np.where(estimate.sensing != self.joints, time_s, self.since_s)
+            self.joints, self._each = estimate.sensing, now
         self.settled = time_s - self._unsettled_s > self._settles_s
         # They fade with half the residual's gain.
         raised = time_s - self._raised_s <= 2.0 * self._settles_s
-        self.sure = self.settled and not raised and bool(now.all())
+        self.sure = self.settled and not raised and all(now)
 
 
 class SensingNews:

@@ -76,6 +76,9 @@ class Tick:
         interval_s = time_s - before.time_s if before else self._period_s
         estimate = self._estimated(samples, interval_s)
         self._sensing.step(time_s, estimate)
+        gaps = time_s - self._sampled_s
+        if not complete:
+            gaps *= samples.fresh
         command = before.decision if before else None
         finite = _finite(estimate, command)
         findings = self._detector.findings(
@@ -85,12 +88,15 @@ class Tick:
             left_out=wakeup.left_out,
             setpoint=command.velocity if command else None,
             residual=estimate.residual if estimate and finite else None,
-            gaps=np.where(samples.fresh, time_s - self._sampled_s, 0.0),
+            gaps=gaps,
             finite=finite,
             sensing=self._sensing.joints,
             settled=self._sensing.settled,
         )
-        self._sampled_s[samples.fresh] = time_s
+        if complete:
+            self._sampled_s.fill(time_s)
+        else:
+            self._sampled_s[samples.fresh] = time_s
         self.arming_checks.watch(samples, findings, time_s)
         self.fatal = self.fatal or _fatal(findings)
         decision = self._decided(samples, estimate, findings, complete=complete)
@@ -201,7 +207,7 @@ class Tick:
             operating=tuple(state is DriveState.OPERATION_ENABLED for state in samples.states),
             statuswords=samples.statuswords,
             findings=findings,
-            recent=bool((samples.age_ticks <= RECENT_TICKS).all()),
+            recent=complete or bool((samples.age_ticks <= RECENT_TICKS).all()),
             age_s=None if complete else np.multiply(samples.age_ticks, self._period_s),
             play=self.estimator.transmission.play(estimate.phi, estimate.phi_sigma),
         )
@@ -261,7 +267,7 @@ class Tick:
 
 def _finite(estimate: Estimate | None, decision: Decision | None) -> bool:
     """True while estimate and reference are numbers, and while there are none."""
-    if estimate is not None and Flag.INVALID in estimate.flags:
+    if estimate is not None and estimate.flags and Flag.INVALID in estimate.flags:
         return False
     return decision is None or all_finite(decision.reference)
 
