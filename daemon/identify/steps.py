@@ -1,6 +1,5 @@
 """Steps of the identification: from measurements to entries of `identified.yaml` and to text."""
 
-import math
 from dataclasses import dataclass, field
 
 import msgspec
@@ -28,6 +27,10 @@ from estimator.identification.log_checks import refuse_implausible
 from estimator.identification.thresholds import LevelSettings, LevelVerdict, identify_levels
 from estimator.identification.wiring import check_wiring
 from estimator.model import Model
+
+
+# Of what `arm` allows: levels are rounded, and compared.
+NEARLY = 0.99
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +179,7 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
                 date=date,
                 log=measured.sha256,
                 thresholds=Levels(
-                    contact=_rounded_up(one.contact),
+                    contact=float(f"{one.contact:.4g}"),
                     collision=float(f"{one.collision:.4g}"),
                     # What grows with speed was in the raise, and is not in the level.
                     per_speed=joint.thresholds.per_speed,
@@ -187,12 +190,6 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
     return Outcome(lines, entries, tuple(notes))
 
 
-def _rounded_up(level: float) -> float:
-    """To four digits: a level that is a bound must not fall below it."""
-    digits = 3 - math.floor(math.log10(level))
-    return math.ceil(level * 10.0**digits) / 10.0**digits
-
-
 def _hidden_at_rest(c: Configuration) -> Vector:
     """Torque (n,) [Nm] that the friction of a joint at rest hides, at most."""
     t = build_transmission(c)
@@ -201,10 +198,10 @@ def _hidden_at_rest(c: Configuration) -> Vector:
 
 
 def _least_at_rest(c: Configuration, hidden: Vector) -> Vector:
-    """Contact levels (n,) [Nm] that are in force at rest at `RAISED` times their value: with what
-    is hidden, and the side of a gap not known."""
+    """Contact levels (n,) [Nm] that are in force at rest at nearly `RAISED` times their value: with
+    what is hidden, and the side of a gap not known."""
     unsure = c.estimator.unknown_side_share * (row(c, lambda j: j.half_gap) > 0.0)
-    least: Vector = hidden / (RAISED - 1.0 - unsure)
+    least: Vector = hidden / (NEARLY * RAISED - 1.0 - unsure)
     return least
 
 

@@ -88,7 +88,7 @@ def test_a_level_is_one_that_arm_accepts_at_rest(make_state) -> None:
     level = outcome.entries["joint"].thresholds.contact
     unsure = c.estimator.unknown_side_share
     raised_to = hidden + (1.0 + unsure) * level
-    assert raised_to == pytest.approx(RAISED * level, rel=1e-3)
+    assert raised_to == pytest.approx(RAISED * level, rel=0.02)
     assert raised_to <= RAISED * level
     (note,) = outcome.notes
     assert note.startswith(f"joint: its friction hides {hidden:.2g} Nm at rest")
