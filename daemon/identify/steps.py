@@ -28,7 +28,6 @@ from estimator.identification.thresholds import LevelSettings, LevelVerdict, ide
 from estimator.identification.wiring import check_wiring
 from estimator.model import Model
 
-
 # Of what `arm` allows: levels are rounded, and compared.
 NEARLY = 0.99
 
