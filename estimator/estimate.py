@@ -1,12 +1,13 @@
 """Result of the estimator for one tick."""
 
+from dataclasses import dataclass
 from enum import IntFlag
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
+from arrays import Matrix, Vector
 from estimator.contact import Contact
 
 SENSED_PERIODS = 2.5
@@ -64,3 +65,36 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     flags: Flag
     sensing: NDArray[np.bool_]
     """joints whose residual is made of samples that are at most `SENSED_PERIODS` old"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampleRows:
+    """Samples of many ticks, (ticks, n) or (ticks,), as `Estimator.step` takes those of one."""
+
+    current: Matrix
+    link_position: Matrix
+    motor_velocity: Matrix
+    motor_position: Matrix
+    """NaN where there is none"""
+    fresh: NDArray[np.bool_]
+    interval_s: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EstimateRows:
+    """What `Estimate` says, of many ticks: arrays of shape (ticks, n), or (ticks,)."""
+
+    q: Matrix
+    q_dot: Matrix
+    theta: Matrix
+    phi: Matrix
+    phi_sigma: Matrix
+    tau_M: Matrix
+    threshold: Matrix
+    thresholded: Matrix
+    side: NDArray[np.int8]
+    residual: Matrix
+    beside: dict[str, Matrix]
+    touched_link: NDArray[np.int64]
+    """index of its joint, -1 where no name is given"""
+    flags: NDArray[np.int64]

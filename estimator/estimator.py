@@ -8,7 +8,7 @@ and its own interval lasts until its next sample comes, so that no impulse is lo
 was wrong by is in the next increment.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from errors import ModelError
 from estimator import memory
 from estimator.contact import Contact
 from estimator.dynamics import Dynamics
-from estimator.estimate import Estimate, Flag
+from estimator.estimate import Estimate, EstimateRows, Flag, SampleRows
 from estimator.kernel import Kernel
 from estimator.model import Model
 from estimator.motor_position import Side
@@ -30,6 +30,8 @@ from estimator.transmission import Transmission, resting
 
 _FLAGS = tuple(Flag(i) for i in range(2 * max(Flag)))  # making one costs a microsecond
 _INVALID = int(Flag.INVALID)
+# Rows of what the kernel shows.
+_SHOWN = ("q", "q_dot", "theta", "phi", "phi_sigma", "tau_M", "threshold", "thresholded")
 
 
 class Estimator:
@@ -114,6 +116,41 @@ class Estimator:
         self._last = self._estimate(contacts, _FLAGS[flags])
         return self._last
 
+    def run(self, samples: SampleRows, resets: Collection[int] = ()) -> EstimateRows:
+        """Many ticks at once, as `step` takes them one by one; after those in `resets` as `reset`
+        does. Raises ModelError for arrays of another shape."""
+        N, n = samples.current.shape[0], self.model.n
+        rows = np.zeros((N, 4, n))
+        came, after = np.zeros((N, n), dtype=np.int64), np.zeros(N, dtype=np.int64)
+        for name in ("current", "link_position", "motor_velocity", "motor_position"):
+            if (shape := getattr(samples, name).shape) != (N, n):
+                raise ModelError(f"{name} is of shape {shape}; it must be {(N, n)}")
+        rows[:, 0], rows[:, 1], rows[:, 3] = (
+            samples.current,
+            samples.motor_velocity,
+            samples.link_position,
+        )
+        if self._measured:
+            rows[:, 2] = samples.motor_position
+        came[:], after[list(resets)] = samples.fresh, 1
+        shown, residuals = np.empty((N + 1, 8, n)), np.empty((N + 1, len(self.variants), n))
+        side, words = np.empty((N + 1, n), dtype=np.int8), np.empty((N + 1, 2), dtype=np.int64)
+        last, no_link = self._last, len(self.model.names)
+        shown[0], side[0] = [getattr(last, name) for name in _SHOWN], last.side
+        residuals[0] = [last.residual, *(last.beside[name] for _, name in self._beside)]
+        link = self._link_names.index(last.touched_link)
+        words[0] = last.flags, -1 if link == no_link else link
+        self._kernel.run(rows, came, samples.interval_s, after, shown, residuals, side, words)
+        self._last = self._estimate_of(shown[N], residuals[N], side[N], words[N].tolist())
+        return EstimateRows(
+            **{name: shown[1:, row] for row, name in enumerate(_SHOWN)},
+            side=side[1:],
+            residual=residuals[1:, 0],
+            beside={name: residuals[1:, row] for row, name in self._beside},
+            touched_link=words[1:, 1],
+            flags=words[1:, 0],
+        )
+
     def levels_at(self, speed: Vector) -> Vector:
         """Contact levels (n,) [Nm] that would be in force at motor speeds (n,) [rad/s], with what
         is known now of friction and gaps. Changes nothing."""
@@ -154,8 +191,25 @@ class Estimator:
             raise ModelError(f"{name} is {given}; it must be an array of shape {self._shape}")
 
     def _estimate(self, contacts: tuple[Contact, ...], flags: Flag) -> Estimate:
-        k, residuals, side = self._kernel, self.residuals.copy(), self._side.copy()
-        q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded = self._shown.copy()
+        return self._estimate_of(
+            self._shown.copy(),
+            self.residuals.copy(),
+            self._side.copy(),
+            (flags, self._kernel.touched_link),
+            contacts,
+        )
+
+    def _estimate_of(
+        self,
+        shown: Matrix,
+        residuals: Matrix,
+        side: NDArray[np.int8],
+        words: Sequence[int],
+        contacts: tuple[Contact, ...] = (),
+    ) -> Estimate:
+        """Of one tick: shown (8, n), residuals (variants, n), flags and touched link."""
+        flags, link = words
+        q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded = shown
         return Estimate(
             q=q,
             q_dot=q_dot,
@@ -169,7 +223,7 @@ class Estimator:
             threshold=threshold,
             thresholded=thresholded,
             contacts=contacts,
-            touched_link=self._link_names[k.touched_link],
-            flags=flags,
+            touched_link=self._link_names[link],
+            flags=_FLAGS[flags],
             sensing=self._sensing.copy(),
         )

@@ -41,6 +41,12 @@ cdef class Kernel:
 
     @cython.locals(valid=bint)
     cpdef long long step(self, double dt) noexcept
+    @cython.locals(flags="long long")
+    cpdef void run(
+        self, const double[:, :, ::1] samples, const long long[:, ::1] came, const double[::1] dt,
+        const long long[::1] resets, double[:, :, ::1] shown, double[:, :, ::1] residuals,
+        signed char[:, ::1] side, long long[:, ::1] words
+    ) noexcept
     cpdef void restart(self, Py_ssize_t i) noexcept
     cpdef void reset(self, Py_ssize_t i) noexcept
     cpdef void resume(self) noexcept

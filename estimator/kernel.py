@@ -7,7 +7,9 @@ What is not finite raises nothing here: the tick is taken back, and everything s
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
+from arrays import Vector
 from elementary import decay, smooth_sign
 from estimator.contact_detector import ContactDetector
 from estimator.dynamics import Dynamics
@@ -112,6 +114,42 @@ class Kernel:
                 self.restart(i)
                 self._still(i, self.q[i])
         return flags
+
+    def run(
+        self,
+        samples: NDArray[np.float64],
+        came: NDArray[np.int64],
+        dt: Vector,
+        resets: NDArray[np.int64],
+        shown: NDArray[np.float64],
+        residuals: NDArray[np.float64],
+        side: NDArray[np.int8],
+        words: NDArray[np.int64],
+    ) -> None:
+        """Step through N ticks: samples (N, 4, n), came (N, n) and dt (N,), with a reset after a
+        tick where `resets` (N,) is 1.
+
+        What comes out goes to rows 1 to N of shown (N + 1, 8, n), residuals (N + 1, variants, n),
+        side (N + 1, n), and words (N + 1, 2): flags and touched link. Row 0 is what was last; an
+        INVALID tick repeats the row before.
+        """
+        for k in range(dt.shape[0]):
+            for i in range(self.n):
+                self.came[i] = came[k, i]
+                for row in range(4):
+                    self.alignment.samples[row, i] = samples[k, row, i]
+            flags = self.step(dt[k])
+            words[k + 1, 0] = flags
+            if flags & _INVALID:
+                words[k + 1, 0], words[k + 1, 1] = _INVALID, words[k, 1]
+                shown[k + 1], residuals[k + 1], side[k + 1] = shown[k], residuals[k], side[k]
+            else:
+                words[k + 1, 1] = self.touched_link
+                shown[k + 1], residuals[k + 1] = self.shown, self.residual.values
+                side[k + 1] = self.motor_position.side
+            if resets[k]:
+                for i in range(self.n):
+                    self.reset(i)
 
     def restart(self, i: int) -> None:
         """Forget all samples of joint i, and with them where its rotor is in its gap."""

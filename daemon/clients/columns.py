@@ -5,7 +5,7 @@ was recorded, array by array. What State says in words is a code here, and what 
 another length is NaN, or a code that no estimate has: it equals nothing, like a damaged field.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, Final
@@ -13,10 +13,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
+from arrays import Matrix
 from daemon.protocol.messages import State
 from daemon.tick.telemetry import ESTIMATED, FLAG_NAMES, SIDE_NAMES
-from estimator.estimate import Estimate, Flag
+from estimator.estimate import EstimateRows, Flag, SampleRows
 
 SIDES: Final = {name: side for side, name in SIDE_NAMES.items()}
 NO_LINK: Final = -1  # code of no touched link
@@ -26,20 +26,6 @@ Columns = dict[str, NDArray[Any]]
 variants, and each of them has a column "beside NAME"."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Samples:
-    """What the estimator is given, (ticks, n) or (ticks,)."""
-
-    current: Matrix
-    link_position: Matrix
-    motor_velocity: Matrix
-    motor_position: Matrix
-    """NaN where there is none"""
-    fresh: NDArray[np.bool_]
-    interval_s: Vector
-    time_s: Vector
-
-
 @dataclass(frozen=True, slots=True)
 class Layout:
     """Joints and names of the residuals beside, to which the columns' shapes and codes belong."""
@@ -47,20 +33,19 @@ class Layout:
     joints: tuple[str, ...]
     beside: tuple[str, ...]
 
-    def samples(self, states: Sequence[State]) -> Samples:
+    def samples(self, states: Sequence[State]) -> SampleRows:
         """Samples in these States."""
 
         def column(name: str) -> Matrix:
             return self._matrix([getattr(state, name) for state in states])
 
-        return Samples(
+        return SampleRows(
             current=column("current"),
             link_position=column("link_position"),
             motor_velocity=column("motor_velocity"),
             motor_position=self._matrix([state.motor_position or () for state in states]),
             fresh=np.array([state.fresh for state in states], dtype=np.bool_),
             interval_s=np.array([state.interval_s for state in states]),
-            time_s=np.array([state.time_s for state in states]),
         )
 
     def recorded(self, states: Sequence[State]) -> Columns:
@@ -87,32 +72,16 @@ class Layout:
         shape = len(states), len(self.joints)
         return np.fromiter(codes, np.int8, shape[0] * shape[1]).reshape(shape)
 
-    def empty(self, ticks: int) -> Columns:
-        """Columns that `put` fills."""
-        fields = (*ESTIMATED, *(f"beside {name}" for name in self.beside))
-        words = ("touched_link", "beside", "flags")
+    def replayed(self, made: EstimateRows) -> Columns:
+        """The same fields of estimates."""
         return {
-            **{field: np.full((ticks, len(self.joints)), np.nan) for field in fields},
-            "side": np.zeros((ticks, len(self.joints)), dtype=np.int8),
-            **{field: np.zeros(ticks, dtype=np.int64) for field in words},
+            **{field: getattr(made, name) for field, name in ESTIMATED.items()},
+            "side": made.side,
+            "touched_link": made.touched_link,
+            "beside": np.zeros(len(made.flags), dtype=np.int64),
+            **{f"beside {name}": made.beside[name] for name in self.beside},
+            "flags": made.flags,
         }
-
-    def put(self, columns: Columns) -> Callable[[int, Estimate], None]:
-        """A function that writes the estimate of a tick into its row."""
-        fields = [(columns[field], name) for field, name in ESTIMATED.items()]
-        beside = [(columns[f"beside {name}"], name) for name in self.beside]
-        side, link, flags = columns["side"], columns["touched_link"], columns["flags"]
-        links = {name: link for link, name in enumerate(self.joints)} | {"": NO_LINK}
-
-        def put(row: int, estimate: Estimate) -> None:
-            for column, name in fields:
-                column[row] = getattr(estimate, name)
-            for column, name in beside:
-                column[row] = estimate.beside[name]
-            side[row], link[row] = estimate.side, links[estimate.touched_link]
-            flags[row] = estimate.flags
-
-        return put
 
     def in_words(self, columns: Columns, field: str, row: int) -> object:
         """Value of a State's field in a row, as State says it."""

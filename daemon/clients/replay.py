@@ -1,22 +1,19 @@
 """Replay of a recording: the estimator on its samples again, compared with it bit by bit.
 
 In batches of consecutive States: decoded, turned into arrays, stepped through, compared as arrays.
-Only the step itself is per State.
 
 Recordings of format 2 are of an estimator that did the same arithmetic in another order: they are
 compared to a tolerance, which the result says.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from daemon.assembly import build_estimator
-from daemon.clients.columns import Columns, Layout, Samples, first_difference
+from daemon.clients.columns import Columns, Layout, first_difference
 from daemon.clients.recorder import read_log
 from daemon.config.load import parse_configuration
 from daemon.modes.table import Mode
@@ -110,39 +107,6 @@ def batches(path: Path) -> Iterator[Snapshot | list[State]]:
         raise broken
 
 
-def stepped(
-    estimator: Estimator, samples: Samples, resets: Collection[int], layout: Layout
-) -> Columns:
-    """What the estimator makes of the samples; after these rows it is reset.
-
-    The only loop over ticks of a replay.
-    """
-    columns = layout.empty(len(samples.time_s))
-    put = layout.put(columns)
-    rows = zip(
-        samples.current,
-        samples.link_position,
-        samples.motor_velocity,
-        samples.motor_position,
-        samples.interval_s.tolist(),
-        samples.time_s.tolist(),
-        samples.fresh,
-        strict=True,
-    )
-    # What makes no finite number of them is flagged in the estimate.
-    with np.errstate(all="ignore"):
-        for row, (current, q, theta_dot, theta, interval_s, time_s, fresh) in enumerate(rows):
-            put(
-                row,
-                estimator.step(
-                    current, q, theta_dot, theta, interval_s, time_s=time_s, fresh=fresh
-                ),
-            )
-            if row in resets:
-                estimator.reset()
-    return columns
-
-
 class _Run:
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -190,11 +154,11 @@ class _Run:
         self.skipped += len(states) - len(whole)
         if self._estimator is not None and whole:
             samples = self._layout.samples(whole)
-            replayed = stepped(self._estimator, samples, self._resets(whole), self._layout)
+            made = self._estimator.run(samples, self._resets(whole))
             self.states += len(whole)
             self._tick, self._mode = whole[-1].tick, whole[-1].mode
             if self.difference is None:
-                self.difference = self._first_difference(whole, replayed)
+                self.difference = self._first_difference(whole, self._layout.replayed(made))
         if len(whole) < len(states):
             # The estimator's memory of the gap is lost until the next snapshot.
             self._estimator = None

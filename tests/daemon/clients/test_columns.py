@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -11,7 +12,7 @@ from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.clients.columns import Columns, Layout, first_difference
 from daemon.protocol.messages import State
 from daemon.tick.telemetry import estimated
-from estimator.estimate import Estimate, Flag
+from estimator.estimate import Estimate, EstimateRows, Flag
 
 STRANGE_VALUES = {
     "link_velocity": lambda old: [*old[:-1], np.nextafter(old[-1], 1.0)],
@@ -51,11 +52,20 @@ def _layout_of(joints: list[str], estimate: Estimate) -> Layout:
 
 
 def filled(layout: Layout, estimates: list[Estimate]) -> Columns:
-    columns = layout.empty(len(estimates))
-    put = layout.put(columns)
-    for row, estimate in enumerate(estimates):
-        put(row, estimate)
-    return columns
+    def rows(name: str) -> Any:
+        return np.array([getattr(estimate, name) for estimate in estimates])
+
+    vectors = ("q", "q_dot", "theta", "phi", "phi_sigma", "tau_M", "threshold", "thresholded")
+    links = {name: link for link, name in enumerate(layout.joints)} | {"": -1}
+    made = EstimateRows(
+        **{name: rows(name) for name in vectors},
+        side=rows("side"),
+        residual=rows("residual"),
+        beside={name: np.array([e.beside[name] for e in estimates]) for name in layout.beside},
+        touched_link=np.array([links[e.touched_link] for e in estimates]),
+        flags=np.array([int(e.flags) for e in estimates]),
+    )
+    return layout.replayed(made)
 
 
 def test_recorded_and_replayed_are_the_same_columns(
