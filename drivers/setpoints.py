@@ -1,8 +1,9 @@
 """RPDOs of all drives: controlwords and target velocities, written into frames that stay."""
 
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 from arrays import Vector
 from drivers.can.wire import Frame
@@ -17,7 +18,14 @@ class _Rpdo:
 
     data: bytearray
     layout: struct.Struct
-    picks: tuple[int, ...]
+    picked: Callable[[tuple[int, int]], tuple[int, ...]]
+
+
+def _picker(picks: tuple[int, ...]) -> Callable[[tuple[int, int]], tuple[int, ...]]:
+    """Function that takes what an RPDO carries; `itemgetter` of one alone makes no tuple."""
+    if len(picks) == 1:
+        return itemgetter(slice(picks[0], picks[0] + 1))
+    return itemgetter(*picks)
 
 
 class Setpoints:
@@ -36,7 +44,7 @@ class Setpoints:
             self._quick_stops.append([])
             for pdo in receive_pdos(drive):
                 picks = tuple(0 if part.entry == "controlword" else 1 for part in pdo.fields)
-                rpdo = _Rpdo(bytearray(pdo.layout.size), pdo.layout, picks)
+                rpdo = _Rpdo(bytearray(pdo.layout.size), pdo.layout, _picker(picks))
                 self._rpdos[-1].append(rpdo)
                 self._frames[-1].append((pdo.cob_id, rpdo.data))
                 stop = pdo.layout.pack(*((QUICK_STOP, still)[pick] for pick in picks))
@@ -78,6 +86,6 @@ class Setpoints:
             self._controlwords[i] = word
             values = (word, counts[i] if moves else standstill[i])
             for rpdo in rpdos:
-                rpdo.layout.pack_into(rpdo.data, 0, *[values[pick] for pick in rpdo.picks])
+                rpdo.layout.pack_into(rpdo.data, 0, *rpdo.picked(values))
         if error:
             raise error
