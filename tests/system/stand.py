@@ -61,7 +61,7 @@ def write_robot(folder: Path, bus: dict[str, Any]) -> None:
     drive.update(eds="drive.eds", heartbeat_ms=20000, master_timeout_ms=4000, sdo_timeout_ms=5000)
     c.update(period_ms=100, bus=bus, trajectory={"sinusoids": {"joint": {"amplitude": 0.3}}})
     c["trajectory"]["sinusoids"]["joint"]["frequency_Hz"] = 0.1
-    c["estimator"] = {**c.get("estimator", {}), "gain": 10.0}
+    c["estimator"] = {**c.get("estimator", {}), "gain": 15.0}
     # A virtual machine that stands still for a moment is no fault here.
     c["supervisor"] = {
         "stale_ticks": 20,
