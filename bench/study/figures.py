@@ -77,7 +77,7 @@ def _equal(a: Figure, b: Figure) -> bool:
     if not (isinstance(a, float) and isinstance(b, float)):
         return a == b
     # Sums in another order differ in their last digits.
-    return math.isclose(a, b, rel_tol=1e-6) or (math.isnan(a) and math.isnan(b))
+    return math.isclose(a, b, rel_tol=1e-9) or (math.isnan(a) and math.isnan(b))
 
 
 def _numbers(values: Sequence[Figure]) -> list[float] | None:

@@ -35,6 +35,7 @@ def test_figures_are_named_by_where_they_stand() -> None:
         ([1.0, 2.0, 3.0], [-1.5, -0.5, 0.5], "differs"),
         ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], "differs"),
         ([1.0], [1.0000001], "differs"),
+        ([1.0, math.nan], [1.0 + 1e-12, math.nan], "same"),
         (["yes", "no"], ["no", "no"], "noise"),
         (["yes", "yes"], ["yes", "no"], "differs"),
         ([1.0, None], [None, 1.0], "noise"),
