@@ -149,7 +149,7 @@ def test_frozen_for_a_while_a_fault_is_latched_until_somebody_resets_it(
     assert not service.request("enable").ok
     assert service.request("reset").ok
     service.wait_for_mode("off")
-    assert not energised(service)
+    wait_for(lambda: not energised(service), "drives without power")
 
 
 def test_frozen_for_good_the_watchdog_ends_it_and_the_next_energises_nothing(
