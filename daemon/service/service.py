@@ -44,7 +44,7 @@ AT_THE_END = frozenset({"status", "subscribe", "disarm", "stop", "disable"})
 SEEN_TO_STAND = frozenset({"disarm", "stop", "disable", "reset"})
 # Shares of the period after which, in a tick, nobody more is let in (who waits outside may want to
 # stop the arm), and after which no more requests are begun.
-ENTRANCE_SHARE = 0.3
+ENTRANCE_SHARE = 0.28
 TURNS_SHARE = 0.1
 
 _LEVELS = {"fault": logging.ERROR, "contact": logging.INFO, "mode": logging.INFO}

@@ -123,12 +123,13 @@ class ControlSocket:
         self._began_before, self._began = self._began, self._next_moment()
         self._last_words = LAST_WORDS
         if events := self._epoll.poll(0, MAX_CONNECTIONS + 1):
+            until_s = time.monotonic() + entrance_s  # with what those inside have said
             entrance = self._entrance.fileno()
             for file, what in events:
                 if file != entrance:
                     self._look_at(self._connections.all[file], handle, what)
             if any(file == entrance for file, _ in events):
-                self._let_in(handle, entrance_s)
+                self._let_in(handle, until_s)
         self._serve_in_turn(handle, turns_s)
 
     def _next_moment(self) -> int:
@@ -191,12 +192,11 @@ class ControlSocket:
         self._epoll.close()
         self._entrance.close()
 
-    def _let_in(self, handle: Handler, entrance_s: float) -> None:
+    def _let_in(self, handle: Handler, until_s: float) -> None:
         """Let in those who wait outside, and hear at once what each has to say."""
         if self._outside_looked < self._poll - 1:
             self._outside_silent_at = self._began_before
         self._outside_looked = self._poll
-        deadline = time.monotonic() + entrance_s
         for _ in range(MOST_OUTSIDE):
             connection = self._entrance.next()
             if connection is None:
@@ -208,7 +208,7 @@ class ControlSocket:
             self._connections.add(connection)
             self._epoll.register(connection.file, select.EPOLLIN)
             self._hear_all(connection, handle)
-            if time.monotonic() >= deadline:
+            if time.monotonic() >= until_s:
                 return
 
     def _make_room(self, handle: Handler) -> None:
