@@ -83,6 +83,8 @@ class Answers:
         self._started = np.zeros(n, dtype=np.bool_)
         self._starting = 0  # ticks left in which a drive may still be on its way to operational
         self._no_age = self._age_ticks = _frozen(np.zeros(n, dtype=np.int64))
+        self._statuswords: tuple[int, ...] = ()
+        self._states: tuple[DriveState, ...] = ()  # that they say
         self.samples = self._samples(_frozen(np.zeros(n, dtype=np.bool_)), ())
         """Samples of the last tick; before the first, NaN and unknown states."""
 
@@ -141,6 +143,9 @@ class Answers:
 
     def _samples(self, fresh: NDArray[np.bool_], events: tuple[BusEvent, ...]) -> Samples:
         decoder = self._decoder
+        if decoder.statuswords != self._statuswords:
+            self._statuswords = decoder.statuswords
+            self._states = tuple(map(drive_state, decoder.statuswords))
         return Samples(
             current=decoder.current,
             link_position=decoder.link_position,
@@ -148,7 +153,7 @@ class Answers:
             motor_position=decoder.motor_position,
             fresh=fresh,
             age_ticks=self._age_ticks,
-            states=tuple(map(drive_state, decoder.statuswords)),
+            states=self._states,
             statuswords=decoder.statuswords,
             events=events,
         )

@@ -104,7 +104,7 @@ class Estimator:
             if motor_position is not None:
                 self._check_shape("motor_position", motor_position)
             samples[2] = np.nan if motor_position is None else motor_position
-        self._came.fill(1) if fresh is None else np.copyto(self._came, fresh)
+        self._came[:] = True if fresh is None else fresh
         flags = self._kernel.step(dt)
         if flags & _INVALID:
             nothing = np.zeros(self._shape, dtype=np.bool_)

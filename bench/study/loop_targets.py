@@ -19,11 +19,8 @@ def targets_of(run: Run, *, load: bool) -> list[Target]:
     if run.joints > 1:
         cpu = run.cpu_us.at(50) / 1e3
         targets.append(Target(at + "CPU time of a tick, median", cpu, 0.5, "ms", "lower"))
-    # Where the machine stalls the arm stops, and a tick of a stopped arm is another.
-    stalled = run.rival_us is not None and run.rival_us.beyond(period_us) > 0
-    if not stalled:
-        tracking = float(run.mode == Mode.TRACKING)
-        targets.append(Target(at + "tracking at the end", tracking, 1.0, "", "higher"))
+    tracking = float(run.mode == Mode.TRACKING)
+    targets.append(Target(at + "tracking all the time", tracking, 1.0, "", "higher"))
     if run.waited and run.hz == 100:
         targets += _of_before(run, at)
     if run.rival_us is not None:

@@ -14,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -84,17 +85,16 @@ class Worker:
     """A process of `bench.workers.runner` on the code in a folder."""
 
     def __init__(self, name: str, code: Path, options: Mapping[str, Any]) -> None:
-        self._name = f"worker {name} on {code}"
-        environment = {**os.environ, "PYTHONPATH": str(code)}
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", str(RUNNER), name],
-            cwd=code,
-            env=environment,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        self._name, self._options = f"worker {name} on {code}", options
+        self._start = partial(_started, name, code)
+        self._process = self._start()
         self.send(options)
+
+    def begin_anew(self) -> None:
+        """Put a new process in its place, that is ready."""
+        self.close()
+        self._process = self._start()
+        self.ask(**self._options)
 
     def send(self, request: Mapping[str, Any]) -> None:
         """Ask for something, whose answer `receive` waits for."""
@@ -132,6 +132,17 @@ class Worker:
             self._process.wait()
         assert self._process.stdout is not None
         self._process.stdout.close()
+
+
+def _started(name: str, code: Path) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-P", str(RUNNER), name],
+        cwd=code,
+        env={**os.environ, "PYTHONPATH": str(code)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
 
 
 @dataclass(frozen=True, slots=True)

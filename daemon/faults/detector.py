@@ -118,7 +118,7 @@ class FaultDetector:
         found += self._of_events(samples.events)
         if not all(samples.fresh.tolist()):
             found += self._of_samples(samples)
-        elif np.count_nonzero(self._missing):
+        elif any(self._missing.tolist()):
             np.maximum(self._missing - 1, 0, out=self._missing)
         if sensing is not None:
             found += self._of_sensing(sensing, settled)

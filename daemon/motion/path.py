@@ -58,11 +58,13 @@ class Sinusoids:
 
     def offset(self, s: float) -> Vector:
         """Displacement [rad] at path time s [s]."""
-        return self.amplitude * np.sin(self.omega * s)
+        joints = zip(self.amplitude.tolist(), self.omega.tolist(), strict=True)
+        return np.array([a * math.sin(omega * s) for a, omega in joints])
 
     def slope(self, s: float) -> Vector:
         """d offset / d s [rad/s]."""
-        return self.amplitude * self.omega * np.cos(self.omega * s)
+        joints = zip(self.amplitude.tolist(), self.omega.tolist(), strict=True)
+        return np.array([a * omega * math.cos(omega * s) for a, omega in joints])
 
     def extent(self, s: float) -> tuple[Vector, Vector]:
         """Lowest and highest offset [rad]: the whole swing, which has no end."""

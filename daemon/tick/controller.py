@@ -230,7 +230,7 @@ class Controller:
         return self.machine.mode is Mode.OFF and time_s < self._reset_until_s
 
     def _feel(self, time_s: float, observed: ControlInput) -> None:
-        touched = bool(np.count_nonzero(observed.thresholded))
+        touched = any(observed.thresholded.tolist())
         self.quiet.sense(touched, time_s, sure=observed.sure)
         mode, armed, reactions = self.machine.mode, self.machine.armed, self._tuning.reactions
         retracting = mode is Mode.RETRACTING and self.motion.under_way

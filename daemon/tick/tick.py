@@ -27,6 +27,7 @@ from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 
 STOP_PROVED = "stop proved: every drive was seen to stand"
+_ON = DriveState.OPERATION_ENABLED
 # A sample as old as this still tells whether a joint stands.
 RECENT_TICKS = 2
 # Setpoints are never moved on by more than this at once, however late a tick comes [periods].
@@ -178,12 +179,9 @@ class Tick:
         touched = hit = ""
         # Both count as long as they last: a contact that began while the arm was stopping still
         # makes it yield, and what was run into is not over because the arm stands.
-        if np.count_nonzero(estimate.thresholded):
-            detector, names, residual = (
-                self.estimator.detector,
-                self.drives.names,
-                estimate.residual,
-            )
+        if any(estimate.thresholded.tolist()):
+            detector, names = self.estimator.detector, self.drives.names
+            residual = estimate.residual
             joints = detector.touched().tolist()
             if any(joints):
                 i = joints.index(True)
@@ -202,9 +200,9 @@ class Tick:
             thresholded=estimate.thresholded,
             touched=touched,
             hit=hit,
-            struck=any(one.level == "collision" for one in estimate.contacts),
+            struck=any([one.level == "collision" for one in estimate.contacts]),
             sure=self._sensing.sure,
-            operating=tuple(state is DriveState.OPERATION_ENABLED for state in samples.states),
+            operating=tuple([state is _ON for state in samples.states]),
             statuswords=samples.statuswords,
             findings=findings,
             recent=complete or bool((samples.age_ticks <= RECENT_TICKS).all()),

@@ -83,11 +83,28 @@ def test_loaded_at_250_hz_a_tick_takes_half_a_period_at_most(work_us: float, goo
     assert met(run(250, [one], []), load=True)["tick, p99"] is good
 
 
-def test_a_machine_that_stalls_excuses_the_arm_that_stopped() -> None:
+def test_an_arm_that_stopped_is_told_even_if_it_tracks_later() -> None:
     stopped = replace(turn(100.0), mode="holding")
-    assert met(run(100, [stopped], []))["tracking at the end"] is False
+    assert met(run(100, [stopped, turn(100.0)], []))["tracking all the time"] is False
+    assert met(run(100, [turn(100.0)], []))["tracking all the time"] is True
+
+
+def test_a_turn_is_repeated_only_where_the_machine_stalled() -> None:
+    stopped = replace(turn(100.0), mode="holding")
+    assert not stopped.stopped_by_machine(100)
     stalled = replace(stopped, rival_us=Distribution.of([10_001.0]))
-    assert "tracking at the end" not in met(run(100, [stalled], []))
+    assert stalled.stopped_by_machine(100)
+    assert not replace(stalled, mode=Mode.TRACKING).stopped_by_machine(100)
+
+
+def test_what_a_repeated_turn_missed_counts_and_its_cost_does_not() -> None:
+    stalled = replace(
+        turn(700.0, missed=9), mode="holding", rival_us=Distribution.of([10_001.0]), repeated=1
+    )
+    made = turn(100.0, missed=1).after(stalled)
+    found = run(100, [made], [])
+    assert (found.missed, found.repeated, found.rivals_missed) == (10, 2, 1)
+    assert found.cpu_us.at(50) == turn(100.0).figures["cpu_us"][0]
 
 
 def test_cyclictests_histogram_with_what_lies_beyond_it() -> None:
