@@ -60,6 +60,8 @@ class Stops:
     @property
     def unproved(self) -> list[int]:
         """Joints that are to stand and were not seen to."""
+        if not self.busy:
+            return []
         return [i for i, watch in enumerate(self._watches) if watch.unproved]
 
     @property

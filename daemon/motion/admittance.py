@@ -50,7 +50,7 @@ class Gains:
 
     def step(self, dt: float) -> None:
         """Move on by dt [s]."""
-        if np.count_nonzero(self._rate):
+        if any(self._rate.tolist()):
             left = self.goal - self.value
             reach = self._rate * dt
             arrived = np.abs(left) <= reach

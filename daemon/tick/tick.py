@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from arrays import Vector
 from daemon.faults.detector import FaultDetector
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition, Response
@@ -57,6 +58,8 @@ class Tick:
         self._period_s = period_s
         self._time_s = 0.0
         self._sampled_s = np.full(len(drives.names), -period_s)  # time of the last samples
+        self._gaps = np.zeros(len(drives.names))
+        self._was_complete = False  # of the samples before
         self._sensing = Sensing(len(drives.names), estimator.settings.gain)
         self._sensing_news = SensingNews(drives.names)
         self.losses = SampleLosses(drives.names, period_s)
@@ -77,9 +80,7 @@ class Tick:
         interval_s = time_s - before.time_s if before else self._period_s
         estimate = self._estimated(samples, interval_s)
         self._sensing.step(time_s, estimate)
-        gaps = time_s - self._sampled_s
-        if not complete:
-            gaps *= samples.fresh
+        gaps = self._gaps_of(samples, interval_s, complete=complete)
         command = before.decision if before else None
         finite = _finite(estimate, command)
         findings = self._detector.findings(
@@ -94,10 +95,6 @@ class Tick:
             sensing=self._sensing.joints,
             settled=self._sensing.settled,
         )
-        if complete:
-            self._sampled_s.fill(time_s)
-        else:
-            self._sampled_s[samples.fresh] = time_s
         self.arming_checks.watch(samples, findings, time_s)
         self.fatal = self.fatal or _fatal(findings)
         decision = self._decided(samples, estimate, findings, complete=complete)
@@ -127,6 +124,21 @@ class Tick:
                 findings, news, unproved, self.losses.step(samples.fresh, complete=complete)
             ),
         )
+
+    def _gaps_of(self, samples: Samples, interval_s: float, *, complete: bool) -> Vector:
+        """Time since the sample of each joint before this one (n,) [s], 0 where none came; until
+        the next tick."""
+        gaps, time_s = self._gaps, self._time_s
+        if complete and self._was_complete:
+            gaps.fill(interval_s)
+        else:
+            gaps[:] = samples.fresh * (time_s - self._sampled_s)
+        if complete:
+            self._sampled_s.fill(time_s)
+        else:
+            self._sampled_s[samples.fresh] = time_s
+        self._was_complete = complete
+        return gaps
 
     def _estimated(self, samples: Samples, interval_s: float) -> Estimate | None:
         """Estimate of this tick, once there was a sample of every joint."""
@@ -200,7 +212,7 @@ class Tick:
             thresholded=estimate.thresholded,
             touched=touched,
             hit=hit,
-            struck=any([one.level == "collision" for one in estimate.contacts]),
+            struck=any(one.level == "collision" for one in estimate.contacts),
             sure=self._sensing.sure,
             operating=tuple([state is _ON for state in samples.states]),
             statuswords=samples.statuswords,
