@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bench.study.pairs import Ratio, Sides, Worker, in_turns, ratio, sides
 from bench.study.wakeups import Distribution, Rival, a_rival
 from daemon.modes.table import Mode
-from daemon.tick.loop import ANSWER_SHARE
+from daemon.tick.loop import deadlines_left_out
 
 # Of one side's turn: long enough for its median, short enough that both sides meet one machine.
 TURN_S: Final = 5
@@ -84,9 +84,11 @@ class Run:
 
     @property
     def rivals_missed(self) -> int:
-        """Wake-ups of the rival that, as late, would have cost the loop a deadline."""
-        limit = (1.0 - ANSWER_SHARE) * 1e6 / self.hz
-        return 0 if self.rival_us is None else self.rival_us.beyond(limit)
+        """Deadlines that the rival's late wake-ups would have cost the loop."""
+        if self.rival_us is None:
+            return 0
+        late = zip(self.rival_us.values.tolist(), self.rival_us.counts.tolist(), strict=True)
+        return sum(count * deadlines_left_out(us * 1e-6 * self.hz) for us, count in late)
 
     def data(self) -> dict[str, Any]:
         """Measurements for JSON."""

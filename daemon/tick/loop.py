@@ -25,6 +25,12 @@ class Clock:
     wall: Callable[[], float]  # Unix time [s]; shown and recorded, decides nothing
 
 
+def deadlines_left_out(lateness: float) -> int:
+    """Deadlines that a wake-up costs which is so many periods late: the next of the grid must leave
+    its tick the time for the drives' answers."""
+    return max(math.ceil(lateness + ANSWER_SHARE) - 1, 0)
+
+
 class Loop:
     """Loop over `tick`, every `period_s` until it is told to stop."""
 
@@ -68,8 +74,7 @@ class Loop:
         clock.sleep_until(deadline)
         woken = clock.now()
         lateness = woken - deadline
-        # The first deadline of the grid that leaves this tick its time.
-        left_out = max(math.ceil(lateness / period + ANSWER_SHARE) - 1, 0)
+        left_out = deadlines_left_out(lateness / period)
         self.missed += left_out
         self._deadline_s = deadline + (1 + left_out) * period
         wakeup = Wakeup(

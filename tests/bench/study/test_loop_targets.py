@@ -107,6 +107,11 @@ def test_what_a_repeated_turn_missed_counts_and_its_cost_does_not() -> None:
     assert found.cpu_us.at(50) == turn(100.0).figures["cpu_us"][0]
 
 
+def test_a_rival_that_sleeps_through_periods_misses_each_of_their_deadlines() -> None:
+    late = replace(turn(100.0), rival_us=Distribution.of([4_000.0, 9_500.0, 20_100.0, 20_100.0]))
+    assert run(100, [late], []).rivals_missed == 0 + 1 + 2 * 2
+
+
 def test_cyclictests_histogram_with_what_lies_beyond_it() -> None:
     thread = {"histogram": {"3": 5, "10": 2}, "cycles": 9, "max": 120_000}
     found = histogram({"thread": {"0": thread}})
