@@ -77,7 +77,7 @@ def measure(found: Sides, arm: str, rounds: int) -> tuple[Shares, Shares | None,
 @click.command(help=__doc__)
 @click.option(
     "--minutes",
-    type=click.FloatRange(0.05, 60.0),
+    type=click.FloatRange(0.02, 60.0),
     default=2.0,
     show_default=True,
     help="Of each arm.",
