@@ -79,16 +79,24 @@ class Run:
     rival: str  # what woke up beside it
     rival_us: Distribution | None
     to_before: dict[str, Ratio]  # empty without a code before
+    rival_threads: int = 1
     repeated: int = 0  # turns of today in which the machine stalled and the arm stopped
     waited: bool = True  # for its deadlines: lateness and work are of real time
 
     @property
-    def rivals_missed(self) -> int:
-        """Deadlines that the rival's late wake-ups would have cost the loop."""
+    def rivals_missed(self) -> float:
+        """Deadlines that a rival's late wake-ups would have cost the loop, mean of its threads."""
         if self.rival_us is None:
-            return 0
+            return 0.0
         late = zip(self.rival_us.values.tolist(), self.rival_us.counts.tolist(), strict=True)
-        return sum(count * deadlines_left_out(us * 1e-6 * self.hz) for us, count in late)
+        cost = sum(count * deadlines_left_out(us * 1e-6 * self.hz) for us, count in late)
+        return float(cost / self.rival_threads)
+
+    @property
+    def rivals_late(self) -> float:
+        """Wake-ups of the rival later than a period, mean of its threads."""
+        late = 0 if self.rival_us is None else self.rival_us.beyond(1e6 / self.hz)
+        return late / self.rival_threads
 
     def data(self) -> dict[str, Any]:
         """Measurements for JSON."""
@@ -139,8 +147,8 @@ def measure(hz: int, seconds: int, before: Path | None, *, load: bool, waits: bo
             return made
 
         today, then = in_turns(found, math.ceil(seconds / turn_s), turn)
-    name = "" if rival is None else rival.name
-    return run_of(hz, today, then, rival=name, waited=waits)
+    name, threads = ("", 1) if rival is None else (rival.name, rival.threads)
+    return run_of(hz, today, then, rival=name, threads=threads, waited=waits)
 
 
 def _turn(worker: Worker, seconds: int, hz: int, rival: Rival | None, missed: int) -> Turn:
@@ -158,7 +166,13 @@ def _turn(worker: Worker, seconds: int, hz: int, rival: Rival | None, missed: in
 
 
 def run_of(
-    hz: int, today: Sequence[Turn], before: Sequence[Turn], *, rival: str, waited: bool
+    hz: int,
+    today: Sequence[Turn],
+    before: Sequence[Turn],
+    *,
+    rival: str,
+    waited: bool,
+    threads: int = 1,
 ) -> Run:
     """Figures of all turns together, and their ratios turn by turn."""
     whole = {name: np.concatenate([turn.figures[name] for turn in today]) for name in FIGURES}
@@ -179,6 +193,7 @@ def run_of(
         work_us=Distribution.of(whole["work_us"]),
         setpoint_us=Distribution.of(whole["setpoint_us"]),
         rival=rival,
+        rival_threads=threads,
         rival_us=sum(beside[1:], beside[0]) if beside else None,
         to_before=to_before(today, before),
         waited=waited,

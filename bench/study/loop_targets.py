@@ -46,7 +46,7 @@ def _of_before(run: Run, at: str) -> list[Target]:
 def _of_wakeups(run: Run, at: str, period_us: float) -> list[Target]:
     assert run.rival_us is not None
     ratio = run.lateness_us.at(50) / max(run.rival_us.at(50), 1.0)
-    late, others = run.lateness_us.beyond(period_us), run.rival_us.beyond(period_us)
+    late, others = run.lateness_us.beyond(period_us), run.rivals_late
     name = f"wake-ups later than a period, at most the {run.rival}'s"
     return [
         Target(f"{at}median lateness over the {run.rival}'s", ratio, 2.0, "", "lower"),

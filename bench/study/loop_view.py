@@ -31,7 +31,7 @@ def show(run: Run) -> None:
     columns["to setpoint"] = run.setpoint_us
     console.print(_histogram(columns))
     if run.waited:
-        console.print(f"deadlines missed: {run.missed}; by {run.rival}: {run.rivals_missed}")
+        console.print(f"deadlines missed: {run.missed}; by {run.rival}: {run.rivals_missed:g}")
     if run.repeated:
         console.print(f"turns repeated, as the machine stalled and the arm stopped: {run.repeated}")
     for name, ratio in run.to_before.items():

@@ -7,9 +7,11 @@ it needs, a sleeping thread with the daemon's own real-time set-up takes its pla
 
 import contextlib
 import json
+import os
 import shutil
 import subprocess
 import tempfile
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,6 +67,10 @@ class Rival(Protocol):
     def name(self) -> str:
         """What it is."""
 
+    @property
+    def threads(self) -> int:
+        """How many wake up as often as the loop."""
+
     def begin(self, seconds: int) -> None:
         """Start it."""
 
@@ -90,6 +96,7 @@ class Sleeper:
     """`bench.workers.sleeper`."""
 
     name = "sleeper"
+    threads = 1
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
@@ -102,15 +109,17 @@ class Sleeper:
 
 
 class Cyclictest:
-    """cyclictest at the loop's interval and priority."""
+    """cyclictest at the loop's interval and priority, with a thread on each CPU: a machine that is
+    a guest of another loses one of them at a time."""
 
     name = "cyclictest"
+    threads = os.cpu_count() or 1
 
     def __init__(self, program: str, hz: int, report: Path) -> None:
         self._report = report
         self._words = [
             *(program, "--quiet", "--mlockall", f"--priority={FIFO_PRIORITY}"),
-            *(f"--interval={1_000_000 // hz}", "--threads=1"),
+            *(f"--interval={1_000_000 // hz}", "--smp"),
             *(f"--histogram={LONGEST_US}", f"--json={report}"),
         ]
         self._process: subprocess.Popen[str] | None = None
@@ -148,12 +157,13 @@ class Cyclictest:
 
 
 def histogram(report: dict[str, Any]) -> Distribution:
-    """Latencies in the JSON of cyclictest."""
-    thread = report["thread"]["0"]
-    found = {int(us): count for us, count in thread["histogram"].items()}
-    if (lost := int(thread["cycles"]) - sum(found.values())) > 0:
-        # Beyond the histogram there is only the largest one.
-        found[int(thread["max"])] = found.get(int(thread["max"]), 0) + lost
+    """Latencies in the JSON of cyclictest, of all its threads."""
+    found: Counter[int] = Counter()
+    for thread in report["thread"].values():
+        shown = {int(us): count for us, count in thread["histogram"].items()}
+        found.update(shown)
+        if (lost := int(thread["cycles"]) - sum(shown.values())) > 0:
+            found[int(thread["max"])] += lost  # beyond the histogram there is only the largest one
     pairs = sorted(found.items())
     values = np.array([us for us, _ in pairs], dtype=np.float64)
     return Distribution(values, np.array([count for _, count in pairs]))

@@ -109,11 +109,15 @@ def test_what_a_repeated_turn_missed_counts_and_its_cost_does_not() -> None:
 
 def test_a_rival_that_sleeps_through_periods_misses_each_of_their_deadlines() -> None:
     late = replace(turn(100.0), rival_us=Distribution.of([4_000.0, 9_500.0, 20_100.0, 20_100.0]))
-    assert run(100, [late], []).rivals_missed == 0 + 1 + 2 * 2
+    found = run(100, [late], [])
+    assert (found.rivals_missed, found.rivals_late) == (0 + 1 + 2 * 2, 2)
+    on_two_cpus = replace(found, rival_threads=2)
+    assert (on_two_cpus.rivals_missed, on_two_cpus.rivals_late) == (2.5, 1.0)
 
 
 def test_cyclictests_histogram_with_what_lies_beyond_it() -> None:
     thread = {"histogram": {"3": 5, "10": 2}, "cycles": 9, "max": 120_000}
-    found = histogram({"thread": {"0": thread}})
+    other = {"histogram": {"3": 4}, "cycles": 4, "max": 3}
+    found = histogram({"thread": {"0": thread, "1": other}})
     assert found.values.tolist() == [3, 10, 120_000]
-    assert found.counts.tolist() == [5, 2, 2]
+    assert found.counts.tolist() == [9, 2, 2]
