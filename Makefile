@@ -4,10 +4,6 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.complete
-# Extensions that are older than their sources would run in place of them.
-KERNEL := $(VENV)/.compiled
-TYPES  := $(wildcard *.pxd */*.pxd */*/*.pxd)
-SOURCE := hatch_build.py $(TYPES) $(TYPES:.pxd=.py)
 MUTMUT := build/mutants/venv/bin/mutmut
 
 # Where `make install` puts things; DESTDIR in front of it all, for packages and images.
@@ -19,7 +15,7 @@ SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
-.PHONY: help demo test fuzz check commissioning units soak mutants system install install-env install-files uninstall verify reference lock clean
+.PHONY: help compiled demo test fuzz check commissioning units soak mutants system install install-env install-files uninstall verify reference lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
@@ -45,24 +41,25 @@ $(STAMP): requirements.lock requirements-dev.lock pyproject.toml
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
-# Where they cannot be compiled it says why, and all runs as plain Python.
-$(KERNEL): $(SOURCE) $(STAMP)
-	@$(BIN)/python hatch_build.py && touch $@ || true
+# What is out of date by the sources' digests, not by their times. Where it cannot be compiled it says
+# why, and all runs as plain Python.
+compiled: $(STAMP)  ## build the compiled modules where a source is another
+	@$(BIN)/python hatch_build.py || true
 
-demo: $(STAMP) $(KERNEL)  ## the paper's third experiment on a simulated arm, about 30 s
+demo: $(STAMP) compiled  ## the paper's third experiment on a simulated arm, about 30 s
 	@$(BIN)/contactd demo
 
-test: $(STAMP) $(KERNEL)  ## all tests, some four minutes
+test: $(STAMP) compiled  ## all tests, some four minutes
 	$(BIN)/python -m pytest -q -n auto --dist loadfile
 
 # New examples for every property in tests/: a failure prints the example and how to repeat it.
 fuzz: SEED ?= $(shell date +%s)
-fuzz: $(STAMP) $(KERNEL)  ## thousands of new examples for the property-based tests; SEED=n repeats a run
+fuzz: $(STAMP) compiled  ## thousands of new examples for the property-based tests; SEED=n repeats a run
 	@echo "seed $(SEED): repeat with make fuzz SEED=$(SEED)"
 	$(BIN)/python -m pytest -q -n auto --dist loadfile -m hypothesis --hypothesis-profile=fuzz \
 	  --hypothesis-seed=$(SEED)
 
-commissioning: $(STAMP) $(KERNEL)  ## docs/commissioning.md on a simulated arm, from zero to armed, some minutes
+commissioning: $(STAMP) compiled  ## docs/commissioning.md on a simulated arm, from zero to armed, some minutes
 	$(BIN)/python -m bench.commissioning
 
 check: $(STAMP) units  ## ruff, mypy (strict), import layers, systemd units
@@ -93,13 +90,13 @@ units: $(STAMP)
 soak: MINUTES ?= 20
 soak: HOURS ?= 3
 soak: JOBS ?= 1
-soak: $(STAMP) $(KERNEL)  ## MINUTES=20 in real time and HOURS=3 simulated: what breaks, and what grows?
+soak: $(STAMP) compiled  ## MINUTES=20 in real time and HOURS=3 simulated: what breaks, and what grows?
 	$(BIN)/python -m bench.soak --minutes $(MINUTES) --hours $(HOURS) --jobs $(JOBS)
 
 system: $(STAMP)  ## the installed service under systemd on a virtual CAN bus (root; a test machine)
 	$(BIN)/python -m pytest -q -rs tests/system --system
 
-mutants: $(STAMP) $(KERNEL) $(MUTMUT)  ## break what judges and bounds, a bit at a time, and see tests fail, 30 min
+mutants: $(STAMP) compiled $(MUTMUT)  ## break what judges and bounds, a bit at a time, and see tests fail, 30 min
 	$(BIN)/python -m bench.mutants --python $(dir $(MUTMUT))python
 
 $(MUTMUT):
@@ -111,6 +108,7 @@ ifneq ($(HERE),)
 	systemd-sysusers /usr/local/lib/sysusers.d/contactd.conf
 	systemctl daemon-reload
 	@sed 's|/opt/contactd|$(PREFIX)|' systemd/next-steps
+	@$(PREFIX)/bin/python -P -m compiled
 endif
 
 # Built beside the old environment and put in its place at the end. Nothing in it may know $(DESTDIR).
@@ -173,5 +171,6 @@ lock:  ## resolve the dependencies anew and write both lock files (names and ver
 	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock > requirements-dev.lock
 
 clean:  ## remove the environment and everything that was built
-	rm -rf $(VENV) *.so estimator/*.so simulator/*.so build dist bench/out .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	-$(BIN)/python hatch_build.py --clean
+	rm -rf $(VENV) build dist bench/out .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,12 +1,75 @@
-"""Modules that should be compiled and run as plain Python, decision 0037.
+"""Modules that are compiled, decision 0037: which run as plain Python, and which extensions were
+not built from the sources beside them.
 
-`python -m compiled` says so of the daemon's, and nothing where all are compiled.
+A module is compiled if a .pxd with its types lies beside it. The build leaves a record of the
+sources that it took. `python -m compiled` tells what is wrong, and nothing where all is well.
 """
 
+import hashlib
+import json
 import sys
 from pathlib import Path
 
+from errors import ProgramError
+
+ROOT = Path(__file__).parent
 PACKAGES = ("elementary", "daemon", "drivers", "estimator", "simulator")
+RECORD = "compiled.json"
+
+
+def modules(root: Path = ROOT) -> list[str]:
+    """Paths of the modules to compile, below `root` and without suffix."""
+    folders = [root / name for name in PACKAGES]
+    types = [*root.glob("*.pxd"), *(p for folder in folders for p in folder.rglob("*.pxd"))]
+    return sorted(str(path.relative_to(root).with_suffix("")) for path in types)
+
+
+def sources(root: Path = ROOT) -> dict[str, str]:
+    """Digest by module of what its extension is made of: its source, and the types of all."""
+    names = modules(root)
+    types = b"\0".join((root / f"{name}.pxd").read_bytes() for name in names)
+    return {
+        name: hashlib.sha256(types + (root / f"{name}.py").read_bytes()).hexdigest()
+        for name in names
+    }
+
+
+def extensions(root: Path = ROOT) -> list[Path]:
+    """All that are there, whether their modules are still compiled or not."""
+    folders = [root / name for name in PACKAGES]
+    return sorted([*root.glob("*.so"), *(p for folder in folders for p in folder.rglob("*.so"))])
+
+
+def recorded(root: Path = ROOT) -> dict[str, str]:
+    """Digests of the sources that were compiled, by module; empty where nothing tells."""
+    try:
+        built = json.loads((root / RECORD).read_text())["sources"]
+    except (OSError, ValueError, LookupError):
+        return {}
+    return dict(built)
+
+
+def stale(root: Path = ROOT) -> list[str]:
+    """Extensions that were not built from the sources beside them, and where there are others,
+    modules without one; without suffix."""
+    found = {str(path.relative_to(root)).split(".")[0] for path in extensions(root)}
+    if not found:
+        return []
+    built, now = recorded(root), sources(root)
+    return sorted(
+        name
+        for name in found | now.keys()
+        if name not in found or name not in now or built.get(name) != now[name]
+    )
+
+
+def refuse_stale(root: Path = ROOT) -> None:
+    """Raise ProgramError if an extension would run in place of a source that is another."""
+    if wrong := stale(root):
+        raise ProgramError(
+            f"{', '.join(wrong)}: what is compiled was not built from the source beside it; build "
+            "it anew by `make compiled` (a service: `make install`)"
+        )
 
 
 def uncompiled() -> list[str]:
@@ -22,12 +85,13 @@ def warning() -> str:
     if not plain:
         return ""
     return (
-        f"not compiled, a tick takes far longer: {', '.join(plain)} (install the headers of "
-        "Python, on Debian python3-dev, then `make install` again; in a checkout `make test`)"
+        f"not compiled, a tick takes far longer: {', '.join(plain)} (`make compiled` says why, "
+        "most often Python's headers, Debian: python3-dev; then, for a service, `make install`)"
     )
 
 
 if __name__ == "__main__":
+    refuse_stale()
     import daemon.assembly  # noqa: F401 - brings in what a tick runs
 
     if text := warning():

@@ -1,36 +1,37 @@
 """Build of the compiled modules: Cython makes C of them, a C compiler makes extensions of that.
 
-    python hatch_build.py       # anew, beside their sources; `make` does it where one has changed
+    python hatch_build.py            # what is out of date, beside their sources: `make compiled`
+    python hatch_build.py --clean    # take all extensions away: everything runs as plain Python
 
 A module is compiled if a .pxd with its types lies beside it. Without a compiler on the machine the
 wheel `ziglang` is one. Where even that cannot be (no headers of Python), the modules run as the
 plain Python that they are; this says so, as does `contactd run`.
 """
 
+import json
 import os
 import shlex
 import shutil
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).parent))  # a build begins elsewhere
+
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-FOLDERS = ("daemon", "drivers", "estimator", "simulator")
+import compiled
+
 # No contraction: a fused product would round otherwise than the plain module.
 FLAGS = ("-shared", "-fPIC", "-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-w")
 # The machine that it is built on; that of the Python that runs it elsewhere.
+CYTHON = "3.3.1"
 SUFFIX = str(sysconfig.get_config_var("EXT_SUFFIX"))
-
-
-def modules(root: Path) -> list[str]:
-    """Paths of the modules to compile, below `root` and without suffix."""
-    types = [*root.glob("*.pxd"), *(p for f in FOLDERS for p in (root / f).rglob("*.pxd"))]
-    return sorted(str(path.relative_to(root).with_suffix("")) for path in types)
 
 
 def compiler() -> list[str]:
@@ -38,7 +39,10 @@ def compiler() -> list[str]:
     if "CC" in os.environ:
         return shlex.split(os.environ["CC"])
     found = shutil.which("gcc") or shutil.which("cc")
-    return [found] if found else [sys.executable, "-m", "ziglang", "cc"]
+    if found:
+        return [found]
+    # It would build for the very processor that it runs on, and fail on others.
+    return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
 
 
 class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
@@ -48,7 +52,7 @@ class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
     def dependencies(self) -> list[str]:
         if self.target_name != "wheel":
             return []
-        return ["cython==3.3.1", *(["ziglang==0.17.1"] if "ziglang" in compiler() else [])]
+        return [f"cython=={CYTHON}", *(["ziglang==0.17.1"] if "ziglang" in compiler() else [])]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         if self.target_name != "wheel" or version == "editable":
@@ -56,17 +60,18 @@ class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
         root = Path(self.root)
         out = root / "build" / "extensions"
         try:
-            made = build(root, out)
+            made = build(root, out, compiled.modules(root))
         except (OSError, subprocess.CalledProcessError) as error:
             self.app.display_warning(f"no compiled modules, they run as plain Python: {error}")
             return
+        made.append(record(root, out))
         build_data["force_include"] |= {str(so): str(so.relative_to(out)) for so in made}
         build_data["pure_python"], build_data["infer_tag"] = False, True
 
 
-def build(root: Path, out: Path) -> list[Path]:
-    """Compile all modules of `root` into the same folders of `out`, and return what is made. Raises
-    OSError or CalledProcessError where that fails."""
+def build(root: Path, out: Path, chosen: Sequence[str]) -> list[Path]:
+    """Compile these modules of `root` into the same folders of `out`, and return what is made.
+    Raises OSError or CalledProcessError where that fails."""
     include = Path(sysconfig.get_path("include"))
     if not (include / "Python.h").exists():
         raise FileNotFoundError(
@@ -74,7 +79,7 @@ def build(root: Path, out: Path) -> list[Path]:
             f"sudo apt install python{sys.version_info[0]}-dev)"
         )
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(partial(_compile, root, out, include), modules(root)))
+        return list(pool.map(partial(_compile, root, out, include), chosen))
 
 
 def _compile(root: Path, out: Path, include: Path, module: str) -> Path:
@@ -89,21 +94,64 @@ def _compile(root: Path, out: Path, include: Path, module: str) -> Path:
     return new.replace(extension)
 
 
-def main(root: Path) -> int:
-    """Build beside the sources; where that fails, take away what is older than they may be."""
+def how() -> list[str]:
+    """What an extension depends on beside its sources."""
+    return [CYTHON, SUFFIX, *compiler(), *FLAGS]
+
+
+def record(root: Path, out: Path) -> Path:
+    """Write down what the extensions in `out` were built from, and how."""
+    path = out / compiled.RECORD
+    path.write_text(json.dumps({"how": how(), "sources": compiled.sources(root)}, indent=1) + "\n")
+    return path
+
+
+def out_of_date(root: Path) -> list[str]:
+    """Modules of `root` whose extension is missing or was built from something else."""
     try:
-        build(root, root)
+        same = json.loads((root / compiled.RECORD).read_text())["how"] == how()
+    except (OSError, ValueError, LookupError):
+        same = False
+    built = compiled.recorded(root) if same else {}
+    return [
+        module
+        for module, digest in compiled.sources(root).items()
+        if built.get(module) != digest or not (root / f"{module}{SUFFIX}").exists()
+    ]
+
+
+def clean(root: Path) -> None:
+    """Take away all extensions: everything runs as plain Python."""
+    (root / compiled.RECORD).unlink(missing_ok=True)
+    for extension in compiled.extensions(root):
+        extension.unlink()
+
+
+def main(root: Path) -> int:
+    """Build beside the sources what is out of date; where that fails, take away all extensions."""
+    now = {root / f"{module}{SUFFIX}" for module in compiled.modules(root)}
+    for extension in compiled.extensions(root):
+        if extension not in now:
+            extension.unlink()
+    if not (chosen := out_of_date(root)):
+        return 0
+    print(f"contactd: compiling {len(chosen)} modules, some minutes at most", file=sys.stderr)
+    try:
+        build(root, root, chosen)
     except (OSError, subprocess.CalledProcessError) as error:
-        for module in modules(root):
-            for extension in root.glob(f"{module}.*.so"):
-                extension.unlink()
+        clean(root)
         print(
-            f"contactd: not compiled, runs as plain Python, some 50 times slower: {error}",
+            "contactd: not compiled, runs as plain Python, the estimator some 50 times slower: "
+            f"{error}",
             file=sys.stderr,
         )
         return 1
+    record(root, root)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(__file__).parent))
+    if sys.argv[1:] == ["--clean"]:
+        clean(Path(__file__).parent)
+    else:
+        sys.exit(main(Path(__file__).parent))

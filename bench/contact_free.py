@@ -129,7 +129,7 @@ def rounded(values: Vector) -> list[float]:
 
 
 @click.command(help=__doc__)
-@click.option("--seconds", default=120.0, show_default=True)
+@click.option("--seconds", type=click.FloatRange(1.0, 36000.0), default=120.0, show_default=True)
 @click.option("--seed", default=1, show_default=True)
 @click.option("--json", "as_json", is_flag=True)
 def main(seconds: float, seed: int, as_json: bool) -> None:

@@ -174,7 +174,13 @@ def kept(step: Callable[[], None]) -> int:
 
 
 @click.command(help=__doc__)
-@click.option("--repetitions", default=200, show_default=True, help="Turns of 20 steps.")
+@click.option(
+    "--repetitions",
+    type=click.IntRange(min=1),
+    default=200,
+    show_default=True,
+    help="Turns of 20 steps.",
+)
 @click.option("--json", "as_json", is_flag=True)
 def main(repetitions: int, as_json: bool) -> None:
     rows = []

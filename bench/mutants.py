@@ -26,7 +26,8 @@ import yaml
 ROOT: Final = Path(__file__).resolve().parent.parent
 COPIED: Final = (
     "daemon", "drivers", "estimator", "simulator", "bench", "tests", "configs", "docs",
-    "arrays.py", "errors.py", "regular_file.py", "pyproject.toml",
+    "arrays.py", "compiled.py", "elementary.py", "elementary.pxd", "errors.py", "regular_file.py",
+    "pyproject.toml",
 )  # fmt: skip
 BUILD: Final = ROOT / "build" / "mutants"
 LISTED: Final = ROOT / "tests" / "equivalent_mutants.yaml"

@@ -75,8 +75,20 @@ def measure(found: Sides, arm: str, rounds: int) -> tuple[Shares, Shares | None,
 
 
 @click.command(help=__doc__)
-@click.option("--minutes", default=2.0, show_default=True, help="Of each arm.")
-@click.option("--rounds", default=6, show_default=True, help="Replays of each, by each side.")
+@click.option(
+    "--minutes",
+    type=click.FloatRange(0.02, 60.0),
+    default=2.0,
+    show_default=True,
+    help="Of each arm.",
+)
+@click.option(
+    "--rounds",
+    type=click.IntRange(min=1),
+    default=6,
+    show_default=True,
+    help="Replays of each, by each side.",
+)
 @click.option("--seed", default=1, show_default=True)
 @click.option("--json", "as_json", is_flag=True)
 def main(minutes: float, rounds: int, seed: int, as_json: bool) -> None:

@@ -14,6 +14,7 @@ from daemon.assembly import build_boot, build_estimator, build_tick, check_ident
 from daemon.config.load import Robot
 from daemon.ending import bring_to_rest, stop_on_error
 from daemon.modes.table import Mode
+from daemon.protocol.messages import Grant
 from daemon.protocol.socket_path import default_socket_path
 from daemon.service.black_box import BlackBox, default_directory, ring_path
 from daemon.service.journal import log_to_stderr
@@ -76,7 +77,9 @@ def _serve(
     _warm_up(robot)
     if not_compiled := compiled.warning():
         _log.warning(not_compiled)
-    realtime = go_realtime()
+    plain = bool(not_compiled)
+    words = "runs as plain Python, a tick takes far longer" if plain else "compiled"
+    realtime = [*go_realtime(), Grant("compiled", not plain, words)]
     for grant in realtime:
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
     loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)

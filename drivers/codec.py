@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from arrays import Vector
+from arrays import Vector, check_shapes
 from drivers.counts import decode, encode
 from drivers.drive import Drive
 from drivers.ids import NEXT_PDO, RPDO, TPDO
@@ -221,6 +221,7 @@ class SetpointEncoder:
         Raises ValueError if a velocity is not finite: saturated, it would be a setpoint of full
         speed.
         """
+        check_shapes(self._gain.shape, velocity=velocity)
         if not encode(velocity, self._gain, self._bias, self._lowest, self._highest, self._counts):
             raise ValueError(f"target velocity is not finite: {velocity}")
         return [int(count) for count in self._counts.tolist()]

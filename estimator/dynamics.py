@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arrays import Matrix, Vector
+from arrays import Matrix, Vector, product
 from elementary import cosine, sine
 
 
@@ -61,10 +61,12 @@ class Dynamics:
         # R(q) = fixed + sin(q) sine + (1 - cos(q)) versine, Rodrigues' formula behind `rotation`.
         rotation = np.array([body.rotation for body in bodies])
         cross = np.array([np.cross(body.turning, np.eye(3)).T for body in bodies])
-        self._fixed, self._sine = rotation, rotation @ cross
-        self._versine = rotation @ cross @ cross
+        turned = product(rotation, cross)
+        self._fixed, self._sine, self._versine = rotation, turned, product(turned, cross)
         self._offset = np.array([body.translation for body in bodies])
-        self._slide = np.array([body.rotation @ body.sliding for body in bodies])
+        self._slide = np.array(
+            [product(b.rotation, b.sliding[:, np.newaxis])[:, 0] for b in bodies]
+        )
         self._turning = np.array([body.turning for body in bodies])
         self._sliding = np.array([body.sliding for body in bodies])
         mass = np.array([body.mass for body in bodies])

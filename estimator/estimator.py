@@ -104,6 +104,8 @@ class Estimator:
             if motor_position is not None:
                 self._check_shape("motor_position", motor_position)
             samples[2] = np.nan if motor_position is None else motor_position
+        if fresh is not None:
+            self._check_shape("fresh", fresh)
         self._came[:] = True if fresh is None else fresh
         flags = self._kernel.step(dt)
         if flags & _INVALID:
@@ -122,9 +124,9 @@ class Estimator:
         N, n = samples.current.shape[0], self.model.n
         rows = np.zeros((N, 4, n))
         came, after = np.zeros((N, n), dtype=np.int64), np.zeros(N, dtype=np.int64)
-        for name in ("current", "link_position", "motor_velocity", "motor_position"):
-            if (shape := getattr(samples, name).shape) != (N, n):
-                raise ModelError(f"{name} is of shape {shape}; it must be {(N, n)}")
+        for name in ("current", "link_position", "motor_velocity", "motor_position", "fresh"):
+            self._check_shape(name, getattr(samples, name), (N, n))
+        self._check_shape("interval_s", samples.interval_s, (N,))
         rows[:, 0], rows[:, 1], rows[:, 3] = (
             samples.current,
             samples.motor_velocity,
@@ -168,12 +170,10 @@ class Estimator:
         for i in range(self.model.n):
             self._kernel.reset(i)
 
-    def restart(self, joints: NDArray[np.bool_] | None = None) -> None:
-        """Forget all samples of these joints (n,), by default of all, and with them where their
-        rotors are in their gaps."""
+    def restart(self) -> None:
+        """Forget all samples, and with them where the rotors are in their gaps."""
         for i in range(self.model.n):
-            if joints is None or joints[i]:
-                self._kernel.restart(i)
+            self._kernel.restart(i)
 
     def memory(self) -> dict[str, Any]:
         """The complete internal state, fit for JSON; `restore` continues bit-identically."""
@@ -184,11 +184,15 @@ class Estimator:
         memory.load(self._kernel, state)
         self._last = self._estimate((), Flag(0))
 
-    def _check_shape(self, name: str, values: Vector) -> None:
-        """Raise ModelError for another shape: numpy would stretch one number over all joints."""
-        if getattr(values, "shape", None) != self._shape:
+    def _check_shape(
+        self, name: str, values: NDArray[Any], shape: tuple[int, ...] | None = None
+    ) -> None:
+        """Raise ModelError for another shape: numpy would stretch one number over all joints, and
+        what is compiled read beyond the end of a short one. By default (n,)."""
+        wanted = self._shape if shape is None else shape
+        if getattr(values, "shape", None) != wanted:
             given = getattr(values, "shape", type(values).__name__)
-            raise ModelError(f"{name} is {given}; it must be an array of shape {self._shape}")
+            raise ModelError(f"{name} is {given}; it must be an array of shape {wanted}")
 
     def _estimate(self, contacts: tuple[Contact, ...], flags: Flag) -> Estimate:
         return self._estimate_of(

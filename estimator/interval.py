@@ -41,7 +41,8 @@ class Interval:
         self.now, self.impulse = np.zeros((2, _TERMS))
 
     def integrate(self, i: int, dt: float) -> None:
-        """Make the impulses of joint i over its interval of dt [s] that ends now."""
+        """Make the impulses of joint i over its interval of dt [s] that ends now: the integrals of
+        (12), by Tustin's rule as in (13)."""
         for row in range(_TERMS):
             if row < _INCREMENTS:
                 self.impulse[row] = self.now[row] - self.begin[row, i]

@@ -53,10 +53,10 @@ cdef class Kernel:
     @cython.locals(flags="long long", ready=bint, counted=bint)
     cdef long long _take(self) noexcept
     cdef void _still(self, Py_ssize_t i, double q) noexcept
-    @cython.locals(flags="long long", beside=bint, everything=double)
+    @cython.locals(flags="long long", bridged=bint, everything=double)
     cdef long long _advance(self, double dt) noexcept
     @cython.locals(came=bint, unsure=bint, everything=double)
-    cdef double _joint(self, Py_ssize_t i, double gap, double dt, bint beside) noexcept
+    cdef double _joint(self, Py_ssize_t i, double gap, double dt, bint bridged) noexcept
     cdef void _at_an_instant(
         self, Py_ssize_t i, double q_dot, double theta_dot, double theta, double tau_M
     ) noexcept

@@ -204,7 +204,7 @@ class Kernel:
 
     def _advance(self, dt: float) -> int:
         """Estimate dt [s] after the one before; returns flags."""
-        flags, beside, everything = 0, False, 0.0
+        flags, bridged, everything = 0, False, 0.0
         for i in range(self.n):
             if self.came[i]:
                 self.alignment.align(i)
@@ -216,10 +216,10 @@ class Kernel:
                 self._gaps[i] = 0.0
             if self._gaps[i] > _RAISED_PERIODS * self._period:
                 flags |= _RAISED
-            beside = beside or not self.came[i]
+            bridged = bridged or not self.came[i]
         self._dynamics.at(self.alignment.aligned[0], self.alignment.aligned[1])
         for i in range(self.n):
-            everything += self._joint(i, self._gaps[i], dt, beside)
+            everything += self._joint(i, self._gaps[i], dt, bridged)
         if everything - everything != 0.0:
             return _INVALID
         for i in range(self.n):
@@ -231,9 +231,9 @@ class Kernel:
             self.touched_link = self.detector.touched_link(self.residual.values[0])
         return flags
 
-    def _joint(self, i: int, gap: float, dt: float, beside: bool) -> float:
+    def _joint(self, i: int, gap: float, dt: float, bridged: bool) -> float:
         """From the aligned samples of joint i to its residuals, levels and contacts. gap: since its
-        last sample [s], 0 without one; beside a joint without one. Returns a sum that is finite if
+        last sample [s], 0 without one; bridged: samples of some joint are missing. Returns a sum that is finite if
         everything is."""
         a, position = self.alignment.aligned, self.motor_position
         q, q_dot, current, theta_dot, theta = a[0, i], a[1, i], a[2, i], a[3, i], a[4, i]
@@ -256,7 +256,7 @@ class Kernel:
         hidden = self.detector.hidden(i, rest, unknown, unsure, gap / self._period)
         self.threshold[i] = self.detector.put_in_force(i, hidden, abs(theta_dot), dt)
         came = self.came[i] != 0
-        waits = beside or gap > _LATE_PERIODS * self._period
+        waits = bridged or gap > _LATE_PERIODS * self._period
         self.begun += self.detector.step(i, self.residual.values[0, i], came, waits)
         self.tau_M[i] = tau_M
         everything = q + q_dot + tau_M + position.theta[i] + position.sigma[i]
@@ -265,7 +265,8 @@ class Kernel:
     def _at_an_instant(
         self, i: int, q_dot: float, theta_dot: float, theta: float, tau_M: float
     ) -> None:
-        """Torques and momenta of joint i at the common instant, (6) in its parts."""
+        """Torques and momenta of joint i at the common instant: the parts of (5) and (6). Which of
+        them act while rotor and link touch, and which in the gap, `residual` says."""
         now = self.interval.now
         phi_dot = q_dot - theta_dot
         s_theta = smooth_sign(theta_dot * self._per_width)

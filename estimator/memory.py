@@ -10,6 +10,7 @@ import numpy as np
 
 from errors import ModelError
 from estimator.kernel import Kernel
+from estimator.link_velocity import SAMPLES
 
 _STATE: dict[str, tuple[str, ...]] = {
     "kernel": ("elapsed_s", "since", "going", "q", "q_dot", "tau_M", "threshold"),
@@ -22,6 +23,20 @@ _STATE: dict[str, tuple[str, ...]] = {
     "stiction": ("ends",),
     "residual": ("values",),
     "detector": ("raised", "streak", "waited"),
+}
+
+#: Of any number in it: samples of 1e9 of any unit are no samples.
+_LARGEST = 1e12
+_RANGES = {
+    "kernel.since": (0.0, _LARGEST),
+    "kernel.going": (0, 1),
+    "kernel.threshold": (0.0, _LARGEST),
+    "alignment.count": (0, SAMPLES),
+    "motor_position.sigma": (0.0, _LARGEST),
+    "motor_position.side": (-1, 2),
+    "motor_position.gap": (0, 1),
+    "stiction.ends": (-1.0, 1.0),
+    "detector.raised": (0.0, _LARGEST),
 }
 
 
@@ -78,6 +93,8 @@ def _parts(kernel: Kernel) -> Iterator[tuple[str, tuple[str, ...], Any]]:
 
 
 def _check_names(what: str, given: Mapping[str, Any], names: Any) -> None:
+    if not isinstance(given, Mapping):
+        raise ModelError(f"memory of {what}: {type(given).__name__}, expected fields")
     if set(given) != set(names):
         raise ModelError(f"memory of {what}: fields {sorted(given)}, expected {sorted(names)}")
 
@@ -90,6 +107,7 @@ def _array_like(old: np.ndarray, values: Any, what: str) -> np.ndarray:
         raise ModelError(f"memory of {what}: {error}") from error
     if new.shape != old.shape:
         raise ModelError(f"memory of {what}: shape {new.shape}, not {old.shape}")
-    if not np.all(np.isfinite(new)):
-        raise ModelError(f"memory of {what}: not finite")
+    lowest, highest = _RANGES.get(what, (-_LARGEST, _LARGEST))
+    if not np.all((new >= lowest) & (new <= highest)):  # false for NaN
+        raise ModelError(f"memory of {what}: not within {lowest:g} and {highest:g}")
     return new

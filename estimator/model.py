@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from arrays import Matrix, Vector
+from arrays import Matrix, Vector, check_shapes
 from errors import ModelError
 from estimator.dynamics import Body, Dynamics
 from estimator.urdf import moved_links
@@ -61,7 +61,9 @@ class Model:
         beta equals M_dot q_dot - c(q, q_dot) of (12), as M_dot = C + C^T.
         The arrays are new.
         """
-        self.recursion.at(np.ascontiguousarray(q), np.ascontiguousarray(q_dot))
+        q, q_dot = np.array(q, dtype=np.float64), np.array(q_dot, dtype=np.float64)
+        check_shapes((self.n,), q=q, q_dot=q_dot)
+        self.recursion.at(q, q_dot)
         return np.array(self.recursion.momentum), np.array(self.recursion.beta)
 
     def bodies(self) -> list[Body]:

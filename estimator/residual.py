@@ -43,7 +43,7 @@ _TERMS_OF: dict[Kind, tuple[tuple[Form, Form], tuple[Form, Form], tuple[Form, Fo
         ({"rotor": 1.0}, {}),
     ),
     "backlash": (
-        ({}, {"tau_M": -1.0}),
+        ({}, {"tau_M": -1.0}),  # (5): tau_L = tau_M while engaged, 0 inside the gap
         (  # (6): K_theta while engaged; K_phi and K_q inside the gap
             {"link_friction": 1.0, "gap_friction": 1.0},
             {
@@ -116,7 +116,7 @@ class Residual:
         pole = max((2.0 - TK) / (2.0 + TK), 0.0)
         share = min(2.0 * self._gain / (2.0 + TK), 1.0 / max(dt, _SHORTEST_S))
         for k in range(self._variants):
-            e, engaged = 0.0, -self._corrected[k] * spring
+            e, engaged = 0.0, -self._corrected[k] * spring  # (12) over the interval
             for row in range(_TERMS):
                 e += self._always[k, row] * impulse[row]
                 engaged += self._engaged[k, row] * impulse[row]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
+from arrays import Vector, check_shapes
 from errors import ModelError
 from estimator.play import put_play
 
@@ -85,6 +85,7 @@ class Transmission:
     def play(self, phi: Vector, sigma: Vector) -> Vector:
         """Way that each link may fall downwards and upwards while its motor stands, (2, n) [rad]:
         alpha + phi and alpha - phi, and phi's uncertainty `sigma`, never more than the gap."""
+        check_shapes(self.half_gap.shape, phi=phi, sigma=sigma)
         way = np.empty((2, self.n))
         put_play(self.half_gap, phi, sigma, way)
         return way

@@ -14,7 +14,7 @@ as it is; `links.pxd` names the types for the compiler, decision 0037.
 import numpy as np
 import pinocchio as pin
 
-from arrays import Vector
+from arrays import Vector, product
 from elementary import cosine, sine
 
 
@@ -37,8 +37,8 @@ class Links:
         # Rotation behind the parent: placement (1 + sin(q) [a] + (1 - cos(q)) [a]^2), Rodrigues.
         placement = np.array([model.jointPlacements[i + 1].rotation for i in range(n)])
         cross = np.array([np.cross(axis, np.eye(3)).T for axis in axes[:, 3:]])
-        self._fixed, self._sine = placement, placement @ cross
-        self._versine = placement @ cross @ cross
+        turned = product(placement, cross)
+        self._fixed, self._sine, self._versine = placement, turned, product(turned, cross)
         self._offset = np.array([model.jointPlacements[i + 1].translation for i in range(n)])
         bodies = [model.inertias[i + 1] for i in range(n)]
         self._mass = np.array([body.mass for body in bodies])

@@ -12,6 +12,18 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
+from compiled import refuse_stale
+from errors import ProgramError
+
+
+def pytest_sessionstart() -> None:
+    """Refuse to test what is not the code that is here."""
+    try:
+        refuse_stale()
+    except ProgramError as error:
+        pytest.exit(str(error), returncode=4)
+
+
 settings.register_profile("contactd", deadline=None, derandomize=True)
 settings.register_profile("fuzz", deadline=None, max_examples=3000, print_blob=True)
 settings.load_profile("contactd")

@@ -8,7 +8,7 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
 
-from hatch_build import modules
+from compiled import modules
 
 ROOT = Path(__file__).parents[1]
 COMPILED = [module.replace("/", ".") for module in modules(ROOT)]

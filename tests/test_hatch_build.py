@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +13,8 @@ from typing import Any
 import pytest
 
 import hatch_build
+from compiled import RECORD, extensions, modules, refuse_stale, stale
+from errors import ProgramError
 from tests.plain import COMPILED
 
 ROOT = Path(__file__).parents[1]
@@ -43,11 +46,14 @@ def test_it_says_in_one_line_what_to_install_and_leaves_nothing_old(
     without_headers: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert hatch_build.main(without_headers) == 1
-    (line,) = capfd.readouterr().err.splitlines()
+    first, line = capfd.readouterr().err.splitlines()
+    assert "compiling" in first
     assert "not compiled, runs as plain Python" in line
     assert f"{without_headers}/include/Python.h is missing" in line
     assert "sudo apt install python3-dev" in line
     assert not list((without_headers / "estimator").glob("*.so"))
+    assert stale(without_headers) == []
+    assert hatch_build.out_of_date(without_headers) == modules(without_headers)
 
 
 def test_a_wheel_is_made_all_the_same(without_headers: Path) -> None:
@@ -60,6 +66,72 @@ def test_a_wheel_is_made_all_the_same(without_headers: Path) -> None:
     hook.initialize("standard", data)
     assert data == {"force_include": {}, "pure_python": True}
     assert ["Python.h is missing" in line for line in said] == [True]
+
+
+def built(root: Path) -> Path:
+    """A tree whose extensions are built, as far as their files tell."""
+    hatch_build.clean(root)
+    for module in modules(root):
+        (root / f"{module}{hatch_build.SUFFIX}").write_text("built")
+    hatch_build.record(root, root)
+    return root
+
+
+def edit(root: Path) -> None:
+    with (root / "estimator" / "residual.py").open("a") as file:
+        file.write("# edited")
+    os.utime(root / "estimator" / "residual.py", (1.0, 1.0))  # as an archive unpacks it
+
+
+def retype(root: Path) -> None:
+    with (root / "estimator" / "residual.pxd").open("a") as file:
+        file.write("# other types")
+
+
+WRONG: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
+    "an edited source, old by its time": (edit, ("estimator/residual",)),
+    "types, of which others know": (retype, ("elementary", "estimator/kernel")),
+    "a module that is compiled no more": (
+        lambda root: (root / "drivers" / "counts.pxd").unlink(), ("drivers/counts",),
+    ),
+    "one missing beside others": (
+        lambda root: (root / f"elementary{hatch_build.SUFFIX}").unlink(), ("elementary",),
+    ),
+    "no record": (lambda root: (root / RECORD).unlink(), ("elementary", "estimator/kernel")),
+    "a damaged record": (lambda root: (root / RECORD).write_text("{}"), ("drivers/counts",)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_an_extension_of_another_source_is_refused(without_headers: Path, wrong: str) -> None:
+    root = built(without_headers)
+    assert stale(root) == hatch_build.out_of_date(root) == []
+    refuse_stale(root)
+    spoil, named = WRONG[wrong]
+    spoil(root)
+    assert set(named) <= set(stale(root))
+    with pytest.raises(ProgramError, match=rf"{named[0]}.*make compiled"):
+        refuse_stale(root)
+
+
+def test_the_build_takes_away_what_is_compiled_no_more(without_headers: Path) -> None:
+    root = built(without_headers)
+    (root / "drivers" / "counts.pxd").unlink()
+    hatch_build.main(root)
+    assert not any("counts" in file.name for file in extensions(root))
+
+
+def test_another_compiler_builds_all_anew(without_headers: Path, monkeypatch) -> None:
+    root = built(without_headers)
+    monkeypatch.setenv("CC", "another-cc")
+    assert stale(root) == []
+    assert hatch_build.out_of_date(root) == modules(root)
+
+
+def test_ziglang_builds_for_every_processor_of_the_architecture(monkeypatch) -> None:
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", "")
+    assert hatch_build.compiler()[1:] == ["-m", "ziglang", "cc", "-mcpu=baseline"]
 
 
 RUN = """

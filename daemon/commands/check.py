@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 
+import compiled
 from daemon.assembly import build_setups
 from daemon.commands.felt_poses import felt_over_poses
 from daemon.config.bounds import near
@@ -100,6 +101,8 @@ def print_check(config: Path) -> None:
         console.print(robot.in_words(problem), highlight=False, soft_wrap=True, markup=False)
     for reason in unarmable(robot.identified, c, robot.urdf):
         click.echo(f"`contactctl arm` will be refused: {reason}")
+    if plain := compiled.warning():
+        click.echo(plain)
     click.echo(f"{robot.path}: good")
 
 

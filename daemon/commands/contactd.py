@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from compiled import refuse_stale
 from daemon.commands.options import PATH, Range
 from errors import ContactdError, ProgramError
 
@@ -32,6 +33,7 @@ class _Group(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
+            refuse_stale()
             return super().invoke(ctx)
         except ContactdError as error:
             from daemon.service.journal import stderr_is_journal

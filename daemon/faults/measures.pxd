@@ -16,18 +16,16 @@ cdef class Measures:
     cdef double[::1] _middle, _play, _full, _speed
     cdef double[::1] _theta, _lowest, _highest, _turned, _turned_stuck
     cdef double _standstill, _drift, _scale_error
-    cdef bint _started
+    cdef unsigned char[::1] _begun
 
     cpdef void restart(self) noexcept
-    @cython.locals(beyond=bint, same=bint, advance=double)
+    @cython.locals(beyond=bint, same=bint, advance=double, everything=double)
     cpdef bint step(
         self, const double[:] q, const double[:] motor_velocity, const double[:] motor_position,
         const double[:] current, const double[:] residual, const double[:] dt, bint energised
     ) noexcept
     @cython.locals(advance=double)
-    cdef double _turn(
-        self, Py_ssize_t i, double moved, double velocity, double dt, bint measured
-    ) noexcept
+    cdef double _integrated(self, Py_ssize_t i, double velocity, double dt) noexcept
     cdef void _start(self, Py_ssize_t i) noexcept
     cdef void _follow_gap(self, Py_ssize_t i, double advance, bint same) noexcept
     cdef void _follow_motion(

@@ -55,11 +55,12 @@ class Measures:
         self.full_ticks, self.fast_ticks, self.same_ticks = np.zeros((3, n))
         self._theta, self._lowest, self._highest = np.zeros((3, n))  # the latter of q - theta
         self._turned, self._turned_stuck = np.zeros((2, n))  # since q, or the current, changed
-        self._started = False
+        self._begun = np.zeros(n, dtype=np.uint8)
 
     def restart(self) -> None:
         """Forget the samples before: the next are believed, whatever they are."""
-        self._started = False
+        for i in range(self.n):
+            self._begun[i] = 0
 
     def step(
         self,
@@ -72,17 +73,27 @@ class Measures:
         energised: bool,
     ) -> bool:
         """Take samples, dt (n,) [s] after those before, 0 where there is none. True if a figure is
-        beyond its bound."""
+        beyond its bound. A joint begins with the first samples that are all numbers."""
         beyond = False
         for i in range(self.n):
+            everything = q[i] + motor_velocity[i] + current[i]
+            if motor_position is not None:
+                everything += motor_position[i]
+            if everything - everything != 0.0:
+                self._begun[i] = 0
+                for row in range(ROWS):
+                    self.measures[row, i] = 0.0
+                continue
             self.q_before[i], self.q[i] = self.q[i], q[i]
-            advance = self._turn(
-                i, 0.0 if motor_position is None else motor_position[i] - self._theta[i],
-                motor_velocity[i], dt[i], motor_position is not None,
-            )  # fmt: skip
+            if motor_position is None:
+                advance = self._integrated(i, motor_velocity[i], dt[i])
+            else:
+                advance = motor_position[i] - self._theta[i]
+                self._theta[i] = motor_position[i]
             same = current[i] == self.current[i]
             self.current[i], self.velocity[i], self.dt[i] = current[i], motor_velocity[i], dt[i]
-            if not self._started:
+            if not self._begun[i]:
+                self._begun[i] = 1
                 self._start(i)
                 advance, same = 0.0, True
             self._follow_gap(i, advance, same)
@@ -95,14 +106,10 @@ class Measures:
                 self._turned_stuck[i] = 0.0
             for row in range(ROWS):
                 beyond = beyond or self.measures[row, i] > self.bounds[row, i]
-        self._started = True
         return beyond
 
-    def _turn(self, i: int, moved: float, velocity: float, dt: float, measured: bool) -> float:
-        """Move theta, and return by how much: as measured, or integrated."""
-        if measured:
-            self._theta[i] += moved
-            return moved
+    def _integrated(self, i: int, velocity: float, dt: float) -> float:
+        """Move theta by the integral of the velocity, and return by how much."""
         advance = velocity * dt if abs(velocity) > self._standstill else 0.0
         self._theta[i] += advance
         # An integral drifts: what it was long ago says less and less of where the gap is.

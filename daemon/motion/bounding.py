@@ -34,6 +34,10 @@ class Bounding:
     ) -> None:
         """`Limits.bound_velocity` into out (n,); play: (2, n)."""
         for i in range(self.n):
+            known = before[i] + dt
+            if known - known != 0.0:
+                out[i] = known - known  # no velocity: the drives are told to stop
+                continue
             v = desired[i] if abs(desired[i]) <= LARGEST else 0.0
             v = min(max(v, -self._velocity[i]), self._velocity[i])
             step = self._acceleration[i] * dt
@@ -47,6 +51,9 @@ class Bounding:
         for i in range(self.n):
             down = gain * (q[i] - self._lower[i] - play[0, i])
             up = gain * (self._upper[i] - q[i] - play[1, i])
+            room = down + up
+            if room - room != 0.0:
+                down = up = 0.0  # of a joint whose position is not known
             out[i] = max(min(desired[i], up), -down)
 
     def _funnel(self, i: int, distance: float) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
+from arrays import Vector, check_shapes
 from daemon.motion.bounding import Bounding
 
 
@@ -53,6 +53,7 @@ class Limits:
 
         A velocity that is not finite counts as zero: the joint decelerates.
         """
+        check_shapes(self.velocity.shape, q=q, desired=desired, before=before)
         bounded = np.empty_like(self.velocity)
         self._bounding.bound_velocity(q, desired, before, dt, self._each(play), bounded)
         return bounded
@@ -79,6 +80,7 @@ class Limits:
     ) -> Vector:
         """Desired velocity (n,) [rad/s], at each limit replaced by a loop of that gain [1/s] on the
         distance to it: a joint that a hand pushed past its limit is led back to it."""
+        check_shapes(self.velocity.shape, q=q, desired=desired)
         bounded = np.empty_like(self.velocity)
         self._bounding.soft_stop(q, desired, gain, self._each(play), bounded)
         return bounded
@@ -86,6 +88,7 @@ class Limits:
     def _each(self, play: Vector | float) -> Vector:
         """`play` downwards and upwards, (2, n) [rad]."""
         if isinstance(play, np.ndarray):
+            check_shapes((2, len(self.velocity)), play=play)
             return play
         return np.full((2, len(self.velocity)), play)
 

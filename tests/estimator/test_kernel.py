@@ -173,6 +173,7 @@ HASH = """
 import hashlib
 import numpy as np
 from tests.estimator.conftest import estimator
+from estimator.dynamics import Body, Dynamics
 from estimator.settings import Variant
 made, done = estimator(beside=(Variant(kind="two_mass"),)), hashlib.sha256()
 walk = np.random.default_rng(4).integers(-40, 41, (300, 3, 7)).cumsum(axis=0) * 1e-5
@@ -180,6 +181,23 @@ for current, q, theta_dot in walk * [[[100.0], [1.0], [20.0]]]:
     e = made.step(current, q, theta_dot)
     for values in (e.residual, e.beside["two_mass"], e.threshold, e.theta, e.phi_sigma):
         done.update(values.tobytes())
+
+# Joints whose axes and frames are those of no coordinate.
+rng, bodies = np.random.default_rng(5), []
+for row in range(4):
+    w, x, y, z = rng.normal(size=4)
+    square = w * w + x * x + y * y + z * z
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    outer = np.array([[x * x, x * y, x * z], [x * y, y * y, y * z], [x * z, y * z, z * z]])
+    about = outer - (square - w * w) * np.eye(3)
+    rotation = np.eye(3) + 2.0 / square * (w * cross + about)
+    axis = rng.normal(size=(2, 3)) * [[row < 3], [row == 3]]
+    place, moment = rng.normal(size=(2, 3))
+    bodies.append(Body(row - 1, row, rotation, place, *axis, 1.3, moment, np.eye(3)))
+dynamics = Dynamics(bodies, np.array([0.0, 0.6, -9.7]))
+for q, q_dot in rng.normal(size=(50, 2, 4)):
+    dynamics.at(q, q_dot)
+    done.update(np.array([dynamics.momentum, dynamics.beta]).tobytes())
 print(done.hexdigest(), int(e.flags))
 """
 OTHER_PROCESSOR = {

@@ -56,8 +56,13 @@ def test_a_restored_estimator_still_holds_its_last_value(make_estimator, sine_mo
         (lambda m: m.pop("residual"), "memory of an estimator"),
         (lambda m: m["residual"].pop("values"), "memory of residual"),
         (lambda m: m["residual"]["values"].pop(), "shape"),
-        (lambda m: m["alignment"]["history"][0][0].__setitem__(0, float("nan")), "not finite"),
+        (lambda m: m["alignment"]["history"][0][0].__setitem__(0, float("nan")), "not within"),
         (lambda m: m["detector"]["raised"].__setitem__(0, "much"), "memory of detector"),
+        (lambda m: m["alignment"]["count"].__setitem__(0, 2**62), "alignment.count: not within 0"),
+        (lambda m: m["motor_position"]["sigma"].__setitem__(0, -0.1), "sigma: not within 0"),
+        (lambda m: m["interval"]["begin"][0].__setitem__(0, 1e308), "interval.begin: not within"),
+        (lambda m: m.__setitem__("residual", None), "memory of residual: NoneType"),
+        (lambda m: m.__setitem__("kernel", 3.0), "memory of kernel: float"),
     ],
 )
 def test_damaged_memory_is_refused(make_estimator, damage, message: str) -> None:

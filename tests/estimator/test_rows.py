@@ -75,5 +75,23 @@ def test_rows_of_another_arm_are_refused(make_estimator, pushed_motion) -> None:
     other = SampleRows(
         samples.current[:, :3], *(getattr(samples, n) for n in SampleRows.__slots__[1:])
     )
-    with pytest.raises(ModelError, match=r"current is of shape \(10, 3\); it must be"):
+    with pytest.raises(ModelError, match=r"current is \(10, 3\); it must be"):
         make_estimator().run(other)
+
+
+@pytest.mark.parametrize("name", SampleRows.__slots__)
+@pytest.mark.parametrize("ticks", [9, 11])
+def test_columns_of_another_length_are_refused(
+    make_estimator, pushed_motion, name: str, ticks: int
+) -> None:
+    """Compiled loops would read, and write, beyond their ends."""
+    parts = {field: getattr(sampled(pushed_motion, 200), field) for field in SampleRows.__slots__}
+    rows = {field: part[: ticks if field == name else 10] for field, part in parts.items()}
+    with pytest.raises(ModelError, match="it must be an array of shape"):
+        make_estimator().run(SampleRows(**rows))
+
+
+def test_one_sample_does_not_stand_for_all_joints(make_estimator, pushed_motion) -> None:
+    samples = [getattr(pushed_motion, name)[0] for name in ("current", "q", "theta_dot", "theta")]
+    with pytest.raises(ModelError, match=r"fresh is \(1,\)"):
+        make_estimator().step(*samples, fresh=np.ones(1, dtype=bool))

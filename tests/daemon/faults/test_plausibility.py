@@ -393,3 +393,24 @@ def test_a_motor_that_creeps_under_a_hand_is_not_apart_from_its_link() -> None:
         assert joint.tick(0.0001 * k, velocity=0.01) == {}
     found = [joint.tick(0.6 + 0.001 * k, velocity=0.01) for k in range(200)]
     assert Condition.APART in found[-1]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("what", ["theta", "velocity", "q", "current"])
+@pytest.mark.parametrize("measured", [True, False])
+@pytest.mark.parametrize("after", [0, 3])
+def test_a_sample_that_is_no_number_blinds_no_check(
+    bad: float, what: str, measured: bool, after: int
+) -> None:
+    """Before the first frame of a motor position of its own, for one."""
+    joint = Joint(measured=measured)
+    for _ in range(after):
+        joint.tick()
+    joint.tick(**{what: bad})
+    joint.q = joint.theta = 0.0
+    for _ in range(3):
+        assert joint.tick(0.0, theta=0.0) == {}
+    assert Condition.JUMP in joint.tick(1.0)
+    joint.plausibility.restart()
+    found = [joint.tick(1.0, theta=0.02 * k, velocity=2.0) for k in range(40)]
+    assert any(Condition.FROZEN in each for each in found)

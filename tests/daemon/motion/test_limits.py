@@ -192,3 +192,33 @@ def test_a_joint_whose_position_is_not_a_number_does_not_move() -> None:
     v = LIMITS.bound_velocity(q, np.full(3, 0.004), np.full(3, 0.004), DT)
     assert v[0] == 0.0
     assert (v[1:] > 0.0).all()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("what", ["before", "dt"])
+def test_where_the_past_is_no_number_there_is_no_velocity(bad: float, what: str) -> None:
+    """The drives are told to stop then; a finite one would drop the limit on acceleration."""
+    before, dt = np.array([0.1, bad if what == "before" else 0.1, 0.1]), DT
+    v = LIMITS.bound_velocity(np.zeros(3), before, before, bad if what == "dt" else dt)
+    assert np.isnan(v).tolist() == [what == "dt", True, what == "dt"]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_soft_stop_stands_where_the_position_is_not_a_number(bad: float) -> None:
+    q, play = np.array([0.0, bad, 0.0]), np.array([[0.0, 0.0, bad], [0.0] * 3])
+    v = LIMITS.soft_stop(q, np.full(3, 0.2), 8.0, play)
+    np.testing.assert_array_equal(v, [0.2, 0.0, 0.0])
+
+
+SHORT, LONG = np.zeros(2), np.zeros(4)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [(SHORT, *2 * [np.zeros(3)]), (np.zeros(3), LONG, np.zeros(3)), (*2 * [np.zeros(3)], SHORT)],
+)
+def test_arrays_of_another_arm_are_refused(given: tuple[Vector, Vector, Vector]) -> None:
+    with pytest.raises(ValueError, match=r"it must be an array of shape \(3,\)"):
+        LIMITS.bound_velocity(*given, DT)
+    with pytest.raises(ValueError, match=r"play is \(1, 3\)"):
+        LIMITS.soft_stop(np.zeros(3), np.zeros(3), 8.0, np.zeros((1, 3)))
