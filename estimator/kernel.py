@@ -233,8 +233,8 @@ class Kernel:
 
     def _joint(self, i: int, gap: float, dt: float, bridged: bool) -> float:
         """From the aligned samples of joint i to its residuals, levels and contacts. gap: since its
-        last sample [s], 0 without one; bridged: samples of some joint are missing. Returns a sum that is finite if
-        everything is."""
+        last sample [s], 0 without one; bridged: samples of some joint are missing. Returns a sum
+        that is finite if everything is."""
         a, position = self.alignment.aligned, self.motor_position
         q, q_dot, current, theta_dot, theta = a[0, i], a[1, i], a[2, i], a[3, i], a[4, i]
         tau_M = self._K_c[i] * current
