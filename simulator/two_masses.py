@@ -81,8 +81,8 @@ class TwoMasses:
         return float(torque) if torque * delta > 0.0 else 0.0
 
     def _rub(self, side: int, i: int, velocity: float) -> float:
-        """Coulomb's torque over the velocity's tanh, or Dahl's with stiction; and viscous. Near rest
-        the Coulomb torque is larger by Stribeck's share; Dahl's with that is LuGre's."""
+        """Coulomb's torque over the velocity's tanh, or Dahl's with stiction; and viscous. Near
+        rest the Coulomb torque is larger by Stribeck's share; Dahl's with that is LuGre's."""
         way, coulomb = self._per_slip * velocity, self.coulomb[side, i]
         slow = velocity * self._per_stribeck
         share = 1.0 + self._breakaway * decay(slow * slow) if self._breakaway > 0.0 else 1.0

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arrays import Vector
 from bench.rigs.arm_without_bus import Course
@@ -49,7 +50,8 @@ class Room:
 
     def times(self, seconds: float) -> Vector:
         """Times [s] of the ticks of a part."""
-        return self.period_s * np.arange(1, round(seconds / self.period_s) + 1)
+        ticks: Vector = np.arange(1.0, round(seconds / self.period_s) + 1)
+        return self.period_s * ticks
 
 
 Part = Callable[[Room, Vector, float, np.random.Generator], Course]
@@ -158,19 +160,22 @@ def joined(parts: list[Course]) -> Course:
     )
 
 
-def day(c: Configuration, seed: int, seconds: float, part_s: float = 30.0) -> Course:
-    """A course of every kind of part in turns, in an order of its own; after each round the arm
-    moves to another pose. A row for every tick of `seconds`."""
+def day(
+    c: Configuration, seed: int, seconds: float, part_s: float = 30.0
+) -> tuple[Course, NDArray[np.int64]]:
+    """A course of every kind of part in turns, in an order of its own, with a move to another pose
+    after each; and which of PARTS each tick belongs to. A row for every tick of `seconds`."""
     rng, room = np.random.default_rng((seed, 21)), Room.of(c)
     here = rng.uniform(room.lower, room.upper)
-    parts, ticks, wanted = [], 0, round(seconds / room.period_s)
-    while ticks < wanted:
-        for name in rng.permutation(list(PARTS)):
+    parts, kinds, wanted = list[Course](), list[int](), round(seconds / room.period_s)
+    while len(kinds) < wanted:
+        for kind in rng.permutation(len(PARTS)).tolist():
+            name = list(PARTS)[kind]
             length_s = part_s / 3.0 if name == "holding" else part_s
             part = PARTS[name](room, here, length_s, rng)
             there = rng.uniform(room.lower, room.upper)
             parts += [part, move(room, part.q[-1], there)]
-            ticks += len(part.q) + len(parts[-1].q)
+            kinds += [kind] * (len(part.q) + len(parts[-1].q))
             here = there
     whole = joined(parts)
-    return Course(whole.q[:wanted], whole.velocity[:wanted])
+    return Course(whole.q[:wanted], whole.velocity[:wanted]), np.array(kinds[:wanted])

@@ -24,9 +24,7 @@ def settings(friction: str, **changes: Any) -> SimulationSettings:
 
 @pytest.mark.parametrize("stribeck", [1.0, 1.3])
 @pytest.mark.parametrize("friction", ["smooth", "dahl"])
-def test_the_plant_is_that_in_arrays(
-    romeo: ArmDescription, friction: str, stribeck: float
-) -> None:
+def test_the_plant_is_that_in_arrays(romeo: ArmDescription, friction: str, stribeck: float) -> None:
     """To rounding; what that becomes where a border is struck a little sooner stays below 1e-9."""
     s = settings(friction, stribeck=stribeck)
     p = true_parameters(romeo, s)
