@@ -51,9 +51,7 @@ class SimulatedArm:
         self.plant = Plant(
             parameters,
             settings.step_s,
-            settings.friction,
-            settings.friction_width,
-            settings.presliding,
+            settings.law,
         )
         self.servo = Servo(description, parameters.usual_link)
         profile = profile_of(description.eds)

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
 
 from errors import ConfigurationError
+from simulator.friction_law import FrictionLaw, Kind
 
 Percent = Annotated[float, Meta(ge=0.0, le=50.0)]
 Milliseconds = Annotated[float, Meta(ge=0.0, le=50.0)]
@@ -90,11 +91,15 @@ class SimulationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     mismatch: Mismatch = Mismatch()
     step_s: Annotated[float, Meta(gt=0.0, le=0.00025)] = 0.00025
     """Integration step; a divider of 1 ms."""
-    friction: Literal["smooth", "dahl"] = "smooth"
+    friction: Kind = "smooth"
     friction_width: Annotated[float, Meta(ge=0.002, le=0.2)] = 0.02
     """smooth: Coulomb * tanh(velocity / width) [rad/s]."""
     presliding: Annotated[float, Meta(ge=1e-4, le=0.02)] = 0.001
     """dahl: deflection at which friction is fully built up [rad]."""
+    stribeck: Annotated[float, Meta(ge=1.0, le=2.0)] = 1.0
+    """Friction just off rest, over Coulomb's."""
+    stribeck_velocity: Annotated[float, Meta(ge=0.005, le=0.5)] = 0.05
+    """At which that rise has fallen to exp(-1) of itself [rad/s]."""
     contact_stiffness: Annotated[float, Meta(gt=0.0, le=1e5)] = 1000.0
     """Border of the gap and end stops [Nm/rad]; softer on light joints: `simulator.mismatch`."""
     contact_damping_ratio: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.3
@@ -106,3 +111,11 @@ class SimulationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     velocity_scale_error: Annotated[float, Meta(ge=-0.1, le=0.1)] = 0.0
     velocity_bias: Annotated[float, Meta(ge=-0.1, le=0.1)] = 0.0
     """Bias of the reported motor velocity at the link side [rad/s]."""
+
+    @property
+    def law(self) -> FrictionLaw:
+        """Law of friction of all joints."""
+        return FrictionLaw(
+            self.friction, self.friction_width, self.presliding, self.stribeck,
+            self.stribeck_velocity,
+        )  # fmt: skip

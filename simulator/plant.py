@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Literal, cast
+from typing import Any, Final, cast
 
 import numpy as np
 import pinocchio as pin
@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from arrays import Vector
 from compiled import uncompiled
+from simulator.friction_law import FrictionLaw
 from simulator.links import Links
 from simulator.mismatch import PlantParameters
 from simulator.two_masses import TwoMasses
 
+SMOOTH: Final = FrictionLaw()
 External = Callable[[Vector, Vector, Vector], None]
 """(q, q_dot, out): writes the external joint torque of this instant [Nm] into out (n,)."""
 
@@ -57,20 +59,11 @@ class Plant:
         self,
         parameters: PlantParameters,
         step_s: float,
-        friction: Literal["smooth", "dahl"] = "smooth",
-        friction_width: float = 0.02,
-        presliding: float = 0.001,
+        law: FrictionLaw = SMOOTH,
     ) -> None:
         self.parameters, self.n, self.step_s = parameters, parameters.model.nv, step_s
         self._model, self._data = parameters.model, parameters.model.createData()
-        self.masses = masses = TwoMasses(
-            links_of(parameters.model),
-            parameters,
-            step_s,
-            stiction=friction == "dahl",
-            friction_width=friction_width,
-            presliding=presliding,
-        )
+        self.masses = masses = TwoMasses(links_of(parameters.model), parameters, step_s, law)
         self.phi: Vector = np.asarray(masses.phi)
         self.q: Vector = np.asarray(masses.q)
         """q - theta and link positions (n,) [rad]; views, they change with every step."""

@@ -1,12 +1,12 @@
 # Types of two_masses.py, for the compiler alone.
 
-from elementary cimport smooth_sign
+from elementary cimport decay, smooth_sign
 from simulator.links cimport Links
 
 cdef class TwoMasses:
     cdef readonly Py_ssize_t n
     cdef readonly Links links
-    cdef double _step, _per_slip
+    cdef double _step, _per_slip, _breakaway, _per_stribeck
     cdef bint _stiction
     cdef readonly double[::1] phi, q, q_dot, theta_dot, external, motor, free, gear, stop
     cdef readonly double[:, ::1] friction, coulomb, viscous, deflection
@@ -17,5 +17,7 @@ cdef class TwoMasses:
     cdef void _push(self, Py_ssize_t i) noexcept
     cdef double _border(self, Py_ssize_t i, double delta, double delta_dot) noexcept
     cdef double _rub(self, Py_ssize_t side, Py_ssize_t i, double velocity) noexcept
-    cdef double _slide(self, Py_ssize_t side, Py_ssize_t i, double way, double coulomb) noexcept
+    cdef double _slide(
+        self, Py_ssize_t side, Py_ssize_t i, double way, double coulomb, double share
+    ) noexcept
     cdef void _move(self, Py_ssize_t i) noexcept

@@ -10,7 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from elementary import smooth_sign
+from elementary import decay, smooth_sign
+from simulator.friction_law import FrictionLaw
 from simulator.links import Links
 from simulator.mismatch import PlantParameters
 
@@ -25,15 +26,12 @@ class TwoMasses:
         links: Links,
         parameters: PlantParameters,
         step_s: float,
-        *,
-        stiction: bool,
-        friction_width: float,
-        presliding: float,
+        law: FrictionLaw,
     ) -> None:
         p = parameters
         n = self.n = links.n
         self.links = links
-        self._step, self._stiction = step_s, stiction
+        self._step, self._stiction = step_s, law.kind == "dahl"
         self.phi, self.q_dot, self.theta_dot, self.external, self.motor = np.zeros((5, n))
         self.q = p.initial_position.copy()
         self.gear, self.stop, self._link = np.zeros((3, n))
@@ -46,7 +44,9 @@ class TwoMasses:
         # Of link and motor: friction, and deflection in units of the largest.
         self.coulomb, self.viscous = p.coulomb.reshape(2, n).copy(), p.viscous.reshape(2, n).copy()
         self.deflection = np.zeros((2, n))
-        self._per_slip = step_s / presliding if stiction else 1.0 / friction_width
+        presliding = law.presliding
+        self._per_slip = step_s / presliding if self._stiction else 1.0 / law.width
+        self._breakaway, self._per_stribeck = law.stribeck - 1.0, 1.0 / law.stribeck_velocity
         # sigma_1 damps the swinging of each mass on its bristles to 0.7; times z_max / step, as it
         # meets the change of z in a step.
         masses = np.stack((p.lightest_link, p.rotor_inertia))
@@ -81,25 +81,29 @@ class TwoMasses:
         return float(torque) if torque * delta > 0.0 else 0.0
 
     def _rub(self, side: int, i: int, velocity: float) -> float:
-        """Coulomb's torque over the velocity's tanh, or Dahl's with stiction; and viscous."""
+        """Coulomb's torque over the velocity's tanh, or Dahl's with stiction; and viscous. Near
+        rest the Coulomb torque is larger by Stribeck's share; Dahl's with that is LuGre's."""
         way, coulomb = self._per_slip * velocity, self.coulomb[side, i]
+        slow = velocity * self._per_stribeck
+        share = 1.0 + self._breakaway * decay(slow * slow) if self._breakaway > 0.0 else 1.0
         if self._stiction:
-            torque = self._slide(side, i, way, coulomb)
+            torque = self._slide(side, i, way, coulomb, share)
         else:
-            torque = smooth_sign(way) * coulomb
+            torque = smooth_sign(way) * (share * coulomb)
         return float(torque + self.viscous[side, i] * velocity)
 
-    def _slide(self, side: int, i: int, way: float, coulomb: float) -> float:
-        """Dahl: z_dot = v - |v| z / z_max, torque = T_c z / z_max + sigma_1 z_dot, at most T_c.
+    def _slide(self, side: int, i: int, way: float, coulomb: float, share: float) -> float:
+        """Dahl: z_dot = v - |v| z / (s z_max), torque = T_c z / z_max + sigma_1 z_dot, at most
+        s T_c; s: Stribeck's share, 1 without.
 
-        The implicit step z = (z + v h) / (1 + |v| h / z_max) keeps |z| <= z_max at any speed.
+        The implicit step z = (z + v h) / (1 + |v| h / (s z_max)) keeps |z| <= s z_max at any speed.
         Without LuGre's sigma_1 a joint at rest goes on swinging on its bristles and creeps away.
         """
         before = self.deflection[side, i]
-        z = (before + way) / (abs(way) + 1.0)
+        z = (before + way) / (abs(way) / share + 1.0)
         self.deflection[side, i] = z
         torque = (z - before) * self._bristle_damping[side, i] + z * coulomb
-        return float(max(min(torque, coulomb), -coulomb))
+        return float(max(min(torque, share * coulomb), -share * coulomb))
 
     def _move(self, i: int) -> None:
         """Semi-implicit Euler: the new velocities move joint i."""

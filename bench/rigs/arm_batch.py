@@ -99,9 +99,7 @@ def record_fleet(
     n, count = len(description.joints), len(arms)
     parameters = _joined(arms)
     fleet = replace(description, joints=description.joints * count)
-    plant = Plant(
-        parameters, settings.step_s, settings.friction, settings.friction_width, settings.presliding
-    )
+    plant = Plant(parameters, settings.step_s, settings.law)
     start = np.tile(reference(0.0)[0], count)
     plant.place(start)
     servo = Servo(fleet, parameters.usual_link)

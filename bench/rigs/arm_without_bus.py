@@ -43,6 +43,21 @@ class Subject:
     """friction of every joint swings by this share of itself ..."""
     drift_period_s: float = 240.0
     """... once in this time, each in a phase of its own"""
+    interpolates: bool = True
+    """its drives reach each setpoint over a period; else they take it as a step"""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Reference of the arm, a row for each tick: q [rad] and velocity [rad/s], (ticks, n)."""
+
+    q: Matrix
+    velocity: Matrix
+
+    def course(self, ticks: int, period_s: float) -> "Course":
+        """The first rows of it."""
+        del period_s
+        return Course(self.q[:ticks], self.velocity[:ticks])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +87,15 @@ class Motion:
             self.amplitude * (rate * self.omega * np.cos(angle)),
         )
 
+    def course(self, ticks: int, period_s: float) -> Course:
+        """It in so many ticks; the first reference is that of one period after its beginning."""
+        s, rows = 0.0, np.empty((2, ticks, len(self.home)))
+        for tick in range(ticks):
+            rate = self.rate(tick * period_s)
+            s += rate * period_s
+            rows[:, tick] = self.at(s, rate)
+        return Course(*rows)
+
 
 @dataclass(frozen=True, slots=True)
 class Push:
@@ -87,7 +111,7 @@ class Scenario:
     """Motion and pushes of the arm from the moment it stands."""
 
     seconds: float
-    motion: Motion
+    motion: Motion | Course
     pushes: tuple[Push, ...] = ()
     phi: Vector | None = None
     """where the links are in their gaps when the drives are switched on [rad]; None: the middle"""
@@ -152,9 +176,7 @@ class Harness:
         self.plant = Plant(
             self.parameters,
             settings.step_s,
-            settings.friction,
-            settings.friction_width,
-            settings.presliding,
+            settings.law,
         )
         self.servo = Servo(description, self.parameters.usual_link)
         self.sensors = Sensors(description, settings, self.plant.q)
@@ -168,6 +190,7 @@ class Harness:
         gears = np.array([joint.gear for joint in description.joints])
         self._velocity_unit = PROFILE.velocity_unit / gears
         self._steps = round(SERVO_PERIOD_S / settings.step_s)
+        self._over_s = self.period_s if subject.interpolates else SERVO_PERIOD_S
         self.per_tick = round(self.period_s / SERVO_PERIOD_S)
         n = self.plant.n
         self.phi, self.gear_torque = np.zeros((2, self.per_tick, n))
@@ -190,7 +213,7 @@ class Harness:
     def follow(self, velocity: Vector) -> None:
         """Head for the setpoint (n,) [rad/s] over the next period."""
         for joint, counts in enumerate(self._encoder.encode(velocity)):
-            self.servo.follow(joint, counts * self._velocity_unit[joint], self.period_s)
+            self.servo.follow(joint, counts * self._velocity_unit[joint], self._over_s)
 
     def period(self, external: Matrix) -> None:
         """One period; external: torque on the links (per_tick, n) in each of its milliseconds."""
@@ -224,10 +247,11 @@ def recordings(
     harness = Harness(subject)
     gain = subject.robot.configuration.control.position_gain
     period_s, per_tick, n = harness.period_s, harness.per_tick, harness.plant.n
-    motion, drift = scenario.motion, _Drift(subject, n)
+    ticks, drift = round(scenario.seconds / period_s), _Drift(subject, n)
+    course = scenario.motion.course(ticks, period_s)
     still = np.zeros((per_tick, n))
     harness.plant.scale_friction(drift.at(0.0))
-    start, velocity = motion.at(0.0, 0.0)
+    start, velocity = course.q[0], np.zeros(n)
     harness.plant.place(start, scenario.phi)
     harness.energise()
     for _ in range(round(scenario.settling_s / period_s)):
@@ -236,7 +260,6 @@ def recordings(
         harness.follow(velocity)
         velocity = gain * (start - q)
 
-    s, ticks = 0.0, round(scenario.seconds / period_s)
     for first in range(0, ticks, round(chunk_s / period_s)):
         chunk = range(first, min(first + round(chunk_s / period_s), ticks))
         external = _external(scenario.pushes, chunk.start * per_tick, len(chunk) * per_tick, n)
@@ -250,10 +273,7 @@ def recordings(
             samples[row] = harness.sample()
             phi[row], gear_torque[row] = harness.phi, harness.gear_torque
             harness.follow(velocity)
-            rate = motion.rate(t)
-            s += rate * period_s
-            q_d, qd_d = motion.at(s, rate)
-            velocity = qd_d + gain * (q_d - samples[row, 1])
+            velocity = course.velocity[tick] + gain * (course.q[tick] - samples[row, 1])
         yield Recording(
             time_s=period_s * (1 + np.array(chunk)),
             samples=samples,

@@ -13,6 +13,7 @@ from bench.rigs.arm_without_bus import Recording
 from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.assembly import build_estimator
 from daemon.config.load import Robot
+from estimator.estimate import SampleRows
 from estimator.estimator import Estimator
 from estimator.settings import Variant
 
@@ -47,29 +48,28 @@ def build(robot: Robot, **changes: object) -> Estimator:
 
 def estimates(estimator: Estimator, recording: Recording) -> Estimates:
     """Step through the recording; the estimator goes on from where it was."""
-    shape = recording.samples.shape[0], recording.samples.shape[2]
-    names = [variant.name for variant in estimator.variants]
-    residuals = {name: np.empty(shape) for name in names}
-    threshold, phi, phi_sigma = np.empty((3, *shape))
-    side = np.empty(shape, dtype=np.int8)
-    touched_link = np.full(len(recording.samples), -1)
-    row_of = {name: i for i, name in enumerate(estimator.model.names)}
-    for k, (current, link_position, motor_velocity, motor_position) in enumerate(recording.samples):
-        e = estimator.step(current, link_position, motor_velocity, motor_position)
-        residuals[names[0]][k] = e.residual
-        for name, r in e.beside.items():
-            residuals[name][k] = r
-        touched_link[k] = row_of.get(e.touched_link, -1)
-        threshold[k], phi[k], phi_sigma[k], side[k] = e.threshold, e.phi, e.phi_sigma, e.side
+    ticks, n = recording.samples.shape[0], recording.samples.shape[2]
+    current, link_position, motor_velocity, motor_position = np.moveaxis(recording.samples, 1, 0)
+    rows = estimator.run(
+        SampleRows(
+            current=current,
+            link_position=link_position,
+            motor_velocity=motor_velocity,
+            motor_position=motor_position,
+            fresh=np.ones((ticks, n), dtype=np.bool_),
+            interval_s=np.full(ticks, estimator.period_s),
+        )
+    )
+    residuals = {estimator.variants[0].name: rows.residual, **rows.beside}
     if KALMAN_BELIEF in residuals:
         belief, K = residuals[KALMAN_BELIEF], estimator.settings.gain
         residuals[KALMAN] = kalman(belief, K, estimator.period_s)
     return Estimates(
         residuals=residuals,
-        threshold=threshold,
-        phi=phi,
-        phi_sigma=phi_sigma,
-        side=side,
-        touched_link=touched_link,
+        threshold=rows.threshold,
+        phi=rows.phi,
+        phi_sigma=rows.phi_sigma,
+        side=rows.side,
+        touched_link=rows.touched_link,
         delay_s=estimator.delay_s,
     )

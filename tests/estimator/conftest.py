@@ -93,7 +93,7 @@ def record(
     description = describe()
     options = SimulationSettings(**{"mismatch": WRONG, **settings})
     parameters = true_parameters(description, options)
-    plant = Plant(parameters, options.step_s, options.friction, options.friction_width)
+    plant = Plant(parameters, options.step_s, options.law)
     model = pin.buildModelFromUrdf(str(ROMEO))
     inertia = np.diag(pin.crba(model, model.createData(), HOME))
     plant.place(reference(0.0)[0])

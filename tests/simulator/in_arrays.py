@@ -43,13 +43,15 @@ class Plant:
         return np.where(torque * delta > 0.0, torque, 0.0)
 
     def slide(self, velocity: np.ndarray) -> np.ndarray:
-        coulomb, s = self.scale * self.p.coulomb, self.s
+        s = self.s
+        share = 1.0 + (s.stribeck - 1.0) * np.exp(-((velocity / s.stribeck_velocity) ** 2))
+        coulomb = self.scale * self.p.coulomb
         if s.friction == "smooth":
-            return coulomb * np.tanh(velocity / s.friction_width)
+            return share * coulomb * np.tanh(velocity / s.friction_width)
         z, z_max = self.z, s.presliding
-        self.z = (z + velocity * s.step_s) / (1.0 + np.abs(velocity) * s.step_s / z_max)
+        self.z = (z + velocity * s.step_s) / (1.0 + np.abs(velocity) * s.step_s / (share * z_max))
         torque = coulomb * self.z / z_max + self.sigma_1 * (self.z - z) / s.step_s
-        return np.clip(torque, -coulomb, coulomb)
+        return np.clip(torque, -share * coulomb, share * coulomb)
 
 
 class Servo:

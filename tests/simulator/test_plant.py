@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 from simulator.description import ArmDescription, SimulationSettings
+from simulator.friction_law import FrictionLaw
 from simulator.mismatch import PlantParameters, true_parameters
 from simulator.plant import Plant
 
@@ -84,7 +85,7 @@ def test_gear_pushes_and_never_pulls(pendulum: Pendulum, half_gap: float) -> Non
 @pytest.mark.parametrize("friction", ["smooth", "dahl"])
 def test_friction_opposes_sliding_and_dissipates(pendulum: Pendulum, friction: str) -> None:
     parameters = pendulum(coulomb=np.array([0.02, 0.1]), viscous=np.array([0.01, 0.05]))
-    plant = Plant(parameters, STEP, friction)  # type: ignore[arg-type]
+    plant = Plant(parameters, STEP, FrictionLaw(friction))  # type: ignore[arg-type]
     plant.place(np.array([1.0]))
     start = plant.energy()
     for _ in range(4000):
@@ -113,7 +114,7 @@ def test_stiction_holds_below_and_breaks_away_above(
     pendulum: Pendulum, torque: float, slides: bool
 ) -> None:
     parameters = pendulum(coulomb=np.array([0.0, 1.0]), half_gap=np.array([0.5]))
-    plant = Plant(parameters, STEP, "dahl", presliding=0.001)
+    plant = Plant(parameters, STEP, FrictionLaw("dahl", presliding=0.001))
     for share in np.linspace(0.0, 1.0, 100):  # a sudden load would overshoot
         plant.motor_torque[0] = share * torque
         plant.advance(20)
@@ -131,7 +132,7 @@ def test_stiction_holds_below_and_breaks_away_above(
 
 def test_smooth_friction_creeps_where_stiction_holds(pendulum: Pendulum) -> None:
     parameters = pendulum(coulomb=np.array([0.0, 1.0]), half_gap=np.array([0.5]))
-    plant = Plant(parameters, STEP, "smooth", friction_width=0.02)
+    plant = Plant(parameters, STEP, FrictionLaw("smooth", width=0.02))
     plant.motor_torque[0] = 0.8
     plant.advance(8000)
     assert plant.theta_dot[0] == pytest.approx(0.02 * np.arctanh(0.8), rel=1e-3)
@@ -178,7 +179,7 @@ def test_limp_arm_comes_to_rest_at_all_poses(romeo: ArmDescription, friction: st
     parameters = true_parameters(romeo, SimulationSettings())
     rng = np.random.default_rng(5)
     for _ in range(2):
-        plant = Plant(parameters, STEP, friction)  # type: ignore[arg-type]
+        plant = Plant(parameters, STEP, FrictionLaw(friction))  # type: ignore[arg-type]
         plant.place(rng.uniform(parameters.lower, parameters.upper))
         plant.advance(6000)
         assert np.abs(plant.q_dot).max() < 1.0

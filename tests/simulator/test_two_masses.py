@@ -22,12 +22,13 @@ def settings(friction: str, **changes: Any) -> SimulationSettings:
     return SimulationSettings(friction=friction, **changes)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("stribeck", [1.0, 1.3])
 @pytest.mark.parametrize("friction", ["smooth", "dahl"])
-def test_the_plant_is_that_in_arrays(romeo: ArmDescription, friction: str) -> None:
+def test_the_plant_is_that_in_arrays(romeo: ArmDescription, friction: str, stribeck: float) -> None:
     """To rounding; what that becomes where a border is struck a little sooner stays below 1e-9."""
-    s = settings(friction)
+    s = settings(friction, stribeck=stribeck)
     p = true_parameters(romeo, s)
-    plant, other = Plant(p, s.step_s, s.friction), in_arrays.Plant(p, s)
+    plant, other = Plant(p, s.step_s, s.law), in_arrays.Plant(p, s)
     plant.brake(3, closed=True)
     other.closed[3] = True
     plant.scale_friction(np.linspace(0.5, 1.5, N))
@@ -90,13 +91,12 @@ def test_compiled_and_plain_are_the_same_to_the_last_bit(
 ) -> None:
     if uncompiled():
         pytest.skip("the modules are not compiled here")
-    s = settings(friction, link_latency_ms=1.5)
+    s = settings(friction, link_latency_ms=1.5, stribeck=1.2)
     p = true_parameters(romeo, s)
     ends = []
     for modules in (built("simulator"), plain("simulator")):
         masses = modules["two_masses"].TwoMasses(
-            modules["links"].Links(p.model), p, s.step_s, stiction=friction == "dahl",
-            friction_width=s.friction_width, presliding=s.presliding,
+            modules["links"].Links(p.model), p, s.step_s, s.law
         )  # fmt: skip
         servo = modules["servo"].Servo(romeo, p.usual_link)
         sensors = modules["sensors"].Sensors(romeo, s, p.initial_position)

@@ -1,0 +1,231 @@
+"""False contacts of every residual, over a population of arms as wide as the world.
+
+    python -m bench.false_contacts [--arms N] [--minutes N] [--jobs N] [--seed N]
+                                   [--friction smooth|dahl|lugre|all]
+                                   [--motor-position measured|integrated] [--json]
+
+N arms for each law of friction, each at work for N minutes with nobody touching it: sinusoids,
+moves from point to point with rests, creeping at 0.02 rad/s, one joint at a time to and fro, and
+standing. Their friction is 40 % off and drifts by 20 % in ten minutes, with a rise near rest of up
+to 30 % (lugre); pre-sliding is 0.1 to 2 mrad, gears have 300 to 4000 Nm/rad, some drives step.
+What the model does not know otherwise, as `bench.detection` has it.
+
+Simulated without a bus. A false contact begins where the residual exceeds the threshold in force;
+"gap under load" counts ticks in which a joint is called to be in its gap while its gear carries
+more than half the contact level.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from bench.report import Target, print_report
+from bench.rigs.arm_without_bus import Recording, Scenario, recordings
+from bench.rigs.lockstep import ROMEO
+from bench.study import courses, scores, world
+from bench.study.detection_report import NARROW
+from bench.study.estimates import Estimates, build, estimates
+from bench.study.monte_carlo import GRACE_S, spread
+from bench.study.world import LAWS, Law
+from daemon.config.load import load_robot
+from daemon.config.schema import Configuration
+from estimator.motor_position import Side
+
+PARTS: Final = tuple(courses.PARTS)
+FAST: Final = 0.05
+"""[rad/s]; from here on a motor counts as moving"""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One arm."""
+
+    robot: Path
+    law: Law
+    seed: int
+    seconds: float
+    motor_position: Literal["measured", "integrated"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tally:
+    """Counts of one arm, or of several added up."""
+
+    hours: float
+    alarms: NDArray[np.int64]
+    """(variants, PARTS, n)"""
+    gap_under_load: NDArray[np.int64]
+    """ticks (n,)"""
+    thresholds: NDArray[np.float64]
+    """(n, arms): median in motion of the threshold in force, over the configured level"""
+
+    def __add__(self, other: "Tally") -> "Tally":
+        return Tally(
+            hours=self.hours + other.hours,
+            alarms=self.alarms + other.alarms,
+            gap_under_load=self.gap_under_load + other.gap_under_load,
+            thresholds=np.hstack((self.thresholds, other.thresholds)),
+        )
+
+
+def run(job: Job) -> tuple[Job, tuple[str, ...], Tally]:
+    """Simulate and judge one arm; the names are those of the residuals."""
+    robot = load_robot(job.robot)
+    c = robot.configuration
+    contact = np.array([joint.thresholds.contact for joint in c.joints])
+    course, kinds = courses.day(c, job.seed, job.seconds)
+    estimator = build(robot, motor_position=job.motor_position)
+    scenario = Scenario(seconds=job.seconds, motion=course)
+    begun, parts, raised = 0, [], []
+    names: tuple[str, ...] = ()
+    for recording in recordings(world.subject(robot, job.law, job.seed), scenario):
+        found = estimates(estimator, recording)
+        names, end = tuple(found.residuals), begun + len(recording.time_s)
+        parts.append(tally(recording, found, kinds[begun:end], contact))
+        moving = np.abs(recording.samples[:, 2]) > FAST
+        raised.append(np.where(moving, found.threshold / contact, np.nan))
+        begun = end
+    medians = np.nanmedian(np.concatenate(raised), axis=0)[:, np.newaxis]
+    whole = reduce(add, parts)
+    return (
+        job,
+        names,
+        Tally(
+            hours=whole.hours,
+            alarms=whole.alarms,
+            gap_under_load=whole.gap_under_load,
+            thresholds=medians,
+        ),
+    )
+
+
+def tally(
+    recording: Recording,
+    found: Estimates,
+    kinds: NDArray[np.int64],
+    contact: NDArray[np.float64],
+) -> Tally:
+    """Counts of a stretch; alarms count from GRACE_S of the day on."""
+    armed = recording.time_s > GRACE_S
+    chosen = [(armed & (kinds == part))[:, np.newaxis] for part in range(len(PARTS))]
+    alarms = np.array(
+        [
+            [scores.alarms(np.where(part, r, 0.0), found.threshold) for part in chosen]
+            for r in found.residuals.values()
+        ]
+    )
+    load = np.abs(recording.at(found.delay_s, recording.gear_torque))
+    false_gap = (found.side == Side.GAP) & (load > 0.5 * contact)
+    return Tally(
+        hours=len(recording.time_s) * recording.per_tick / 3.6e6,
+        alarms=alarms,
+        gap_under_load=np.count_nonzero(false_gap, axis=0),
+        thresholds=np.empty((len(contact), 0)),
+    )
+
+
+def targets(found: dict[Law, Tally], deciding: str) -> list[Target]:
+    """What the residual that decides must do."""
+    rows = []
+    for law, whole in found.items():
+        of = f"{deciding}, {law}"
+        alarms = int(whole.alarms[0].sum())
+        rows.append(Target(f"false contacts in {whole.hours:.3g} h, {of}", alarms, 0, "", "lower"))
+    return rows
+
+
+def by_residual(law: Law, whole: Tally, names: Sequence[str]) -> Table:
+    """False contacts of every residual, by kind of motion."""
+    title = f"{law} friction: false contacts in {whole.hours:.3g} h"
+    shown = Table(title=title, header_style="bold", **NARROW)
+    shown.add_column("residual", no_wrap=True)
+    for part in PARTS:
+        shown.add_column(part.replace(" ", "\n", 1), justify="right")
+    shown.add_column("per hour", justify="right")
+    for name, alarms in zip(names, whole.alarms.sum(axis=2), strict=True):
+        shown.add_row(name, *map(str, alarms), f"{alarms.sum() / whole.hours:.0f}")
+    return shown
+
+
+def by_joint(law: Law, whole: Tally, c: Configuration) -> Table:
+    """The residual that decides, joint by joint."""
+    shown = Table(title=f"{law} friction: joints", header_style="bold", **NARROW)
+    shown.add_column("", no_wrap=True)
+    for i in range(len(c.joints)):
+        shown.add_column(str(i + 1), justify="right", no_wrap=True)
+    shown.add_row("false contacts", *map(str, whole.alarms[0].sum(axis=0)))
+    shown.add_row("ticks called gap under load", *map(str, whole.gap_under_load))
+    medians = np.median(whole.thresholds, axis=1)
+    shown.add_row("threshold in motion, of the level", *(f"{x:.2f}" for x in medians))
+    return shown
+
+
+@click.command(help=__doc__)
+@click.option("--arms", type=click.IntRange(min=1), default=2, show_default=True)
+@click.option("--minutes", type=click.FloatRange(0.1, 600.0), default=12.0, show_default=True)
+@click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
+@click.option("--seed", default=1, show_default=True, help="Of the first arm.")
+@click.option("--friction", default="all", type=click.Choice([*LAWS, "all"]))
+@click.option(
+    "--motor-position", default="integrated", type=click.Choice(["measured", "integrated"])
+)
+@click.option("--json", "as_json", is_flag=True)
+def main(
+    arms: int,
+    minutes: float,
+    processes: int,
+    seed: int,
+    friction: Law | Literal["all"],
+    motor_position: Literal["measured", "integrated"],
+    as_json: bool,
+) -> None:
+    laws: Sequence[Law] = LAWS if friction == "all" else (friction,)
+    c = load_robot(ROMEO).configuration
+    todo = [
+        Job(ROMEO, law, arm, 60.0 * minutes, motor_position)
+        for arm in range(seed, seed + arms)
+        for law in laws
+    ]
+    done = sorted(spread(run, todo, processes, "arms"), key=lambda one: one[0].seed)
+    names = done[0][1]
+    found = {law: reduce(add, [whole for job, _, whole in done if job.law == law]) for law in laws}
+    if not as_json:
+        console = Console()
+        for law, whole in found.items():
+            console.print(by_residual(law, whole, names))
+            console.print(by_joint(law, whole, c))
+            console.print()
+    data: dict[str, Any] = {
+        "arms": arms,
+        "minutes": minutes,
+        "motor_position": motor_position,
+        "residuals": names,
+        "parts": PARTS,
+        "laws": {
+            law: {
+                "hours": whole.hours,
+                "alarms": whole.alarms.tolist(),
+                "gap_under_load": whole.gap_under_load.tolist(),
+                "threshold_in_motion": np.median(whole.thresholds, axis=1).round(3).tolist(),
+            }
+            for law, whole in found.items()
+        },
+        "by_arm": {
+            f"{job.law} {job.seed}": whole.alarms[0].sum(axis=0).tolist() for job, _, whole in done
+        },
+    }
+    print_report("false_contacts", seed, targets(found, names[0]), data, as_json=as_json)
+
+
+if __name__ == "__main__":
+    main()

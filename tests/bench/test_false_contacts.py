@@ -1,0 +1,116 @@
+"""Counting of false contacts, and the population that makes them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from bench import false_contacts
+from bench.false_contacts import PARTS, tally
+from bench.rigs.arm_without_bus import Harness, Recording
+from bench.rigs.lockstep import ROMEO
+from bench.study import world
+from bench.study.estimates import Estimates
+from daemon.config.load import load_robot
+from estimator.motor_position import Side
+from simulator.description import Mismatch
+
+TICKS, N = 300, 2
+CONTACT = np.array([1.0, 0.5])
+
+
+def recorded(load: float = 0.0) -> Recording:
+    return Recording(
+        time_s=0.01 * np.arange(1, TICKS + 1),
+        samples=np.zeros((TICKS, 4, N)),
+        phi=np.zeros((10 * TICKS, N)),
+        gear_torque=np.full((10 * TICKS, N), load),
+        external=np.zeros((10 * TICKS, N)),
+        half_gap=np.full(N, 0.02),
+    )
+
+
+def estimated(residual: np.ndarray, side: int = Side.LEFT) -> Estimates:
+    return Estimates(
+        residuals={"ours": residual, "theirs": 2.0 * residual},
+        threshold=np.tile(CONTACT, (TICKS, 1)),
+        phi=np.zeros((TICKS, N)),
+        phi_sigma=np.zeros((TICKS, N)),
+        side=np.full((TICKS, N), side, dtype=np.int8),
+        touched_link=np.full(TICKS, -1),
+        delay_s=0.0,
+    )
+
+
+def test_stretches_beyond_the_threshold_count_by_residual_part_and_joint() -> None:
+    residual, kinds = np.zeros((TICKS, N)), np.zeros(TICKS, dtype=np.int64)
+    kinds[200:] = 2
+    residual[50:60, 0] = 1.1  # before anybody could have armed it
+    residual[150:160, 0] = 1.1
+    residual[180:190, 1] = -0.3  # only for theirs
+    residual[250:251, 1] = -0.6
+    residual[260:270, 1] = 0.6
+    found = tally(recorded(), estimated(residual), kinds, CONTACT)
+    expected = np.zeros((2, len(PARTS), N))
+    expected[:, 0, 0], expected[:, 2, 1], expected[1, 0, 1] = 1, 2, 1
+    np.testing.assert_array_equal(found.alarms, expected)
+    assert found.hours == pytest.approx(3.0 / 3600.0)
+
+
+@pytest.mark.parametrize(
+    ("load", "side", "expected"),
+    [
+        (0.3, Side.GAP, [0, TICKS]),
+        (0.6, Side.GAP, [TICKS, TICKS]),
+        (0.2, Side.GAP, [0, 0]),
+        (0.6, Side.UNKNOWN, [0, 0]),
+    ],
+)
+def test_gap_under_load(load: float, side: int, expected: list[int]) -> None:
+    kinds = np.zeros(TICKS, dtype=np.int64)
+    found = tally(recorded(load), estimated(np.zeros((TICKS, N)), side), kinds, CONTACT)
+    assert found.gap_under_load.tolist() == expected
+
+
+def test_arms_of_the_world_differ_in_what_nobody_knows() -> None:
+    robot = load_robot(ROMEO)
+    subjects = [world.subject(robot, "lugre", seed) for seed in range(200)]
+    settings = [subject.settings for subject in subjects]
+    for values, (low, high) in (
+        ([s.presliding for s in settings], world.PRESLIDING),
+        ([s.contact_stiffness for s in settings], world.STIFFNESS),
+        ([s.stribeck for s in settings], world.STRIBECK),
+    ):
+        assert low <= min(values) < low * (high / low) ** 0.05
+        assert high >= max(values) > high * (low / high) ** 0.05
+    assert 0.2 < np.mean([not subject.interpolates for subject in subjects]) < 0.4
+    smooth = world.subject(robot, "smooth", 7).settings
+    assert (smooth.friction, smooth.stribeck) == ("smooth", 1.0)
+    assert world.subject(robot, "dahl", 7).settings.presliding == smooth.presliding
+
+
+def test_their_friction_is_off_by_two_fifths() -> None:
+    robot = load_robot(ROMEO)
+    arm = world.subject(robot, "dahl", 3)
+    right = Mismatch(**dict.fromkeys(Mismatch.__struct_fields__, 0.0))
+    settings = type(arm.settings)(mismatch=right)
+    model = Harness(replace(arm, settings=settings, displacement_m=0.0)).parameters
+    off = Harness(arm).parameters.coulomb / np.where(model.coulomb > 0.0, model.coulomb, np.nan)
+    np.testing.assert_allclose(np.abs(off[np.isfinite(off)] - 1.0), 0.4)
+
+
+def test_the_report_is_of_every_law_residual_and_arm() -> None:
+    words = ["--arms", "1", "--minutes", "0.3", "--jobs", "1", "--json"]
+    result = CliRunner().invoke(false_contacts.main, words, catch_exceptions=False)
+    report = json.loads(result.stdout.splitlines()[-1])
+    assert set(report["data"]["laws"]) == set(world.LAWS)
+    assert "classical" in report["data"]["residuals"]
+    for whole in report["data"]["laws"].values():
+        assert whole["hours"] == pytest.approx(0.3 / 60)
+        assert len(whole["threshold_in_motion"]) == 7
+        shape = np.array(whole["alarms"]).shape
+        assert shape == (len(report["data"]["residuals"]), len(PARTS), 7)
+    assert set(report["data"]["by_arm"]) == {f"{law} 1" for law in world.LAWS}
+    assert [target["limit"] for target in report["targets"]] == [0, 0, 0]
