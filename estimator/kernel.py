@@ -317,8 +317,8 @@ class Kernel:
             self._learn(i, dt, theta_dot, touched or self._always_acts)
 
     def _learn(self, i: int, dt: float, theta_dot: float, acts: bool) -> None:
-        """Correct the residual of joint i by what was learned of friction and gain, and learn; acts:
-        they did on the link."""
+        """Correct the residual of joint i by what was learned of friction and gain, and learn;
+        acts: they did on the link."""
         x, learning, residual = self.interval.impulse, self.learning, self.residual
         viscous = (self._motor_viscous[i] + self._link_viscous[i]) * x[_THETA_DOT]
         coulomb = x[_MOTOR_FRICTION] + x[_ENGAGED_LINK_FRICTION] + x[_STICTION] - viscous
