@@ -2,7 +2,8 @@
 
     python -m bench.false_contacts [--arms N] [--minutes N] [--jobs N] [--seed N]
                                    [--friction smooth|dahl|lugre|all]
-                                   [--motor-position measured|integrated] [--json]
+                                   [--motor-position measured|integrated] [--learning]
+                                   [--stiction-share X] [--presliding X] [--json]
 
 N arms for each law of friction, each at work for N minutes with nobody touching it: sinusoids,
 moves from point to point with rests, creeping at 0.02 rad/s, one joint at a time to and fro, and
@@ -16,7 +17,7 @@ more than half the contact level.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
@@ -54,7 +55,8 @@ class Job:
     law: Law
     seed: int
     seconds: float
-    motor_position: Literal["measured", "integrated"]
+    changes: Mapping[str, Any]
+    """of the configured EstimatorSettings"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +86,7 @@ def run(job: Job) -> tuple[Job, tuple[str, ...], Tally]:
     c = robot.configuration
     contact = np.array([joint.thresholds.contact for joint in c.joints])
     course, kinds = courses.day(c, job.seed, job.seconds)
-    estimator = build(robot, motor_position=job.motor_position)
+    estimator = build(robot, **job.changes)
     scenario = Scenario(seconds=job.seconds, motion=course)
     begun, parts, raised = 0, [], []
     names: tuple[str, ...] = ()
@@ -179,6 +181,9 @@ def by_joint(law: Law, whole: Tally, c: Configuration) -> Table:
 @click.option(
     "--motor-position", default="integrated", type=click.Choice(["measured", "integrated"])
 )
+@click.option("--learning", is_flag=True, help="Of friction and gain, while the arm works.")
+@click.option("--stiction-share", type=float, help="In place of the configured one.")
+@click.option("--presliding", type=float, help="In place of the configured one [rad].")
 @click.option("--json", "as_json", is_flag=True)
 def main(
     arms: int,
@@ -187,12 +192,18 @@ def main(
     seed: int,
     friction: Law | Literal["all"],
     motor_position: Literal["measured", "integrated"],
+    learning: bool,
+    stiction_share: float | None,
+    presliding: float | None,
     as_json: bool,
 ) -> None:
+    asked = {"stiction_share": stiction_share, "presliding": presliding}
+    changes: dict[str, Any] = {"motor_position": motor_position, "learning": learning}
+    changes |= {name: value for name, value in asked.items() if value is not None}
     laws: Sequence[Law] = LAWS if friction == "all" else (friction,)
     c = load_robot(ROMEO).configuration
     todo = [
-        Job(ROMEO, law, arm, 60.0 * minutes, motor_position)
+        Job(ROMEO, law, arm, 60.0 * minutes, changes)
         for arm in range(seed, seed + arms)
         for law in laws
     ]
@@ -208,7 +219,7 @@ def main(
     data: dict[str, Any] = {
         "arms": arms,
         "minutes": minutes,
-        "motor_position": motor_position,
+        **changes,
         "residuals": names,
         "parts": PARTS,
         "laws": {

@@ -65,7 +65,7 @@ class Estimator:
         self._measured = settings.motor_position == "measured"
         self._samples, self._came = np.asarray(k.alignment.samples), np.asarray(k.came)
         self._shown, self._side = np.asarray(k.shown), np.asarray(k.motor_position.side)
-        self.residuals: Matrix = np.asarray(k.residual.values)
+        self.residuals: Matrix = np.asarray(k.residual.corrected)
         """of all `variants`, (variants, n) [Nm]; those of now, not a copy"""
         self._sensing = np.asarray(k.sensing).view(np.bool_)
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))

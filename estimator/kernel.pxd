@@ -6,6 +6,7 @@ from estimator.contact_detector cimport ContactDetector
 from estimator.dynamics cimport Dynamics
 from elementary cimport decay, smooth_sign
 from estimator.interval cimport Interval
+from estimator.learning cimport Learning
 from estimator.link_velocity cimport Alignment
 from estimator.motor_position cimport MotorPosition
 from estimator.residual cimport Residual
@@ -26,6 +27,9 @@ cdef class Kernel:
     cdef readonly Stiction stiction
     cdef readonly Residual residual
     cdef readonly ContactDetector detector
+    cdef readonly Learning learning
+    cdef readonly bint learns
+    cdef bint _always_acts
     cdef double _period, _per_width
     cdef bint _measured
     cdef double[::1] _K_c, _B, _alpha, _held, _motor_coulomb, _motor_viscous, _link_coulomb
@@ -60,9 +64,11 @@ cdef class Kernel:
     cdef void _at_an_instant(
         self, Py_ssize_t i, double q_dot, double theta_dot, double theta, double tau_M
     ) noexcept
-    @cython.locals(touched=bint)
+    @cython.locals(touched=bint, rubs=double, transmitted=double)
     cdef void _balance(
         self, Py_ssize_t i, double dt, double q, double q_dot, double theta_dot, double rest,
         double tau_M
     ) noexcept
+    cdef void _apply(self, Py_ssize_t i) noexcept
+    cdef void _learn(self, Py_ssize_t i, double dt, double theta_dot, bint acts) noexcept
     cdef void _show(self, Py_ssize_t i) noexcept

@@ -15,6 +15,7 @@ from estimator.contact_detector import ContactDetector
 from estimator.dynamics import Dynamics
 from estimator.estimate import SENSED_PERIODS, Flag
 from estimator.interval import Interval
+from estimator.learning import Learning
 from estimator.link_velocity import SAMPLES, Alignment
 from estimator.motor_position import MotorPosition, Side
 from estimator.residual import Residual
@@ -60,6 +61,12 @@ class Kernel:
         self.stiction = Stiction(n, s.presliding)
         self.residual = Residual((s.residual, *s.beside), s.gain, period_s, n)
         self.detector = ContactDetector(t.joints, t, thresholds, s)
+        self.learning = Learning(thresholds.contact, period_s)
+        self.learns = s.learning
+        self._always_acts = s.residual.kind != "backlash"
+        if self.learns:
+            for i in range(n):
+                self._apply(i)
         self._period, self._per_width = period_s, 1.0 / t.sign_width
         self._K_c, self._B = t.torque_constant.copy(), t.rotor_inertia.copy()
         self._alpha, self._held = t.half_gap.copy(), t.stiction * t.engaged_coulomb
@@ -145,7 +152,7 @@ class Kernel:
                 shown[k + 1], residuals[k + 1], side[k + 1] = shown[k], residuals[k], side[k]
             else:
                 words[k + 1, 1] = self.touched_link
-                shown[k + 1], residuals[k + 1] = self.shown, self.residual.values
+                shown[k + 1], residuals[k + 1] = self.shown, self.residual.corrected
                 side[k + 1] = self.motor_position.side
             if resets[k]:
                 for i in range(self.n):
@@ -163,15 +170,19 @@ class Kernel:
         """Forget external torque and contacts of joint i."""
         self.residual.reset(i)
         self.detector.reset(i)
+        self.learning.reset(i)
 
     def resume(self) -> None:
         """Go on from a state that was written from outside."""
         self._pressed, self.touched_link = 0, -1
         for i in range(self.n):
             self.detector.above[i], self.sensing[i] = self.detector.raised[i], 0
+            self.residual.correct(i, self.learning.correction[i])
+            if self.learns:
+                self._apply(i)
             self._show(i)
         if self._pressed:
-            self.touched_link = self.detector.touched_link(self.residual.values[0])
+            self.touched_link = self.detector.touched_link(self.residual.corrected[0])
 
     def _take(self) -> int:
         """Put this tick's samples to those before; STARTING where they do for no joint yet."""
@@ -228,7 +239,7 @@ class Kernel:
             self.q[i], self.q_dot[i] = self.alignment.aligned[0, i], self.alignment.aligned[1, i]
             self._show(i)
         if self._pressed:
-            self.touched_link = self.detector.touched_link(self.residual.values[0])
+            self.touched_link = self.detector.touched_link(self.residual.corrected[0])
         return flags
 
     def _joint(self, i: int, gap: float, dt: float, bridged: bool) -> float:
@@ -254,10 +265,12 @@ class Kernel:
         unsure = position.side[i] == _SIDE_UNKNOWN
         unknown = self.stiction.unknown(i)
         hidden = self.detector.hidden(i, rest, unknown, unsure, gap / self._period)
+        if self.learns:
+            hidden += self.learning.unknown[i]
         self.threshold[i] = self.detector.put_in_force(i, hidden, abs(theta_dot), dt)
         came = self.came[i] != 0
         waits = bridged or gap > _LATE_PERIODS * self._period
-        self.begun += self.detector.step(i, self.residual.values[0, i], came, waits)
+        self.begun += self.detector.step(i, self.residual.corrected[0, i], came, waits)
         self.tau_M[i] = tau_M
         everything = q + q_dot + tau_M + position.theta[i] + position.sigma[i]
         return float(everything + self.threshold[i] + self.residual.sum(i))
@@ -288,9 +301,10 @@ class Kernel:
     ) -> None:
         """Motor position and residuals of joint i over its interval of dt [s] that ends now."""
         self.interval.integrate(i, dt)
-        x = self.interval.impulse
+        x, position = self.interval.impulse, self.motor_position
         advance = x[_THETA] if self._measured else x[_THETA_DOT]
-        transmitted = (x[_TAU_M] - x[_ROTOR] - x[_MOTOR_FRICTION]) / dt
+        rubs = position.friction[i] * x[_MOTOR_FRICTION]
+        transmitted = (x[_TAU_M] - x[_ROTOR] - rubs) / dt
         touched = self.motor_position.step(
             i, dt, q, q_dot, theta_dot, rest, tau_M, advance, x[_ROTOR] / dt, transmitted
         )
@@ -299,10 +313,31 @@ class Kernel:
         delta = phi - min(max(phi, -self._alpha[i]), self._alpha[i])
         spring = self._K_phi_p[i] * delta + self._K_phi_d[i] * (q_dot - theta_dot)
         self.residual.step(i, x, dt * spring, touched, dt)
+        if self.learns:
+            self._learn(i, dt, theta_dot, touched or self._always_acts)
+
+    def _learn(self, i: int, dt: float, theta_dot: float, acts: bool) -> None:
+        """Correct the residual of joint i by what was learned of friction and gain, and learn;
+        acts: they did on the link."""
+        x, learning, residual = self.interval.impulse, self.learning, self.residual
+        viscous = (self._motor_viscous[i] + self._link_viscous[i]) * x[_THETA_DOT]
+        coulomb = x[_MOTOR_FRICTION] + x[_ENGAGED_LINK_FRICTION] + x[_STICTION] - viscous
+        some = 1.0 if acts else 0.0
+        learning.step(
+            i, some * coulomb, some * viscous, some * x[_TAU_M], dt, residual.pole, residual.share
+        )
+        residual.correct(i, learning.correction[i])
+        learning.learn(i, residual.values[0, i], self.threshold[i], theta_dot, acts, dt)
+        self._apply(i)
+
+    def _apply(self, i: int) -> None:
+        """Let the rest know what was learned of joint i."""
+        self.motor_position.friction[i] = self.learning.friction(i)
+        self.motor_position.friction_error[i] = self.learning.error(i)
 
     def _show(self, i: int) -> None:
         """What follows from the state of joint i; the thresholded residual has no jump."""
-        r, threshold = self.residual.values[0, i], self.threshold[i]
+        r, threshold = self.residual.corrected[0, i], self.threshold[i]
         self._theta[i], self._sigma[i] = self.motor_position.theta[i], self.motor_position.sigma[i]
         self._phi[i] = self.q[i] - self._theta[i]
         self._thresholded[i] = r - min(max(r, -threshold), threshold)

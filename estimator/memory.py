@@ -23,6 +23,11 @@ _STATE: dict[str, tuple[str, ...]] = {
     "stiction": ("ends",),
     "residual": ("values",),
     "detector": ("raised", "streak", "waited"),
+    # Where it learns:
+    "learning": (
+        *("information", "evidence", "columns", "shares", "coulomb_left", "viscous_left"),
+        *("quiet_s", "correction", "unknown"),
+    ),
 }
 
 #: Of any number in it: samples of 1e9 of any unit are no samples.
@@ -51,7 +56,7 @@ def dump(kernel: Kernel) -> dict[str, Any]:
 def load(kernel: Kernel, state: Mapping[str, Any]) -> None:
     """Put `dump`'s values back. Raises ModelError where names, shapes or numbers do not fit, and
     changes nothing then."""
-    _check_names("an estimator", state, _STATE)
+    _check_names("an estimator", state, [part for part, _, _ in _parts(kernel)])
     read = []
     for part, names, owner in _parts(kernel):
         _check_names(part, state[part], names)
@@ -89,6 +94,8 @@ def of_format_2(state: Mapping[str, Any]) -> dict[str, Any]:
 
 def _parts(kernel: Kernel) -> Iterator[tuple[str, tuple[str, ...], Any]]:
     for part, names in _STATE.items():
+        if part == "learning" and not kernel.learns:
+            continue
         yield part, names, kernel if part == "kernel" else getattr(kernel, part)
 
 

@@ -7,7 +7,8 @@ cdef long long _LEFT, _GAP, _RIGHT, _UNKNOWN
 
 cdef class MotorPosition:
     cdef double[::1] _alpha, _coulomb, _viscous, _compliance
-    cdef double _friction_error, _rotor_error, _current_error, _half_gap_error
+    cdef readonly double[::1] friction, friction_error
+    cdef double _rotor_error, _current_error, _half_gap_error
     cdef double _margin, _hysteresis, _scale_error, _bias, _standstill
     cdef long long _hold_ticks
     cdef bint _measured
@@ -16,7 +17,7 @@ cdef class MotorPosition:
     cdef readonly long long[::1] streak, gap
 
     cpdef void start(self, Py_ssize_t i, double q) noexcept
-    @cython.locals(before=bint, engaged=bint, clear=bint)
+    @cython.locals(before=bint, engaged=bint, clear=bint, rubs=double, doubt=double)
     cpdef bint step(
         self, Py_ssize_t i, double dt, double q, double q_dot, double theta_dot, double resting,
         double tau_M, double advance, double rotor, double transmitted

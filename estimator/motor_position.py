@@ -51,7 +51,10 @@ class MotorPosition:
         self._alpha, self._coulomb = t.half_gap.copy(), t.motor_coulomb.copy()
         self._viscous = t.motor_viscous.copy()
         self._compliance = s.compliance * (t.half_gap > 0.0)
-        self._friction_error, self._rotor_error = s.friction_error, s.rotor_error
+        # Friction of the motor's side over what was identified, and how wrong that may be: what is
+        # learned is written to both.
+        self.friction, self.friction_error = np.ones(t.n), np.full(t.n, s.friction_error)
+        self._rotor_error = s.rotor_error
         self._current_error, self._half_gap_error = s.current_error, s.half_gap_error
         self._margin, self._hysteresis = s.margin, s.hysteresis
         self._scale_error, self._bias = s.velocity_scale_error, s.velocity_bias
@@ -107,8 +110,8 @@ class MotorPosition:
 
         # How wrong the transmitted torque may be; near rest friction may have any value. A torque
         # that may be friction shows nothing: neither the side, nor that there is a load.
-        doubt = self._friction_error * (self._coulomb[i] + self._viscous[i] * speed)
-        doubt += self._coulomb[i] * resting
+        rubs = self.friction[i] * (self._coulomb[i] + self._viscous[i] * speed)
+        doubt = self.friction_error[i] * rubs + self.friction[i] * self._coulomb[i] * resting
         doubt += self._rotor_error * abs(rotor) + self._current_error * abs(tau_M)
         if load <= doubt:
             self.streak[i] = 0

@@ -86,7 +86,8 @@ def _weights(variants: Sequence[Variant]) -> tuple[Matrix, Matrix, Vector]:
 
 
 class Residual:
-    """Several variants side by side on the same impulses; `values` (variants, n) [Nm].
+    """Several variants side by side on the same impulses; `values` (variants, n) [Nm], and
+    `corrected` by what was learned.
 
     Raises ModelError for gain * period >= 2, where the pole of (13) would be negative and the
     residual would ring, and for variants that are alike or contradict themselves.
@@ -101,8 +102,9 @@ class Residual:
         if any(v.kind == "two_mass" and not v.rotor_inertia for v in variants):
             raise ModelError("a two_mass residual without rotor inertia has only one mass")
         self._gain, self._variants = gain, len(names)
+        self.pole = self.share = 0.0  # of the last step
         self._always, self._engaged, self._corrected = _weights(variants)
-        self.values = np.zeros((len(names), n))
+        self.values, self.corrected = np.zeros((2, len(names), n))
 
     def step(self, i: int, impulse: Vector, spring: float, touched: bool, dt: float) -> None:
         """Advance joint i by one interval of dt > 0 [s].
@@ -113,8 +115,8 @@ class Residual:
         """
         TK = self._gain * dt
         # At TK = 2, K e T / T = e / T, and beyond it the pole stays there.
-        pole = max((2.0 - TK) / (2.0 + TK), 0.0)
-        share = min(2.0 * self._gain / (2.0 + TK), 1.0 / max(dt, _SHORTEST_S))
+        self.pole = pole = max((2.0 - TK) / (2.0 + TK), 0.0)
+        self.share = share = min(2.0 * self._gain / (2.0 + TK), 1.0 / max(dt, _SHORTEST_S))
         for k in range(self._variants):
             e, engaged = 0.0, -self._corrected[k] * spring  # (12) over the interval
             for row in range(_TERMS):
@@ -123,11 +125,18 @@ class Residual:
             if touched:
                 e += engaged
             self.values[k, i] = pole * self.values[k, i] + share * e  # (13)
+            self.corrected[k, i] = self.values[k, i]
 
     def reset(self, i: int) -> None:
         """Forget the external torque on joint i: r = 0."""
         for k in range(self._variants):
-            self.values[k, i] = 0.0
+            self.values[k, i] = self.corrected[k, i] = 0.0
+
+    def correct(self, i: int, correction: float) -> None:
+        """Take what was learned [Nm] off the residual of joint i that decides."""
+        for k in range(self._variants):
+            self.corrected[k, i] = self.values[k, i]
+        self.corrected[0, i] -= correction
 
     def sum(self, i: int) -> float:
         """Of the values of joint i: finite if they all are."""

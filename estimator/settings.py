@@ -57,6 +57,8 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.4  # raises thresholds at rest
     # Of the contact level: raises thresholds of a joint whose side of the gap is unknown.
     unknown_side_share: Annotated[float, Meta(ge=0, le=2)] = 0.25
+    # Corrects friction and gain by what the arm shows while it works.
+    learning: bool = False
     presliding: Annotated[float, Meta(gt=0, le=0.1)] = 0.0015  # [rad] until friction is built up
     current_delay_ms: Delay = 3.0  # of the drive's current filter
     link_position_delay_ms: Delay = 0.0
