@@ -35,10 +35,14 @@ class PatientSocket(ControlSocket):
         super().publish(state)
 
 
+READING_S = 0.0005
+
+
 @dataclass(slots=True)
 class ServedDaemon:
-    """Service, loop and simulated arm; time passes by `tick` alone, and every `idle_s` while no
-    client reads."""
+    """Service, loop and simulated arm; time passes by `tick` alone, every `idle_s` while no client
+    reads, and every READING_S while one does: it must keep up with an arm that is faster than its
+    time."""
 
     rig: Rig
     service: Service
@@ -74,7 +78,7 @@ class ServedDaemon:
         thread.start()
         while thread.is_alive():
             self.tick()
-            thread.join(0.0 if self.service.control.readers else self.idle_s)
+            thread.join(READING_S if self.service.control.readers else self.idle_s)
         if errors:
             raise errors[0]
         return results[0]
