@@ -125,6 +125,18 @@ def test_what_is_no_number_is_not_learned(bad: float) -> None:
     assert learning.friction(0) == pytest.approx(1.2, abs=0.02)
 
 
+def test_what_is_too_large_to_be_solved_is_forgotten() -> None:
+    joint = Joint()
+    learning = joint.learning
+    learning.step(0, 1e200, 1e200, 0.0, DT, POLE, SHARE)
+    learning.quiet_s[0] = 1.0
+    learning.learn(0, 0.0, LEVEL, 0.5, True, DT)
+    learning.reset(0)
+    assert learning.error(0) == pytest.approx(0.65)
+    joint.swing(60.0, coulomb=1.2)
+    assert learning.friction(0) == pytest.approx(1.2, abs=0.02)
+
+
 def test_compiled_and_plain_are_the_same_to_the_last_bit() -> None:
     ends = []
     for modules in (built("estimator"), plain("estimator")):
