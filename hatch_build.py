@@ -15,7 +15,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -58,13 +58,13 @@ class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
         if self.target_name != "wheel" or version == "editable":
             return
         root = Path(self.root)
-        out = root / "build" / "extensions"
+        out, sources = root / "build" / "extensions", compiled.sources(root)
         try:
             made = build(root, out, compiled.modules(root))
         except (OSError, subprocess.CalledProcessError) as error:
             self.app.display_warning(f"no compiled modules, they run as plain Python: {error}")
             return
-        made.append(record(root, out))
+        made.append(record(sources, out))
         build_data["force_include"] |= {str(so): str(so.relative_to(out)) for so in made}
         build_data["pure_python"], build_data["infer_tag"] = False, True
 
@@ -99,10 +99,11 @@ def how() -> list[str]:
     return [CYTHON, SUFFIX, *compiler(), *FLAGS]
 
 
-def record(root: Path, out: Path) -> Path:
-    """Write down what the extensions in `out` were built from, and how."""
+def record(sources: Mapping[str, str], out: Path) -> Path:
+    """Write down what the extensions in `out` were built from, and how. `sources`: digests of
+    before the build, as what was edited meanwhile was not compiled."""
     path = out / compiled.RECORD
-    path.write_text(json.dumps({"how": how(), "sources": compiled.sources(root)}, indent=1) + "\n")
+    path.write_text(json.dumps({"how": how(), "sources": sources}, indent=1) + "\n")
     return path
 
 
@@ -135,6 +136,7 @@ def main(root: Path) -> int:
             extension.unlink()
     if not (chosen := out_of_date(root)):
         return 0
+    sources = compiled.sources(root)
     print(f"contactd: compiling {len(chosen)} modules, some minutes at most", file=sys.stderr)
     try:
         build(root, root, chosen)
@@ -146,7 +148,7 @@ def main(root: Path) -> int:
             file=sys.stderr,
         )
         return 1
-    record(root, root)
+    record(sources, root)
     return 0
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import hatch_build
-from compiled import RECORD, extensions, modules, refuse_stale, stale
+from compiled import RECORD, extensions, modules, refuse_stale, sources, stale
 from errors import ProgramError
 from tests.plain import COMPILED
 
@@ -73,7 +73,7 @@ def built(root: Path) -> Path:
     hatch_build.clean(root)
     for module in modules(root):
         (root / f"{module}{hatch_build.SUFFIX}").write_text("built")
-    hatch_build.record(root, root)
+    hatch_build.record(sources(root), root)
     return root
 
 
@@ -119,6 +119,14 @@ def test_the_build_takes_away_what_is_compiled_no_more(without_headers: Path) ->
     (root / "drivers" / "counts.pxd").unlink()
     hatch_build.main(root)
     assert not any("counts" in file.name for file in extensions(root))
+
+
+def test_what_is_edited_while_it_is_compiled_is_stale(without_headers: Path, monkeypatch) -> None:
+    root = built(without_headers)
+    retype(root)
+    monkeypatch.setattr(hatch_build, "build", lambda *_: edit(root))
+    assert hatch_build.main(root) == 0
+    assert stale(root) == hatch_build.out_of_date(root) == ["estimator/residual"]
 
 
 def test_another_compiler_builds_all_anew(without_headers: Path, monkeypatch) -> None:
