@@ -175,7 +175,7 @@ def measure(case: Case, *, lossy: bool) -> Heard:
     before = int(rng.integers(5, 40))  # ticks of losses before the push
     with running(case.arm) as run:
         run.bring_to(case.mode, (case.joint + 1) % run.n)
-        collision = run.rig.tick.estimator.detector.collision[case.joint]
+        collision = run.rig.tick.estimator.detector.levels.collision[case.joint]
         threshold = run.rig.estimate.threshold[case.joint]
         torque = side * (1.5 * collision if case.blow else 2.0 * threshold)
         lost = case.loss.drawn(rng, before + TICKS_WATCHED, run.n)

@@ -2,8 +2,8 @@
 
     python -m bench.false_contacts [--arms N] [--minutes N] [--jobs N] [--seed N]
                                    [--friction smooth|dahl|lugre|all]
-                                   [--motor-position measured|integrated] [--learning]
-                                   [--stiction-share X] [--presliding X] [--json]
+                                   [--motor-position measured|integrated] [--no-learning]
+                                   [--residual KIND] [--stiction-share X] [--json]
 
 N arms for each law of friction, each at work for N minutes with nobody touching it: sinusoids,
 moves from point to point with rests, creeping at 0.02 rad/s, one joint at a time to and fro, and
@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import reduce
 from operator import add
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import click
 import numpy as np
@@ -35,12 +35,13 @@ from bench.rigs.arm_without_bus import Recording, Scenario, recordings
 from bench.rigs.lockstep import ROMEO
 from bench.study import courses, scores, world
 from bench.study.detection_report import NARROW
-from bench.study.estimates import Estimates, build, estimates
+from bench.study.estimates import VARIANTS, Estimates, build, estimates
 from bench.study.monte_carlo import GRACE_S, spread
 from bench.study.world import LAWS, Law
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from estimator.motor_position import Side
+from estimator.settings import Kind, Variant
 
 PARTS: Final = tuple(courses.PARTS)
 FAST: Final = 0.05
@@ -181,9 +182,9 @@ def by_joint(law: Law, whole: Tally, c: Configuration) -> Table:
 @click.option(
     "--motor-position", default="integrated", type=click.Choice(["measured", "integrated"])
 )
-@click.option("--learning", is_flag=True, help="Of friction and gain, while the arm works.")
+@click.option("--learning/--no-learning", default=True, help="Of friction, gain and levels.")
+@click.option("--residual", default="backlash", type=click.Choice(get_args(Kind)))
 @click.option("--stiction-share", type=float, help="In place of the configured one.")
-@click.option("--presliding", type=float, help="In place of the configured one [rad].")
 @click.option("--json", "as_json", is_flag=True)
 def main(
     arms: int,
@@ -193,13 +194,17 @@ def main(
     friction: Law | Literal["all"],
     motor_position: Literal["measured", "integrated"],
     learning: bool,
+    residual: Kind,
     stiction_share: float | None,
-    presliding: float | None,
     as_json: bool,
 ) -> None:
-    asked = {"stiction_share": stiction_share, "presliding": presliding}
     changes: dict[str, Any] = {"motor_position": motor_position, "learning": learning}
-    changes |= {name: value for name, value in asked.items() if value is not None}
+    if stiction_share is not None:
+        changes["stiction_share"] = stiction_share
+    if residual != "backlash":
+        decides = Variant(kind=residual)
+        rest = tuple(v for v in VARIANTS if v.name != decides.name)
+        changes |= {"residual": decides, "beside": rest}
     laws: Sequence[Law] = LAWS if friction == "all" else (friction,)
     c = load_robot(ROMEO).configuration
     todo = [
@@ -219,8 +224,11 @@ def main(
     data: dict[str, Any] = {
         "arms": arms,
         "minutes": minutes,
-        **changes,
+        "residual": residual,
+        "learning": learning,
+        "motor_position": motor_position,
         "residuals": names,
+        "stiction_share": stiction_share or c.estimator.stiction_share,
         "parts": PARTS,
         "laws": {
             law: {

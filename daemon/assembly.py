@@ -31,7 +31,7 @@ from drivers.drives import Drives
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.thresholds import Thresholds
-from estimator.transmission import Transmission
+from estimator.transmission import Transmission, stiction_range
 
 # Share of what drives may differ from their setpoints that a release uses.
 AHEAD_SHARE = 0.75
@@ -127,7 +127,8 @@ def build_transmission(c: Configuration) -> Transmission:
         link_viscous=row(c, lambda j: j.friction.link_viscous),
         gap_coulomb=row(c, lambda j: j.friction.gap_coulomb),
         gap_viscous=row(c, lambda j: j.friction.gap_viscous),
-        stiction=row(c, lambda j: j.friction.stiction),
+        least_stiction=row(c, lambda j: stiction_range(j.friction.stiction)[0]),
+        most_stiction=row(c, lambda j: stiction_range(j.friction.stiction)[1]),
         contact_stiffness=row(c, lambda j: j.gap_spring.stiffness),
         contact_damping=row(c, lambda j: j.gap_spring.damping),
         sign_width=c.estimator.sign_width,

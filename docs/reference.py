@@ -273,6 +273,8 @@ def _words(kind: types.Type) -> str:  # noqa: PLR0911 - a line for each kind
             return f"list of {_words(kind.item_type)}"
         case types.DictType():
             return f"by {_words(kind.key_type)}: {_words(kind.value_type)}"
+        case types.TupleType():
+            return f"list of {len(kind.item_types)}: {_words(kind.item_types[0])}"
     raise NotImplementedError(kind)
 
 

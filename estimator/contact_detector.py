@@ -1,9 +1,6 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Levels in force on the residual, and debounce: from residuals to contacts and the touched link.
-
-The configured levels are raised near rest, while the side of a joint's gap is unknown, and after
-samples that were missing, by the torque that the residual cannot show, or may pretend, then.
+"""Contacts: debounce of what is past the levels in force, and the touched link.
 
 A force on a link acts on its own joint and on those before it; the residuals of joints beyond the
 contact stay small. So the touched link is that of the last joint whose residual is clear: at least
@@ -19,86 +16,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Vector
-from elementary import decay
 from errors import ModelError
 from estimator.contact import Contact
-from estimator.settings import EstimatorSettings
-from estimator.thresholds import LEVELS, Thresholds
-from estimator.transmission import Transmission
+from estimator.levels import Levels
+from estimator.thresholds import LEVELS
 
-# Of the contact level, for each sample that was missing beyond the first, and at most: what the
-# mean of both ends may be wrong by over an interval in which a motor crossed its gap.
-_MISSING_SHARE, _MISSING_MOST = 0.4, 1.2
-# Shares of its contact level: what a residual does not reach by the model's errors alone, and below
-# which it is clearly absent.
-_CLEAR, _ABSENT = 0.35, 0.175
+# Of its configured contact level, or of the share of that which is in force: what a residual does
+# not reach by the model's errors alone; and of that, below which it is clearly absent.
+_CLEAR, _ABSENT = 0.35, 0.5
 # Ticks for which a contact may wait where samples are missing.
 _WAITS = 2
 
 
 class ContactDetector:
-    """Thresholds in force, debounce and events.
+    """Debounce and events.
 
     A contact begins when |r| has been past a level on one side for `debounce` ticks in a row; it
     ends when r comes back or changes its sign, and only then may the level fire again.
 
-    Raises ModelError for thresholds of another arm, and for a debounce below 1.
+    Raises ModelError for a debounce below 1.
     """
 
-    def __init__(
-        self,
-        joints: Sequence[str],
-        transmission: Transmission,
-        thresholds: Thresholds,
-        settings: EstimatorSettings,
-    ) -> None:
-        n, s, t = len(joints), settings, transmission
-        if thresholds.contact.shape != (n,):
-            raise ModelError(f"thresholds for {thresholds.contact.size} joints, the arm has {n}")
-        if s.debounce < 1:
-            raise ModelError(f"debounce is {s.debounce} ticks; at least 1")
-        self._n, self._joints = n, tuple(joints)
-        self._gain, self._debounce = s.gain, s.debounce
-        self._levels = np.stack([thresholds.contact, thresholds.collision])
-        self._per_speed = thresholds.per_speed.copy()
-        self._at_rest = s.stiction_share * t.engaged_coulomb
-        self._held = t.stiction * t.engaged_coulomb
-        self._unsure = s.unknown_side_share * thresholds.contact * (t.half_gap > 0.0)
-        self.raised = np.zeros(n)
-        self.above = np.zeros(n)  # what is added to both levels in this tick
+    def __init__(self, joints: Sequence[str], levels: Levels, debounce: int) -> None:
+        if debounce < 1:
+            raise ModelError(f"debounce is {debounce} ticks; at least 1")
+        n = self._n = len(joints)
+        self._joints, self.levels, self._debounce = tuple(joints), levels, debounce
         # Ticks in a row past each level, signed as the residual.
         self.streak = np.zeros((2, n), dtype=np.int64)
         # Ticks for which a contact has waited where samples were missing.
         self.waited = np.zeros((2, n), dtype=np.int64)
         self.begins = np.zeros((2, n), dtype=np.int64)
-
-    def hidden(self, i: int, rest: float, unknown: float, unsure: bool, periods: float) -> float:
-        """Torque of joint i [Nm] that stiction may hold near rest, and that an unknown side of its
-        gap, or samples that were missing, may pretend.
-
-        rest: `transmission.resting`; unknown: share of the stiction that may be anything; unsure:
-        of the side; periods: since the sample before.
-        """
-        hidden = (self._held[i] * unknown + self._at_rest[i]) * rest
-        if unsure:
-            hidden += self._unsure[i]
-        missing = max(periods - 2.0, 0.0)
-        return float(hidden + min(missing * _MISSING_SHARE, _MISSING_MOST) * self._levels[0, i])
-
-    def level_at(self, i: int, hidden: float, speed: float) -> float:
-        """Contact level [Nm] that a raise by `hidden` [Nm] gives at a motor speed [rad/s]."""
-        return float(self._levels[0, i] + hidden + self._per_speed[i] * speed)
-
-    def put_in_force(self, i: int, hidden: float, speed: float, dt: float) -> float:
-        """Levels of joint i for this tick; returns that of contact [Nm].
-
-        After break-away friction still builds up while the residual forgets what stiction left in
-        it, so the raise fades with half the residual's gain.
-        """
-        raised = max(self.raised[i] * decay(0.5 * self._gain * dt), hidden)
-        self.raised[i] = raised
-        self.above[i] = raised + self._per_speed[i] * speed
-        return self.level_at(i, raised, speed)
 
     def step(self, i: int, residual: float, came: bool, waits: bool) -> int:
         """Count what is past the levels in force; returns how many contacts of joint i begin.
@@ -110,7 +58,7 @@ class ContactDetector:
         """
         begun = 0
         for k in range(2):
-            level = self._levels[k, i] + self.above[i]
+            level = self.levels.collision[i] if k else self.levels.contact[i]
             past = 1 if residual > level else (-1 if residual < -level else 0)
             begins = False
             if came:
@@ -137,7 +85,7 @@ class ContactDetector:
                     contact = Contact(
                         joint=self._joints[i],
                         torque=float(residual[i]),
-                        threshold=float(self._levels[k, i] + self.above[i]),
+                        threshold=float((self.levels.collision if k else self.levels.contact)[i]),
                         level=LEVELS[k],
                         side=int(side[i]),
                         time_s=time_s,
@@ -153,10 +101,11 @@ class ContactDetector:
         neither clear nor clearly absent.
         """
         for i in range(self._n - 1, -1, -1):
-            strength = (abs(residual[i]) - self.above[i]) / self._levels[0, i]
-            if strength > _CLEAR:
+            clear = min(_CLEAR, self.levels.share[i]) * self.levels.usual(i, 0.0)
+            beyond = abs(residual[i]) - self.levels.above[i]
+            if beyond > clear:
                 return i
-            if strength > _ABSENT:
+            if beyond > _ABSENT * clear:
                 return -1
         return -1
 
@@ -170,14 +119,7 @@ class ContactDetector:
         hit: NDArray[np.bool_] = np.abs(self.streak[1]) >= self._debounce
         return hit
 
-    @property
-    def collision(self) -> Vector:
-        """Collision levels in force [Nm], shape (n,)."""
-        in_force: Vector = np.add(self._levels[1], self.above)
-        return in_force
-
     def reset(self, i: int) -> None:
-        """Forget the raise and all contacts of joint i."""
-        self.raised[i] = self.above[i] = 0.0
+        """Forget all contacts of joint i."""
         for k in range(2):
             self.streak[k, i] = self.waited[k, i] = self.begins[k, i] = 0

@@ -23,10 +23,9 @@ from estimator.dynamics import Dynamics
 from estimator.estimate import Estimate, EstimateRows, Flag, SampleRows
 from estimator.kernel import Kernel
 from estimator.model import Model
-from estimator.motor_position import Side
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds
-from estimator.transmission import Transmission, resting
+from estimator.transmission import Transmission
 
 _FLAGS = tuple(Flag(i) for i in range(2 * max(Flag)))  # making one costs a microsecond
 _INVALID = int(Flag.INVALID)
@@ -156,13 +155,7 @@ class Estimator:
     def levels_at(self, speed: Vector) -> Vector:
         """Contact levels (n,) [Nm] that would be in force at motor speeds (n,) [rad/s], with what
         is known now of friction and gaps. Changes nothing."""
-        detector, stiction = self.detector, self._kernel.stiction
-        rest, unsure = resting(speed), self._side == Side.UNKNOWN
-        levels = []
-        for i in range(self.model.n):
-            hidden = detector.hidden(i, rest[i], stiction.unknown(i), unsure[i], 0.0)
-            levels.append(detector.level_at(i, hidden, abs(speed[i])))
-        return np.array(levels)
+        return np.array([self._kernel.level_at(i, abs(speed[i])) for i in range(self.model.n)])
 
     def reset(self) -> None:
         """Forget external torque and contacts: r = 0. Positions and velocities are kept, so that

@@ -7,12 +7,13 @@ from estimator.dynamics cimport Dynamics
 from elementary cimport decay, smooth_sign
 from estimator.interval cimport Interval
 from estimator.learning cimport Learning
+from estimator.levels cimport Levels
 from estimator.link_velocity cimport Alignment
 from estimator.motor_position cimport MotorPosition
 from estimator.residual cimport Residual
 from estimator.stiction cimport Stiction, displacement
 
-cdef long long _INVALID, _LATE, _RESTARTED, _STARTING, _BRIDGED, _RAISED, _SIDE_UNKNOWN
+cdef long long _INVALID, _LATE, _RESTARTED, _STARTING, _BRIDGED, _RAISED, _SIDE_GAP, _SIDE_UNKNOWN
 cdef double _REST_VELOCITY
 cdef double _LATE_PERIODS, _RAISED_PERIODS, _SENSED_PERIODS, _BRIDGED_PERIODS
 cdef Py_ssize_t _SAMPLES, _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA, _TAU_M, _MOTOR_FRICTION
@@ -26,13 +27,14 @@ cdef class Kernel:
     cdef readonly MotorPosition motor_position
     cdef readonly Stiction stiction
     cdef readonly Residual residual
+    cdef readonly Levels levels
     cdef readonly ContactDetector detector
     cdef readonly Learning learning
     cdef readonly bint learns
     cdef bint _always_acts
     cdef double _period, _per_width
     cdef bint _measured
-    cdef double[::1] _K_c, _B, _alpha, _held, _motor_coulomb, _motor_viscous, _link_coulomb
+    cdef double[::1] _K_c, _B, _alpha, _coulomb, _motor_coulomb, _motor_viscous, _link_coulomb
     cdef double[::1] _link_viscous, _gap_coulomb, _gap_viscous, _K_phi_p, _K_phi_d
     cdef readonly long long[::1] came, going
     cdef readonly unsigned char[::1] sensing
@@ -54,15 +56,23 @@ cdef class Kernel:
     cpdef void restart(self, Py_ssize_t i) noexcept
     cpdef void reset(self, Py_ssize_t i) noexcept
     cpdef void resume(self) noexcept
+    @cython.locals(above=double, viscous=double, coulomb=double)
+    cpdef double level_at(self, Py_ssize_t i, double speed) noexcept
     @cython.locals(flags="long long", ready=bint, counted=bint)
     cdef long long _take(self) noexcept
     cdef void _still(self, Py_ssize_t i, double q) noexcept
     @cython.locals(flags="long long", bridged=bint, everything=double)
     cdef long long _advance(self, double dt) noexcept
-    @cython.locals(came=bint, unsure=bint, everything=double)
+    @cython.locals(
+        came=bint, unknown=bint, crossing=bint, side="long long", everything=double, unsure=double
+    )
     cdef double _joint(self, Py_ssize_t i, double gap, double dt, bint bridged) noexcept
+    cdef void _put_in_force(
+        self, Py_ssize_t i, double unsure, double speed, double dt
+    ) noexcept
     cdef void _at_an_instant(
-        self, Py_ssize_t i, double q_dot, double theta_dot, double theta, double tau_M
+        self, Py_ssize_t i, double q_dot, double theta_dot, double theta, double tau_M,
+        double turned
     ) noexcept
     @cython.locals(touched=bint, rubs=double, transmitted=double)
     cdef void _balance(
@@ -70,5 +80,6 @@ cdef class Kernel:
         double tau_M
     ) noexcept
     cdef void _apply(self, Py_ssize_t i) noexcept
+    @cython.locals(speed=double, usual=double, moving=bint)
     cdef void _learn(self, Py_ssize_t i, double dt, double theta_dot, bint acts) noexcept
     cdef void _show(self, Py_ssize_t i) noexcept

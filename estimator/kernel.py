@@ -16,6 +16,7 @@ from estimator.dynamics import Dynamics
 from estimator.estimate import SENSED_PERIODS, Flag
 from estimator.interval import Interval
 from estimator.learning import Learning
+from estimator.levels import Levels
 from estimator.link_velocity import SAMPLES, Alignment
 from estimator.motor_position import MotorPosition, Side
 from estimator.residual import Residual
@@ -25,7 +26,8 @@ from estimator.thresholds import Thresholds
 from estimator.transmission import REST_VELOCITY, Transmission
 
 # For the compiler.
-_SAMPLES, _SIDE_UNKNOWN, _REST_VELOCITY = SAMPLES, int(Side.UNKNOWN), REST_VELOCITY
+_SAMPLES, _REST_VELOCITY = SAMPLES, REST_VELOCITY
+_SIDE_GAP, _SIDE_UNKNOWN = int(Side.GAP), int(Side.UNKNOWN)
 _SENSED_PERIODS = SENSED_PERIODS
 _INVALID, _LATE, _RESTARTED = int(Flag.INVALID), int(Flag.LATE), int(Flag.RESTARTED)
 _STARTING, _BRIDGED, _RAISED = int(Flag.STARTING), int(Flag.BRIDGED), int(Flag.RAISED)
@@ -58,9 +60,10 @@ class Kernel:
         self.interval = Interval(n)
         self._measured = s.motor_position == "measured"
         self.motor_position = MotorPosition(t, s.gap, self._measured)
-        self.stiction = Stiction(n, s.presliding)
+        self.stiction = Stiction(n, s.presliding, t.least_stiction, t.most_stiction)
         self.residual = Residual((s.residual, *s.beside), s.gain, period_s, n)
-        self.detector = ContactDetector(t.joints, t, thresholds, s)
+        self.levels = Levels(t, thresholds, s)
+        self.detector = ContactDetector(t.joints, self.levels, s.debounce)
         self.learning = Learning(thresholds.contact, period_s)
         self.learns = s.learning
         self._always_acts = s.residual.kind != "backlash"
@@ -69,7 +72,7 @@ class Kernel:
                 self._apply(i)
         self._period, self._per_width = period_s, 1.0 / t.sign_width
         self._K_c, self._B = t.torque_constant.copy(), t.rotor_inertia.copy()
-        self._alpha, self._held = t.half_gap.copy(), t.stiction * t.engaged_coulomb
+        self._alpha, self._coulomb = t.half_gap.copy(), t.engaged_coulomb.copy()
         self._motor_coulomb, self._motor_viscous = t.motor_coulomb.copy(), t.motor_viscous.copy()
         self._link_coulomb, self._link_viscous = t.link_coulomb.copy(), t.link_viscous.copy()
         self._gap_coulomb, self._gap_viscous = t.gap_coulomb.copy(), t.gap_viscous.copy()
@@ -169,6 +172,7 @@ class Kernel:
     def reset(self, i: int) -> None:
         """Forget external torque and contacts of joint i."""
         self.residual.reset(i)
+        self.levels.reset(i)
         self.detector.reset(i)
         self.learning.reset(i)
 
@@ -176,13 +180,29 @@ class Kernel:
         """Go on from a state that was written from outside."""
         self._pressed, self.touched_link = 0, -1
         for i in range(self.n):
-            self.detector.above[i], self.sensing[i] = self.detector.raised[i], 0
+            self.sensing[i] = 0
             self.residual.correct(i, self.learning.correction[i])
             if self.learns:
                 self._apply(i)
+            self.levels.add_up(i, self.learning.unknown[i], abs(self.interval.begin[_THETA_DOT, i]))
             self._show(i)
         if self._pressed:
             self.touched_link = self.detector.touched_link(self.residual.corrected[0])
+
+    def level_at(self, i: int, speed: float) -> float:
+        """Contact level of joint i [Nm] that would be in force at a motor speed [rad/s], with what
+        is known now. Changes nothing."""
+        levels, at_rest, sign = self.levels, speed / _REST_VELOCITY, speed * self._per_width
+        factor = self.motor_position.friction[i]
+        unknown, rest = self.stiction.unknown_at_rest(i), decay(at_rest * at_rest)
+        above = levels.friction_at(i, rest, unknown * rest, factor)
+        above += levels.unsure(i, self.motor_position.side[i] == _SIDE_UNKNOWN, False, 0.0)
+        above += levels.share[i] * (levels.usual(i, speed) - levels.usual(i, 0.0))
+        if self.learns:
+            viscous = (self._motor_viscous[i] + self._link_viscous[i]) * speed
+            coulomb = self._coulomb[i] * smooth_sign(sign)
+            above += levels.share[i] * self.learning.unknown_at(i, coulomb, viscous)
+        return float(levels.contact_at(i, above))
 
     def _take(self) -> int:
         """Put this tick's samples to those before; STARTING where they do for no joint yet."""
@@ -207,8 +227,8 @@ class Kernel:
     def _still(self, i: int, q: float) -> None:
         """Joint i without a velocity yet: no residual, the highest threshold."""
         self.motor_position.start(i, q)
-        most = self.detector.hidden(i, 1.0, 1.0, True, 0.0)
-        self.threshold[i] = self.detector.put_in_force(i, most, 0.0, self._period)
+        most = self.levels.friction_at(i, 1.0, 1.0, 1.0) + self.levels.unsure(i, True, True, 0.0)
+        self._put_in_force(i, most, 0.0, self._period)
         self.q[i], self.q_dot[i], self.tau_M[i] = q, 0.0, 0.0
         self.sensing[i] = 0
         self._show(i)
@@ -246,7 +266,7 @@ class Kernel:
         """From the aligned samples of joint i to its residuals, levels and contacts. gap: since its
         last sample [s], 0 without one; bridged: samples of some joint are missing. Returns a sum
         that is finite if everything is."""
-        a, position = self.alignment.aligned, self.motor_position
+        a, position, levels = self.alignment.aligned, self.motor_position, self.levels
         q, q_dot, current, theta_dot, theta = a[0, i], a[1, i], a[2, i], a[3, i], a[4, i]
         tau_M = self._K_c[i] * current
         at_rest = theta_dot / _REST_VELOCITY
@@ -256,18 +276,18 @@ class Kernel:
         else:
             moved = q - self.q[i] if self.going[i] else 0.0
             turned = displacement(theta_dot, q_dot, moved, self._alpha[i] > 0.0, gap)
-        self.stiction.step(i, turned)
-        self._at_an_instant(i, q_dot, theta_dot, theta, tau_M)
+        side = position.side[i]
+        self._at_an_instant(i, q_dot, theta_dot, theta, tau_M, turned)
+        levels.rub(i, rest, self.stiction.unknown[i], position.friction[i])
         if gap > 0.0:
             self._balance(i, gap, q, q_dot, theta_dot, rest, tau_M)
         if gap > 0.0 or not self.going[i]:
             self.interval.end(i)
-        unsure = position.side[i] == _SIDE_UNKNOWN
-        unknown = self.stiction.unknown(i)
-        hidden = self.detector.hidden(i, rest, unknown, unsure, gap / self._period)
-        if self.learns:
-            hidden += self.learning.unknown[i]
-        self.threshold[i] = self.detector.put_in_force(i, hidden, abs(theta_dot), dt)
+            levels.end(i)
+        unknown = position.side[i] == _SIDE_UNKNOWN
+        crossing = position.side[i] == _SIDE_GAP or position.side[i] != side
+        unsure = levels.unsure(i, unknown, crossing, gap / self._period)
+        self._put_in_force(i, unsure, abs(theta_dot), dt)
         came = self.came[i] != 0
         waits = bridged or gap > _LATE_PERIODS * self._period
         self.begun += self.detector.step(i, self.residual.corrected[0, i], came, waits)
@@ -275,11 +295,17 @@ class Kernel:
         everything = q + q_dot + tau_M + position.theta[i] + position.sigma[i]
         return float(everything + self.threshold[i] + self.residual.sum(i))
 
+    def _put_in_force(self, i: int, unsure: float, speed: float, dt: float) -> None:
+        """Levels of joint i, over dt [s]."""
+        learning = self.learning.unknown[i]
+        self.threshold[i] = self.levels.put_in_force(i, learning, unsure, speed, dt)
+
     def _at_an_instant(
-        self, i: int, q_dot: float, theta_dot: float, theta: float, tau_M: float
+        self, i: int, q_dot: float, theta_dot: float, theta: float, tau_M: float, turned: float
     ) -> None:
         """Torques and momenta of joint i at the common instant: the parts of (5) and (6). Which of
-        them act while rotor and link touch, and which in the gap, `residual` says."""
+        them act while rotor and link touch, and which in the gap, `residual` says. turned: way of
+        the rotor since the instant before [rad]."""
         now = self.interval.now
         phi_dot = q_dot - theta_dot
         s_theta = smooth_sign(theta_dot * self._per_width)
@@ -294,7 +320,8 @@ class Kernel:
         )
         now[_LINK_FRICTION] = self._link_coulomb[i] * s_q + self._link_viscous[i] * q_dot
         now[_GAP_FRICTION] = self._gap_coulomb[i] * s_phi + self._gap_viscous[i] * phi_dot
-        now[_STICTION] = self._held[i] * (self.stiction.z(i) - s_theta)
+        self.stiction.step(i, turned, s_theta)
+        now[_STICTION] = self._coulomb[i] * self.stiction.held[i]
 
     def _balance(
         self, i: int, dt: float, q: float, q_dot: float, theta_dot: float, rest: float, tau_M: float
@@ -313,6 +340,7 @@ class Kernel:
         delta = phi - min(max(phi, -self._alpha[i]), self._alpha[i])
         spring = self._K_phi_p[i] * delta + self._K_phi_d[i] * (q_dot - theta_dot)
         self.residual.step(i, x, dt * spring, touched, dt)
+        self.levels.integrate(i, dt, self.residual.pole, self.residual.share)
         if self.learns:
             self._learn(i, dt, theta_dot, touched or self._always_acts)
 
@@ -327,13 +355,20 @@ class Kernel:
             i, some * coulomb, some * viscous, some * x[_TAU_M], dt, residual.pole, residual.share
         )
         residual.correct(i, learning.correction[i])
-        learning.learn(i, residual.values[0, i], self.threshold[i], theta_dot, acts, dt)
+        levels, speed = self.levels, abs(theta_dot)
+        usual, moving = levels.usual(i, speed), acts and speed > _REST_VELOCITY
+        learning.learn(
+            i, residual.values[0, i], self.threshold[i], usual, levels.friction[i],
+            levels.raised[i], moving, dt,
+        )  # fmt: skip
         self._apply(i)
 
     def _apply(self, i: int) -> None:
         """Let the rest know what was learned of joint i."""
         self.motor_position.friction[i] = self.learning.friction(i)
         self.motor_position.friction_error[i] = self.learning.error(i)
+        self.levels.share[i] = self.learning.level(i)
+        self.levels.crossing[i] = self.learning.crossing_level(i)
 
     def _show(self, i: int) -> None:
         """What follows from the state of joint i; the thresholded residual has no jump."""

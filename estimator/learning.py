@@ -12,8 +12,10 @@ the residual. b is found beside them and never taken off: a hand that leans on t
 while friction turns with the motion. Nothing is learned while something may be touching, at rest,
 or inside a gap; no share goes beyond its bound.
 
-What is not known yet raises the levels: `unknown` is the torque that friction, wrong by _OFF, would
-make there, less by what the joint has shown since.
+What is not known yet raises the levels: `unknown` is the torque that friction, wrong by _OFF,
+would make there, less by what the joint has shown since. What is known sinks them: `level(i)` is
+the share of the configured level that the corrected residual has needed in the last minutes of
+motion; never more than all of it.
 
 Ordinary Python, which runs as it is; `learning.pxd` names the types for the compiler.
 """
@@ -30,15 +32,24 @@ _FORGETS_S = 60.0
 # As long as these [s] of motion must last to weigh as much as what was identified.
 _TRUSTED_S = 2.0
 # Standard deviation of each share, that of b of the contact level; and of what is no friction.
-_SPREAD, _NOISE = (0.5, 0.03, 0.4, 0.4), 0.1
+_SPREAD, _NOISE = (1.0, 0.015, 0.4, 0.4), 0.1
 # Largest share of each; that of b is of no use.
-_BOUND = (0.0, 0.06, 0.6, 0.6)
+_BOUND = (0.0, 0.06, 0.7, 0.7)
 # Share by which friction that was identified may be off before anything is learned, and that which
 # remains however much was: it depends on load and pose.
 _OFF, _REMAINS = 0.5, 0.15
 # Nothing is learned for _FROZEN_S after the residual was beyond this share of the level in force.
 _FREEZES, _FROZEN_S = 0.5, 0.3
-_MOVING = 0.05  # [rad/s]
+
+# Of the level is needed what was _OF_RMS root mean squares, over _RMS_S of motion that began with
+# _AT_FIRST_S at which all of it was; and _OF_PEAK peaks, which fade in _PEAK_S. What is loud,
+# beyond the freeze, for longer than _LASTS_S may be a person, and does not count.
+_OF_RMS, _RMS_S, _AT_FIRST_S = 2.7, 300.0, 10.0
+_OF_PEAK, _PEAK_S, _LASTS_S = 1.4, 600.0, 1.0
+# While a gap is crossed, and the raise for it lasts, _OF_CROSSING peaks count apart: they fade in
+# so many seconds of that, from 1 on. It lasts as long as it is more than that share of the level.
+_OF_CROSSING, _CROSSING_S, _CROSSING = 1.8, 20.0, 0.05
+_LEAST_LEVEL = 0.2
 
 
 class Learning:
@@ -57,7 +68,11 @@ class Learning:
         self.evidence, self.columns, self.shares = np.zeros((3, n, _COLUMNS))
         # Of the standard deviation of both kinds of friction before anything was learned.
         self.coulomb_left, self.viscous_left = np.ones((2, n))
-        self.quiet_s, self.correction, self.unknown = np.zeros((3, n))
+        self.quiet_s, self.loud_s, self.correction, self.unknown = np.zeros((4, n))
+        # Of the corrected residual in motion, over the configured level: its square, and the time
+        # over which that was integrated; and what of it no raise explained, at most.
+        self.squares_s, self.moved_s = np.full(n, _AT_FIRST_S / _OF_RMS**2), np.full(n, _AT_FIRST_S)
+        self.peak, self.crossing_peak = np.zeros(n), np.ones(n)
         self._L = np.zeros((_COLUMNS, _COLUMNS))
         self._D, self._x = np.zeros((2, _COLUMNS))
         for i in range(n):
@@ -67,7 +82,16 @@ class Learning:
         """Begin with r = 0 anew; what was learned of joint i stays."""
         for k in range(_COLUMNS):
             self.columns[i, k] = 0.0
-        self.correction[i] = self.unknown[i] = self.quiet_s[i] = 0.0
+        self.correction[i] = self.unknown[i] = self.quiet_s[i] = self.loud_s[i] = 0.0
+
+    def level(self, i: int) -> float:
+        """Share of the configured level that joint i needs in motion."""
+        share = _OF_RMS * sqrt(self.squares_s[i] / self.moved_s[i])
+        return float(min(max(share, _OF_PEAK * self.peak[i], _LEAST_LEVEL), 1.0))
+
+    def crossing_level(self, i: int) -> float:
+        """Share of the configured level that joint i needs while it crosses its gap."""
+        return float(min(_OF_CROSSING * self.crossing_peak[i], 1.0))
 
     def friction(self, i: int) -> float:
         """Friction of joint i over what was identified."""
@@ -76,6 +100,12 @@ class Learning:
     def error(self, i: int) -> float:
         """Share by which the friction of joint i may still be off."""
         return _REMAINS + _OFF * float(self.coulomb_left[i])
+
+    def unknown_at(self, i: int, coulomb: float, viscous: float) -> float:
+        """What is unknown of such friction of joint i [Nm]."""
+        return float(
+            _OFF * (self.viscous_left[i] * abs(viscous) + self.coulomb_left[i] * abs(coulomb))
+        )
 
     def step(
         self, i: int, coulomb: float, viscous: float, motor: float, dt: float, pole: float,
@@ -93,22 +123,41 @@ class Learning:
             + w[i, _VISCOUS] * c[i, _VISCOUS]
             + w[i, _COULOMB] * c[i, _COULOMB]
         )
-        self.unknown[i] = _OFF * (
-            self.viscous_left[i] * abs(c[i, _VISCOUS]) + self.coulomb_left[i] * abs(c[i, _COULOMB])
-        )
+        self.unknown[i] = self.unknown_at(i, c[i, _COULOMB], c[i, _VISCOUS])
 
     def learn(
-        self, i: int, residual: float, level: float, theta_dot: float, touched: bool, dt: float
-    ) -> None:
+        self, i: int, residual: float, level: float, usual: float, friction: float, raised: float,
+        moving: bool, dt: float,
+    ) -> None:  # fmt: skip
         """Learn from joint i, unless something may be touching it: from the residual before its
-        correction [Nm], the level in force [Nm] and the motor velocity [rad/s]; touched: rotor and
-        link touch."""
-        if not abs(residual - self.correction[i]) <= _FREEZES * level:  # NaN is not quiet
-            self.quiet_s[i] = 0.0
+        correction, the contact levels in force and configured, and what the one in force has of
+        friction near rest, and of what fades [Nm]; moving: and rotor and link touch."""
+        size = abs(residual - self.correction[i])
+        quiet = size <= _FREEZES * level  # NaN is not
+        self.quiet_s[i] = self.quiet_s[i] + dt if quiet else 0.0
+        self.loud_s[i] = 0.0 if quiet else self.loud_s[i] + dt
+        if not moving:
             return
-        self.quiet_s[i] += dt
-        if self.quiet_s[i] <= _FROZEN_S or abs(theta_dot) <= _MOVING or not touched:
-            return
+        if size <= level and self.loud_s[i] <= _LASTS_S:
+            needed = (size - friction) / (usual + self.unknown[i])
+            if raised > _CROSSING * usual:
+                before = (1.0 - dt / _CROSSING_S) * self.crossing_peak[i]
+                self.crossing_peak[i] = max(before, needed)
+            else:
+                self._measure(i, size / usual, needed, dt)
+        if self.quiet_s[i] > _FROZEN_S:
+            self._fit(i, residual, dt)
+
+    def _measure(self, i: int, size: float, needed: float, dt: float) -> None:
+        """Put the size of a residual, and what it needed, both over the configured level, to those
+        before."""
+        fade = dt / _RMS_S
+        self.squares_s[i] += dt * size * size - fade * self.squares_s[i]
+        self.moved_s[i] += dt - fade * self.moved_s[i]
+        self.peak[i] = max((1.0 - dt / _PEAK_S) * self.peak[i], needed)
+
+    def _fit(self, i: int, residual: float, dt: float) -> None:
+        """Put a residual before its correction [Nm] to those before, and solve for the shares."""
         fade = dt * self._forgets
         for k in range(_COLUMNS):
             for m in range(k + 1):

@@ -20,13 +20,15 @@ _STATE: dict[str, tuple[str, ...]] = {
         *("theta", "sigma", "streak", "side", "gap"),
         *("q", "slipped", "slipped_most", "rested_at", "rested_s"),
     ),
-    "stiction": ("ends",),
+    "stiction": ("ends", "held", "unknown"),
     "residual": ("values",),
-    "detector": ("raised", "streak", "waited"),
+    "levels": ("begin", "friction", "raised"),
+    "detector": ("streak", "waited"),
     # Where it learns:
     "learning": (
         *("information", "evidence", "columns", "shares", "coulomb_left", "viscous_left"),
-        *("quiet_s", "correction", "unknown"),
+        *("quiet_s", "loud_s", "correction", "unknown", "squares_s", "moved_s"),
+        *("peak", "crossing_peak"),
     ),
 }
 
@@ -41,7 +43,13 @@ _RANGES = {
     "motor_position.side": (-1, 2),
     "motor_position.gap": (0, 1),
     "stiction.ends": (-1.0, 1.0),
-    "detector.raised": (0.0, _LARGEST),
+    "levels.begin": (0.0, _LARGEST),
+    "levels.friction": (0.0, _LARGEST),
+    "levels.raised": (0.0, _LARGEST),
+    "learning.squares_s": (0.0, _LARGEST),
+    "learning.moved_s": (1e-6, _LARGEST),
+    "learning.peak": (0.0, _LARGEST),
+    "learning.crossing_peak": (0.0, _LARGEST),
 }
 
 
@@ -69,27 +77,6 @@ def load(kernel: Kernel, state: Mapping[str, Any]) -> None:
         else:
             setattr(owner, name, float(new))
     kernel.resume()
-
-
-def of_format_2(state: Mapping[str, Any]) -> dict[str, Any]:
-    """State of an estimator before the kernel, which recordings of format 2 hold, as it is now: the
-    same numbers under other names. Raises LookupError or TypeError where it is none."""
-    own, alignment = state["estimator"], state["alignment"]
-    q, q_dot, tau_M, threshold = own["_shown"]
-    history, ends = alignment["history"], state["interval"]["_ends"]
-    return {
-        "kernel": {
-            **{"elapsed_s": own["elapsed"], "since": own["since"], "going": own["_going"]},
-            **{"q": q, "q_dot": q_dot, "tau_M": tau_M, "threshold": threshold},
-        },
-        "alignment": {
-            **{name: alignment[name] for name in ("count", "interval", "interval_before")},
-            "history": [history[row : row + 4] for row in range(0, len(history), 4)],
-            "aligned": own["_aligned"],
-        },
-        "interval": {"begin": ends[: len(ends) // 2]},
-        **{part: state[part] for part in ("motor_position", "stiction", "residual", "detector")},
-    }
 
 
 def _parts(kernel: Kernel) -> Iterator[tuple[str, tuple[str, ...], Any]]:

@@ -7,6 +7,7 @@ from msgspec import Meta
 
 Delay = Annotated[float, Meta(ge=0, le=10)]
 Kind = Literal["classical", "backlash", "two_mass"]
+Presliding = Annotated[float, Meta(gt=0, le=0.1)]
 Method = Literal["backward", "midpoint", "central"]
 
 
@@ -54,12 +55,13 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     motor_position: Literal["integrated", "measured"] = "integrated"
     sign_width: Annotated[float, Meta(gt=0, le=1)] = 0.02  # [rad/s], goes to the Transmission
     debounce: Annotated[int, Meta(ge=1, le=100)] = 1  # ticks
-    stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.4  # raises thresholds at rest
+    stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.8  # raises thresholds at rest
     # Of the contact level: raises thresholds of a joint whose side of the gap is unknown.
     unknown_side_share: Annotated[float, Meta(ge=0, le=2)] = 0.25
     # Corrects friction and gain by what the arm shows while it works.
-    learning: bool = False
-    presliding: Annotated[float, Meta(gt=0, le=0.1)] = 0.0015  # [rad] until friction is built up
+    learning: bool = True
+    # [rad] until friction is built up, at least and at most: where it is not known, all of it.
+    presliding: tuple[Presliding, Presliding] = (0.0001, 0.002)
     current_delay_ms: Delay = 3.0  # of the drive's current filter
     link_position_delay_ms: Delay = 0.0
     motor_velocity_delay_ms: Delay = 0.0  # of a filter in the drive, for one

@@ -10,14 +10,19 @@ between both, and so does what is believed here:
     tau = stiction * K_theta_s * (z - s(theta_dot)), beside K_theta_s s(theta_dot) of (6)
 
 In motion z = s(theta_dot) = +-1, and tau vanishes. What z was in the beginning is unknown: it is
-followed from both ends, which meet once the joint was displaced far enough.
+followed from both ends, which meet once the joint was displaced far enough. Where pre-sliding, or
+how much is held, is not known either, several of them are followed: the truth lies between the
+lowest and the highest, the middle is believed, and half of what is between may be an error.
 
 Ordinary Python, which runs as it is; `stiction.pxd` names the types for the compiler.
 """
 
 import numpy as np
 
+from arrays import Vector
 from estimator.transmission import CREEP, LINK_REST
+
+_BELIEFS = 5  # pre-slidings that are followed
 
 
 def displacement(theta_dot: float, q_dot: float, moved: float, has_gap: bool, dt: float) -> float:
@@ -29,29 +34,43 @@ def displacement(theta_dot: float, q_dot: float, moved: float, has_gap: bool, dt
 
 
 class Stiction:
-    """z of each joint as an interval, `ends` (2, n); from -1 ... 1 on, where nothing is known.
+    """Friction that joints hold near rest beyond that of their velocity, as shares of their Coulomb
+    friction: `held` (n,), and how far it may be off, `unknown` (n,).
 
-    presliding [rad], > 0: from no friction to all of it.
+    presliding [rad], > 0: shortest and longest way from no friction to all of it.
     """
 
-    def __init__(self, n: int, presliding: float) -> None:
-        self._per_presliding = 1.0 / presliding
-        self.ends = np.repeat([[-1.0], [1.0]], n, axis=1)
+    def __init__(
+        self, n: int, presliding: tuple[float, float], least: Vector, most: Vector
+    ) -> None:
+        """least, most (n,): of the stiction, 0 ... 1."""
+        self._per_presliding = 1.0 / np.geomspace(*presliding, _BELIEFS)
+        self._least, self._most = least.copy(), most.copy()
+        self.ends = np.empty((2, _BELIEFS, n))
+        self.held, self.unknown = np.zeros((2, n))
+        for i in range(n):
+            self.restart(i)
 
     def restart(self, i: int) -> None:
         """Forget what the last motion of joint i left."""
-        self.ends[0, i], self.ends[1, i] = -1.0, 1.0
+        for k in range(_BELIEFS):
+            self.ends[0, k, i], self.ends[1, k, i] = -1.0, 1.0
+        self.held[i], self.unknown[i] = 0.0, self._most[i]
 
-    def step(self, i: int, displacement: float) -> None:
-        """Move on by the displacement of rotor i [rad]."""
-        for end in range(2):
-            z = self.ends[end, i] + displacement * self._per_presliding
-            self.ends[end, i] = min(max(z, -1.0), 1.0)
+    def unknown_at_rest(self, i: int) -> float:
+        """What will be unknown of joint i where it comes to rest, or is where it rests."""
+        return float(max(self.unknown[i], 0.5 * (self._most[i] - self._least[i])))
 
-    def z(self, i: int) -> float:
-        """Share of the Coulomb friction that is held, signed as the motion that built it up."""
-        return float(0.5 * (self.ends[0, i] + self.ends[1, i]))
-
-    def unknown(self, i: int) -> float:
-        """Largest error of z: 1 where nothing is known, 0 after a motion."""
-        return float(0.5 * (self.ends[1, i] - self.ends[0, i]))
+    def step(self, i: int, displacement: float, sign: float) -> None:
+        """Move on by the displacement of rotor i [rad]; sign: s(theta_dot)."""
+        lowest, highest = 1.0, -1.0
+        for k in range(_BELIEFS):
+            way = displacement * self._per_presliding[k]
+            low = min(max(self.ends[0, k, i] + way, -1.0), 1.0)
+            high = min(max(self.ends[1, k, i] + way, -1.0), 1.0)
+            self.ends[0, k, i], self.ends[1, k, i] = low, high
+            lowest, highest = min(lowest, low), max(highest, high)
+        low, high = lowest - sign, highest - sign
+        least, most = self._least[i], self._most[i]
+        low, high = min(least * low, most * low), max(least * high, most * high)
+        self.held[i], self.unknown[i] = 0.5 * (low + high), 0.5 * (high - low)

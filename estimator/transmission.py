@@ -18,10 +18,12 @@ CREEP = 0.003
 """[rad/s]; a slower motor velocity may be noise and bias, and its integral nothing"""
 LINK_REST = 0.01
 """[rad/s]; a link encoder's noise stays below it"""
-STICTION = 0.4
-"""Default where it was not identified: as far off for smooth friction as for stiction."""
+
+STICTION_ERROR = 0.3
+"""Of a share of stiction that was identified."""
 
 _SCALARS = ("joints", "sign_width")
+_SHARES = ("least_stiction", "most_stiction")
 _SIGNED = ("contact_stiffness", "contact_damping")
 
 
@@ -54,8 +56,11 @@ class Transmission:
     """K_phi_s [Nm], >= 0; rubs between rotor and link inside the gap"""
     gap_viscous: Vector = field(default_factory=lambda: np.array(0.0))
     """K_phi_v [Nm s/rad], >= 0"""
-    stiction: Vector = field(default_factory=lambda: np.array(STICTION))
-    """Share of the Coulomb friction that near rest is what the last motion left, 0 ... 1"""
+    least_stiction: Vector = field(default_factory=lambda: np.array(0.0))
+    """Share of the Coulomb friction that near rest is what the last motion left, at least; 0 ... 1,
+    as most_stiction"""
+    most_stiction: Vector = field(default_factory=lambda: np.array(1.0))
+    """the same at most"""
     contact_stiffness: Vector = field(default_factory=lambda: np.array(0.0))
     """K_phi_p [Nm/rad]: a fit's correction on top of tau_M, not the gear's stiffness; any sign"""
     contact_damping: Vector = field(default_factory=lambda: np.array(0.0))
@@ -72,6 +77,8 @@ class Transmission:
                 object.__setattr__(self, each.name, self._checked(each.name))
         for name in _SIGNED:
             self._refuse(name, (self.half_gap == 0.0) & (getattr(self, name) != 0.0), "0 (no gap)")
+        less = self.most_stiction < self.least_stiction
+        self._refuse("most_stiction", less, ">= least_stiction")
 
     @property
     def n(self) -> int:
@@ -104,7 +111,7 @@ class Transmission:
         object.__setattr__(self, name, values)
         if name in _SIGNED:
             self._refuse(name, ~np.isfinite(values), "finite")
-        elif name == "stiction":
+        elif name in _SHARES:
             self._refuse(name, ~((values >= 0.0) & (values <= 1.0)), ">= 0 and <= 1")
         elif name == "torque_constant":
             self._refuse(name, ~(np.isfinite(values) & (values > 0.0)), "> 0")
@@ -117,6 +124,14 @@ class Transmission:
         for i in np.flatnonzero(bad):
             value = getattr(self, name)[i]
             raise ModelError(f"{name} of {self.joints[i]} is {value}; it must be {allowed}")
+
+
+def stiction_range(share: float | None) -> tuple[float, float]:
+    """Least and most stiction of a joint whose share was identified, or, with None, was not. The
+    fit takes one pre-sliding for all, and finds half of the share where it is another."""
+    if share is None:
+        return 0.0, 1.0
+    return max(share - STICTION_ERROR, 0.0), min(2.0 * share + STICTION_ERROR, 1.0)
 
 
 def smooth_sign(velocity: Vector, width: float) -> Vector:

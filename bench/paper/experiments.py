@@ -38,6 +38,7 @@ FOUR_JOINTS = {
 }
 REST_S = 20.0
 HAND_AHEAD_S = 1.4  # the hand's clock begins while the drives are being enabled
+WORKED_S = 240.0  # before the contacts the arm has been at work for so long
 SETTLE_S = 1.0  # after the drives are enabled, before anything is recorded
 
 
@@ -104,12 +105,17 @@ def contact_free(conditions: Conditions, seconds: float = 30.0) -> Recording:
 
 
 def contacts(conditions: Conditions, moving_s: float = 44.0) -> Recording:
-    """Figs. 9 and 11: at rest for 20 s, then joints 1, 3, 4 and 7 in sinusoids; a hand pushes."""
+    """Figs. 9 and 11: at rest for 20 s, then joints 1, 3, 4 and 7 in sinusoids; a hand pushes. An
+    arm that has been at work before."""
     configure = with_rivals(FOUR_JOINTS)
     robot = load_robot(ROMEO).configuration
     with lockstep_rig(configure=configure, simulate=conditions, hand=pushes(robot)) as rig:
         rig.enable()
         rig.run(SETTLE_S)
+        rig.request(Event.START)
+        rig.run(WORKED_S - 3.0)
+        rig.request(Event.PAUSE)
+        rig.run(3.0)
         recorder = Recorder(rig)
         rig.run(REST_S, recorder)
         rig.request(Event.START)
@@ -126,12 +132,12 @@ def pushes(c: Configuration) -> tuple[Push, ...]:
     """
     joints = [joint for joint in c.joints if joint.name in FOUR_JOINTS]
     script = []
-    at_s = HAND_AHEAD_S + 1.5
+    at_s = HAND_AHEAD_S + WORKED_S + 1.5
     for sign in (1.0, -1.0):
         for joint in joints:
             script.append(_push(joint, at_s, sign * 1.25 * least_at_rest(joint)))
             at_s += 2.3
-    at_s = HAND_AHEAD_S + REST_S + 4.0
+    at_s = HAND_AHEAD_S + WORKED_S + REST_S + 4.0
     for strong, sign in zip((False, True, True, False), cycle((-1.0, 1.0)), strict=False):
         for joint in joints:
             contact = joint.thresholds.contact

@@ -105,17 +105,12 @@ class Layout:
         return flat.reshape(len(rows), n)
 
 
-def first_difference(
-    recorded: Columns, replayed: Columns, tolerance: float = 0.0
-) -> tuple[int, str] | None:
+def first_difference(recorded: Columns, replayed: Columns) -> tuple[int, str] | None:
     """Row and name of the State's field that differs first, of several in one row the first in the
-    columns' order; None where every bit is the same, or numbers are to a tolerance."""
+    columns' order; None where every bit is the same."""
     first: tuple[int, str] | None = None
     for name, column in recorded.items():
-        if tolerance and column.dtype == np.float64:
-            other = ~(np.abs(column - replayed[name]) <= tolerance)
-        else:
-            other = column != replayed[name]
+        other = column != replayed[name]
         rows = np.flatnonzero(other.any(axis=1) if other.ndim > 1 else other)
         if rows.size and (first is None or rows[0] < first[0]):
             first = int(rows[0]), "beside" if name.startswith("beside ") else name

@@ -1,9 +1,6 @@
 """Replay of a recording: the estimator on its samples again, compared with it bit by bit.
 
 In batches of consecutive States: decoded, turned into arrays, stepped through, compared as arrays.
-
-Recordings of format 2 are of an estimator that did the same arithmetic in another order: they are
-compared to a tolerance, which the result says.
 """
 
 from collections.abc import Iterator
@@ -20,12 +17,10 @@ from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State
 from errors import LogError
 from estimator.estimator import Estimator
-from estimator.memory import of_format_2
 
-BEFORE_THE_KERNEL = 2
-"""Format of which the estimator was not the kernel yet."""
-TOLERANCE = 1e-9
-"""[Nm, rad, rad/s]; by which numbers of that one may differ"""
+SAME_ESTIMATOR = 4
+"""Format from which on the estimator computes what it does now: those before believed something
+else of friction near rest, and did not learn."""
 
 BATCH: Final = 32  # States at once; of more, the decoded ones leave the processor's cache
 
@@ -49,17 +44,11 @@ class Replay:
     stretches: int
     difference: Difference | None
     broken: str  # reason why the recording ends early; empty if it is whole
-    tolerance: float = 0.0  # by which numbers might differ; 0: every bit was compared
-
-    @property
-    def equal(self) -> bool:
-        """Every state was compared and came out the same, to the tolerance."""
-        return self.difference is None and self.states > 0
 
     @property
     def identical(self) -> bool:
         """Every state was compared and came out the same, bit by bit."""
-        return self.equal and self.tolerance == 0.0
+        return self.difference is None and self.states > 0
 
 
 def replay(path: Path) -> Replay:
@@ -80,7 +69,7 @@ def replay(path: Path) -> Replay:
         if not run.states:
             raise
         broken = str(error)
-    return Replay(run.states, run.skipped, run.stretches, run.difference, broken, run.tolerance)
+    return Replay(run.states, run.skipped, run.stretches, run.difference, broken)
 
 
 def batches(path: Path) -> Iterator[Snapshot | list[State]]:
@@ -112,17 +101,16 @@ class _Run:
         self._path = path
         self.states = self.skipped = self.stretches = 0
         self.difference: Difference | None = None
-        self.tolerance = 0.0
         self._estimator: Estimator | None = None
         self._layout = Layout((), ())
         self._tick = -1
         self._mode = ""
 
     def restart(self, snapshot: Snapshot) -> None:
-        if snapshot.format < BEFORE_THE_KERNEL:
+        if snapshot.format < SAME_ESTIMATOR:
             raise LogError(
                 f"{self._path} is of format {snapshot.format}, by {snapshot.program}, whose "
-                "estimator remembered other things: replay it with that version"
+                "estimator computed something else: replay it with that version"
             )
         configuration = parse_configuration(
             snapshot.configuration, "the recorded configuration", snapshot.identified
@@ -135,11 +123,7 @@ class _Run:
             )
         self._estimator = build_estimator(configuration, snapshot.urdf)
         try:
-            if snapshot.format == BEFORE_THE_KERNEL:
-                self.tolerance = TOLERANCE
-                self._estimator.restore(of_format_2(snapshot.memory))
-            else:
-                self._estimator.restore(snapshot.memory)
+            self._estimator.restore(snapshot.memory)
         except (LookupError, TypeError, ValueError, OverflowError, AttributeError) as error:
             raise LogError(
                 f"the estimator's memory after tick {snapshot.tick} is damaged: {error}"
@@ -178,7 +162,7 @@ class _Run:
         return frozenset(k for k, of in changes if of == (Mode.ENABLING, Mode.HOLDING))
 
     def _first_difference(self, states: list[State], replayed: Columns) -> Difference | None:
-        found = first_difference(self._layout.recorded(states), replayed, self.tolerance)
+        found = first_difference(self._layout.recorded(states), replayed)
         if found is None:
             return None
         row, field = found

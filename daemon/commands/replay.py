@@ -1,18 +1,17 @@
-"""`contactd replay`: prints whether a recording's estimates still come out the same, bit by bit, or
-to a tolerance where an older estimator made them."""
+"""`contactd replay`: prints whether a recording's estimates still come out the same, bit by bit."""
 
 from pathlib import Path
 
 import click
 import msgspec
 
-from daemon.clients.replay import BEFORE_THE_KERNEL, replay
+from daemon.clients.replay import replay
 
 
 def print_replay(file: Path, *, as_json: bool) -> bool:
     """Replay `file` and report; True if it is whole and every estimate came out the same."""
     result = replay(file)
-    whole = result.equal and not result.broken
+    whole = result.identical and not result.broken
     if as_json:
         click.echo(msgspec.json.encode({"identical": result.identical, "result": result}))
         return whole
@@ -20,11 +19,6 @@ def print_replay(file: Path, *, as_json: bool) -> bool:
         click.echo(
             f"{file}: differs first in tick {difference.tick}, {difference.field}:\n"
             f"  recorded {difference.recorded}\n  replayed {difference.replayed}"
-        )
-    elif result.tolerance:
-        click.echo(
-            f"{file}: {result.states} states replayed, equal to within {result.tolerance:g}, not "
-            f"compared bit by bit: recorded in format {BEFORE_THE_KERNEL}, by an older estimator"
         )
     else:
         click.echo(f"{file}: {result.states} states replayed, bit-identical")

@@ -19,6 +19,7 @@ from daemon.config.worst_loads import Load, worst_loads
 from daemon.faults.detector import patience_deaf
 from estimator.estimate import SENSED_PERIODS
 from estimator.model import Model
+from estimator.transmission import stiction_range
 from estimator.urdf import MovedLink, moved_links
 
 GRAVITY = 9.81  # [m/s2]
@@ -218,7 +219,7 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
         "Nm",
         f"{STRONGEST_BLOW:g} times {of}: more than the gear of such a motor stands",
     )
-    share = settings.stiction_share + friction.stiction
+    share = settings.stiction_share + stiction_range(friction.stiction)[1]
     coulomb = friction.motor_coulomb + friction.link_coulomb
     unsure = settings.unknown_side_share if joint.half_gap > 0 else 0.0
     yield Bounded(

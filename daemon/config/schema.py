@@ -10,7 +10,6 @@ from daemon.motion.admittance import MAX_GAIN
 from drivers.drive import Drive
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
 from estimator.settings import EstimatorSettings
-from estimator.transmission import STICTION
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -28,8 +27,9 @@ class Friction(Settings, frozen=True):
     link_viscous: NotNegative = 0.0
     gap_coulomb: NotNegative = 0.0
     gap_viscous: NotNegative = 0.0
-    # share of the Coulomb friction that near rest is what the last motion left (1: it sticks)
-    stiction: Annotated[float, Meta(ge=0, le=1)] = STICTION
+    # share of the Coulomb friction that near rest is what the last motion left (1: it sticks);
+    # without it anything from 0 to 1 is believed
+    stiction: Annotated[float, Meta(ge=0, le=1)] | None = None
 
 
 class GapSpring(Settings, frozen=True):

@@ -72,10 +72,13 @@ def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
 
 
 def raised(states: Iterable[State], c: Configuration) -> list[State]:
-    """States whose threshold is only the part in force beyond the contact level of `c`: recordings
-    may have been made at different levels."""
+    """States whose threshold is only the part in force beyond the contact level of `c`, 0 where
+    learning has lowered it: recordings may have been made at different levels."""
     levels = [joint.thresholds.contact for joint in c.joints]
-    return [replace(s, threshold=np.subtract(s.threshold, levels).tolist()) for s in states]
+    return [
+        replace(s, threshold=np.maximum(np.subtract(s.threshold, levels), 0.0).tolist())
+        for s in states
+    ]
 
 
 def incompatibility(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:

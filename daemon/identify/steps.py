@@ -100,11 +100,13 @@ def friction_step(robot: Robot, measured: Measured, date: str) -> Outcome:
         lines.append(Line(fit.joint, fit.verdict.value, good, _friction_figures(fit), fit.reason))
         if good:
             rotor = round(float(new.rotor_inertia[i]), 6) if fit.rotor_trusted else None
-            names = list(Friction.__struct_fields__)
+            names = [name for name in Friction.__struct_fields__ if name != "stiction"]
+            values = {name: round(float(getattr(new, name)[i]), 6) for name in names}
+            known = round(fit.stiction, 6) if fit.stiction_known else c.joints[i].friction.stiction
             entries[fit.joint] = file.FrictionEntry(
                 date=date,
                 log=measured.sha256,
-                friction=Friction(**{n: round(float(getattr(new, n)[i]), 6) for n in names}),
+                friction=Friction(**values, stiction=known),
                 errors={name: float(f"{e:.3g}") for name, e in fit.errors.items()},
                 r2=round(fit.r2, 4),
                 condition=round(fit.condition, 2),
@@ -192,7 +194,7 @@ def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str
 def _hidden_at_rest(c: Configuration) -> Vector:
     """Torque (n,) [Nm] that the friction of a joint at rest hides, at most."""
     t = build_transmission(c)
-    hidden: Vector = (c.estimator.stiction_share + t.stiction) * t.engaged_coulomb
+    hidden: Vector = (c.estimator.stiction_share + t.most_stiction) * t.engaged_coulomb
     return hidden
 
 

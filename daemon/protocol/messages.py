@@ -214,7 +214,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     sensing_since_s: PerJoint | None = None  # time at which that last changed [s]
 
 
-STATE_FORMAT = 3
+STATE_FORMAT = 4
 """Version of State and Snapshot. It rises when a field changes its name or its meaning; a new field
 with a default needs no new version. Recordings of every version from 1 on stay readable."""
 

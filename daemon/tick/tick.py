@@ -203,7 +203,7 @@ class Tick:
                 i = joints.index(True)
                 hit = (
                     f"{names[i]} feels {residual[i]:+.2f} Nm, beyond its collision level of "
-                    f"{detector.collision[i]:.2f} Nm"
+                    f"{detector.levels.collision[i]:.2f} Nm"
                 )
         return ControlInput(
             q=samples.link_position,

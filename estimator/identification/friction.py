@@ -35,7 +35,7 @@ from estimator.identification.sticking import SURE, held
 from estimator.identification.touches import near
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
-from estimator.transmission import Transmission, smooth_sign
+from estimator.transmission import Transmission, smooth_sign, stiction_range
 
 SHORTEST_S = 10.0
 LOWEST_R2 = 0.9
@@ -137,7 +137,7 @@ def identify_friction(
     rows = intervals(log, model, settings)
     cut: Mask = np.abs(rows.current) > 0.98 * max_current
     touched, moved = np.zeros_like(cut), play(rows).tolist()
-    sticking, unknown = held(rows, settings.presliding, transmission.sign_width)
+    sticking, unknown = held(rows, transmission.sign_width)
     # Each round sees the gap with the friction of the one before, and what the one before could not
     # explain.
     for _ in range(_ROUNDS):
@@ -161,7 +161,7 @@ def identify_friction(
 
 _ADOPTED = (
     *("motor_coulomb", "motor_viscous", "link_coulomb", "link_viscous"),
-    *("gap_coulomb", "gap_viscous", "stiction"),
+    *("gap_coulomb", "gap_viscous", "least_stiction", "most_stiction"),
     *("rotor_inertia", "contact_stiffness", "contact_damping"),
 )
 
@@ -186,7 +186,8 @@ def adopt(t: Transmission, fits: list[FrictionFit]) -> Transmission:
             new[f"link_{kind}"][i], new[f"motor_{kind}"][i] = link, whole - link
             new[f"gap_{kind}"][i] = v.get(f"K_phi_{letter}", 0.0)
         if fit.stiction_known:
-            new["stiction"][i] = fit.stiction
+            least, most = stiction_range(fit.stiction)
+            new["least_stiction"][i], new["most_stiction"][i] = least, most
         if fit.rotor_trusted:
             new["rotor_inertia"][i] = v["B"]
         new["contact_stiffness"][i] = v.get("K_phi_p", 0.0)

@@ -11,26 +11,28 @@ from estimator.identification.log_intervals import Intervals
 from estimator.stiction import Stiction
 from estimator.transmission import CREEP, smooth_sign
 
+_PRESLIDING = 0.0015  # [rad]
 SURE = 0.1
 """Standard error above which the share counts as unknown."""
 
 
-def held(rows: Intervals, presliding: float, sign_width: float) -> tuple[Matrix, Matrix]:
+def held(rows: Intervals, sign_width: float) -> tuple[Matrix, Matrix]:
     """z - s(theta_dot), means of both ends of each interval, and how far z may be off; (N, n).
 
-    The friction that the estimator assumes to be held near rest, with stiction and K_theta_s of 1.
+    The friction that the estimator assumes to be held near rest, with stiction and K_theta_s of 1,
+    and one pre-sliding.
     """
     n = rows.q.shape[1]
-    operator = Stiction(n, presliding)
+    operator = Stiction(n, (_PRESLIDING, _PRESLIDING), np.ones(n), np.ones(n))
     z, unknown = np.empty_like(rows.q), np.empty_like(rows.q)
     for k, moved in enumerate(_displacement(rows).tolist()):
         for i in range(n):
             if rows.first[k]:
                 operator.restart(i)
-            before = operator.z(i)
-            operator.step(i, moved[i])
-            z[k, i] = 0.5 * (before + operator.z(i))
-            unknown[k, i] = operator.unknown(i)
+            before = operator.held[i]
+            operator.step(i, moved[i], 0.0)
+            z[k, i] = 0.5 * (before + operator.held[i])
+            unknown[k, i] = operator.unknown[i]
     return z - smooth_sign(rows.theta_dot, sign_width), unknown
 
 

@@ -215,7 +215,7 @@ def test_configured_to_hold_at_a_clamp_it_does_not_start_against_it() -> None:
         assert held > 3.0
         reasons = rig.tick.controller.request(Event.START, "me", rig.time_s)
         felt = rig.estimate.residual[ELBOW]
-        level = rig.tick.estimator.detector.collision[ELBOW]
+        level = rig.tick.estimator.detector.levels.collision[ELBOW]
         assert reasons == [
             f"LElbowRoll feels {felt:+.2f} Nm, beyond its collision level of {level:.2f} Nm: "
             "free it first"

@@ -155,6 +155,8 @@ def transmission(**changes: object) -> Transmission:
 
 
 def estimator(**settings: object) -> Estimator:
+    """That of the Romeo arm; it does not learn unless it is asked to."""
+    settings = {"learning": False, **settings}
     return Estimator(
         Model(ROMEO, JOINTS),
         transmission(),

@@ -1,4 +1,4 @@
-"""Levels in force and their raise, debounce and events."""
+"""Debounce and events of what is past the levels in force."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ import pytest
 from errors import ModelError
 from estimator.contact import Contact
 from estimator.contact_detector import ContactDetector
-from estimator.motor_position import Side
+from estimator.levels import Levels
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
@@ -18,19 +18,16 @@ LEVELS = Thresholds(np.array([1.0, 2.0]), np.array([3.0, 4.0]))
 SIDE = np.array([0, 1])
 SPEED = np.array([0.5, -2.0])
 NONE = np.zeros(2)
-COULOMB, STICTION = np.array([2.0, 0.5]), np.array([0.4, 0.8])
 TRANSMISSION = Transmission(
     joints=("a", "b"),
     torque_constant=np.ones(2),
     rotor_inertia=NONE,
     half_gap=np.array([0.01, 0.0]),
-    motor_coulomb=COULOMB,
+    motor_coulomb=np.array([2.0, 0.5]),
     motor_viscous=NONE,
     link_coulomb=NONE,
     link_viscous=NONE,
-    stiction=STICTION,
 )
-SETTINGS = EstimatorSettings(stiction_share=0.25, unknown_side_share=0.5)
 
 
 @dataclass
@@ -38,16 +35,17 @@ class Detector:
     """The detector of two joints, for whole ticks."""
 
     debounce: int = 1
-    levels: Thresholds = LEVELS
+    thresholds: Thresholds = LEVELS
     detector: ContactDetector = field(init=False)
 
     def __post_init__(self) -> None:
-        settings = EstimatorSettings(debounce=self.debounce)
-        self.detector = ContactDetector(("a", "b"), TRANSMISSION, self.levels, settings)
+        levels = Levels(TRANSMISSION, self.thresholds, EstimatorSettings())
+        self.detector = ContactDetector(("a", "b"), levels, self.debounce)
+        self.put(NONE, NONE)
 
-    def thresholds(self, hidden: np.ndarray, theta_dot: np.ndarray, dt: float) -> list[float]:
-        speed = np.abs(theta_dot)
-        return [self.detector.put_in_force(i, hidden[i], speed[i], dt) for i in range(2)]
+    def put(self, unsure: np.ndarray, theta_dot: np.ndarray) -> list[float]:
+        levels, speed = self.detector.levels, np.abs(theta_dot)
+        return [levels.put_in_force(i, 0.0, unsure[i], speed[i], 0.01) for i in range(2)]
 
     def step(
         self, residual: Sequence[float], time_s: float = 0.0, absent: Sequence[bool] = ()
@@ -61,25 +59,28 @@ class Detector:
         return contacts
 
 
-def test_the_raise_comes_at_once_and_fades_with_half_the_gain() -> None:
-    d = Detector()
-    at_rest, fast = np.full(2, 0.4), np.zeros(2)
-    np.testing.assert_allclose(d.thresholds(fast, SPEED, 0.01), [1.0, 2.0])
-    np.testing.assert_allclose(d.thresholds(at_rest, SPEED, 0.01), [1.4, 2.4])
-    for k in range(1, 10):
-        expected = 0.4 * np.exp(-12.5 * 0.01 * k)
-        np.testing.assert_allclose(d.thresholds(fast, SPEED, 0.01), [1 + expected, 2 + expected])
-
-
-def test_levels_may_grow_with_speed() -> None:
+def test_levels_in_force_decide_and_are_told() -> None:
     levels = Thresholds(np.array([1.0, 2.0]), np.array([3.0, 4.0]), per_speed=np.array([0.2, 0.1]))
-    d = Detector(levels=levels)
-    np.testing.assert_allclose(d.thresholds(np.full(2, 0.4), SPEED, 0.01), [1.5, 2.6])
+    d = Detector(thresholds=levels)
+    np.testing.assert_allclose(d.put(np.full(2, 0.4), SPEED), [1.5, 2.6])
     assert d.step([1.49, -2.59], 0.0) == ()
     (contact,) = d.step([1.51, -2.59], 0.1)
     assert (contact.joint, contact.threshold) == ("a", 1.5)
-    d.thresholds(np.full(2, 0.4), 0.0 * SPEED, 0.01)
+    (collision,) = d.step([3.51, -2.59], 0.1)
+    assert (collision.level, collision.threshold) == ("collision", 3.5)
+    d.put(np.full(2, 0.4), 0.0 * SPEED)
     assert len(d.step([0.0, -2.59], 0.2)) == 1
+
+
+def test_a_level_that_sinks_lets_a_contact_begin() -> None:
+    """By what was learned; that of collisions stays."""
+    d = Detector()
+    assert d.step([0.5, 0.0], 0.0) == ()
+    np.asarray(d.detector.levels.share)[:] = 0.4
+    np.testing.assert_allclose(d.put(NONE, NONE), [0.4, 0.8])
+    (contact,) = d.step([0.5, 0.0], 0.1)
+    assert (contact.level, contact.threshold) == ("contact", 0.4)
+    assert d.step([2.9, 0.0], 0.2) == ()
 
 
 @pytest.mark.parametrize(
@@ -127,16 +128,13 @@ def test_reset_forgets_the_streak() -> None:
 
 
 def test_what_is_refused() -> None:
-    levels = Thresholds(np.array([1.0]), np.array([3.0]))
-    with pytest.raises(ModelError, match="thresholds for 1 joints, the arm has 2"):
-        Detector(levels=levels)
     with pytest.raises(ModelError, match="debounce is 0"):
         Detector(debounce=0)
 
 
 def test_a_joint_counts_as_touched_once_debounced_and_as_long_as_it_is() -> None:
     d = Detector(debounce=2)
-    d.thresholds(np.zeros(2), SPEED, 0.01)
+    d.put(NONE, SPEED)
     told = []
     for r in ([1.5, 0.0], [1.5, 0.0], [1.5, -2.5], [0.5, -2.5], [0.0, 0.0]):
         d.step(r)
@@ -151,43 +149,6 @@ def test_a_joint_counts_as_hit_past_its_collision_level_likewise() -> None:
         d.step(r)
         told.append(d.detector.hit().tolist())
     assert told == [[False, False], [False, True], [True, False], [False, False]]
-
-
-def test_collision_levels_are_raised_like_those_of_contacts() -> None:
-    d = Detector()
-    d.thresholds(np.array([0.4, 0.0]), SPEED, 0.01)
-    np.testing.assert_allclose(d.detector.collision, [3.4, 4.0])
-
-
-def raised(i: int, *, rest: float, unknown: float, side: Side, periods: float = 1.0) -> float:
-    levels = Thresholds(np.array([0.6, 2.0]), np.array([3.0, 4.0]))
-    detector = ContactDetector(("a", "b"), TRANSMISSION, levels, SETTINGS)
-    return detector.hidden(i, rest, unknown, side == Side.UNKNOWN, periods)
-
-
-def test_at_rest_with_nothing_known_all_of_it_is_hidden() -> None:
-    # 0.25 and 0.4 of 2 Nm, and half of 0.6; 0.25 and 0.8 of 0.5 Nm, and no gap to be unsure of.
-    for i, hidden in enumerate((0.5 + 0.8 + 0.3, 0.125 + 0.4)):
-        assert raised(i, rest=1.0, unknown=1.0, side=Side.UNKNOWN) == pytest.approx(hidden)
-
-
-@pytest.mark.parametrize("side", Side)
-def test_it_fades_with_motion_with_what_is_known_and_with_the_side(side: Side) -> None:
-    unsure = 0.5 * 0.6 * (side == Side.UNKNOWN)
-    assert raised(0, rest=0.5, unknown=0.25, side=side) == pytest.approx(
-        0.5 * (0.5 + 0.25 * 0.8) + unsure
-    )
-    assert raised(1, rest=1.0, unknown=0.5, side=side) == pytest.approx(0.125 + 0.5 * 0.4)
-
-
-@pytest.mark.parametrize(
-    ("periods", "levels"), [(0.0, 0.0), (2.0, 0.0), (2.5, 0.2), (3.0, 0.4), (5.0, 1.2), (9.0, 1.2)]
-)
-def test_samples_that_were_missing_raise_by_shares_of_the_level(
-    periods: float, levels: float
-) -> None:
-    found = raised(1, rest=0.0, unknown=1.0, side=Side.LEFT, periods=periods)
-    assert found == pytest.approx(levels * 2.0)
 
 
 @pytest.mark.parametrize(
@@ -207,7 +168,7 @@ def test_a_contact_beside_a_missing_sample_waits_for_it(
     d = Detector()
     found = []
     for k, (r, missing) in enumerate(zip(residual, absent, strict=True)):
-        d.thresholds(NONE, NONE, 0.01)
+        d.put(NONE, NONE)
         if d.step([0.2 * r, 0.0], 0.01 * k, (False, bool(missing))):
             found.append(k)
     assert found == begins

@@ -137,16 +137,27 @@ def kernel_of(modules: dict[str, ModuleType], like: Estimator) -> Any:
 
 
 def state(kernel: Any) -> bytes:
-    shown = np.asarray(kernel.shown).tobytes() + np.asarray(kernel.sensing).tobytes()
+    levels = kernel.levels
+    arrays = (
+        kernel.shown,
+        kernel.sensing,
+        levels.collision,
+        levels.above,
+        levels.share,
+        levels.crossing,
+    )
+    shown = b"".join(np.asarray(values).tobytes() for values in arrays)
     return shown + repr(memory.dump(kernel)).encode()
 
 
+@pytest.mark.parametrize("learning", [False, True])
 @pytest.mark.parametrize("source", ["integrated", "measured"])
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numpy's, where the plain one overflows
 def test_compiled_and_plain_are_the_same_to_the_last_bit(
-    make_estimator, pushed_motion, source: str
+    make_estimator, pushed_motion, source: str, learning: bool
 ) -> None:
-    like = make_estimator(beside=BESIDE, motor_position=source, debounce=2)
+    settings = {"motor_position": source, "debounce": 2, "learning": learning}
+    like = make_estimator(beside=BESIDE, **settings)
     compiled, python = (kernel_of(modules, like) for modules in (built(), plain()))
     if type(compiled).step is type(python).step:
         pytest.skip("the modules are not compiled here")
@@ -175,12 +186,15 @@ import numpy as np
 from tests.estimator.conftest import estimator
 from estimator.dynamics import Body, Dynamics
 from estimator.settings import Variant
-made, done = estimator(beside=(Variant(kind="two_mass"),)), hashlib.sha256()
+made = estimator(beside=(Variant(kind="two_mass"),), learning=True)
+done = hashlib.sha256()
 walk = np.random.default_rng(4).integers(-40, 41, (300, 3, 7)).cumsum(axis=0) * 1e-5
 for current, q, theta_dot in walk * [[[100.0], [1.0], [20.0]]]:
     e = made.step(current, q, theta_dot)
     for values in (e.residual, e.beside["two_mass"], e.threshold, e.theta, e.phi_sigma):
         done.update(values.tobytes())
+learned = made.memory()["learning"]
+assert np.any(learned["shares"])
 
 # Joints whose axes and frames are those of no coordinate.
 rng, bodies = np.random.default_rng(5), []

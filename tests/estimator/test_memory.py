@@ -19,10 +19,13 @@ AT_REVERSAL = 85
 """A tick of `pushed_motion` at which a joint is in its gap."""
 
 
+@pytest.mark.parametrize("learning", [False, True])
 @pytest.mark.parametrize("source", ["integrated", "measured"])
 @pytest.mark.parametrize("at", [1, 2, 3, AT_REVERSAL, 850])
-def test_memory_continues_bit_identically(make_estimator, pushed_motion, at, source) -> None:
-    settings = {"beside": BESIDE, "motor_position": source, "debounce": 3}
+def test_memory_continues_bit_identically(
+    make_estimator, pushed_motion, at: int, source: str, learning: bool
+) -> None:
+    settings = {"beside": BESIDE, "motor_position": source, "debounce": 3, "learning": learning}
     original = make_estimator(**settings)
     estimates = pushed_motion.replay(original, slice(0, at))
     assert (Side.GAP in estimates[-1].side) == (at == AT_REVERSAL)
@@ -40,14 +43,35 @@ def test_memory_continues_bit_identically(make_estimator, pushed_motion, at, sou
     assert original.memory() == copy.memory()
 
 
-def test_a_restored_estimator_still_holds_its_last_value(make_estimator, sine_motion) -> None:
-    original, copy = make_estimator(), make_estimator()
-    before = sine_motion.replay(original, slice(0, 200))[-1]
+@pytest.mark.parametrize("learning", [False, True])
+def test_a_restored_estimator_still_holds_its_last_value(
+    make_estimator, pushed_motion, learning: bool
+) -> None:
+    original, copy = (make_estimator(learning=learning) for _ in range(2))
+    before = pushed_motion.replay(original, slice(0, 900))[-1]
+    assert before.touched_link
     copy.restore(original.memory())
     nothing = np.full(7, np.nan)
     held = copy.step(nothing, nothing, nothing, None, T)
-    np.testing.assert_array_equal(held.residual, before.residual)
-    np.testing.assert_array_equal(held.q, before.q)
+    for name in ("residual", "q", "threshold", "thresholded", "touched_link"):
+        np.testing.assert_array_equal(getattr(held, name), getattr(before, name), name)
+    of_copy, of_original = copy.detector.levels, original.detector.levels
+    np.testing.assert_array_equal(of_copy.above, of_original.above)
+    np.testing.assert_array_equal(of_copy.share, of_original.share)
+    np.testing.assert_array_equal(of_copy.crossing, of_original.crossing)
+    speed = np.linspace(0.0, 0.3, 7)
+    np.testing.assert_array_equal(copy.levels_at(speed), original.levels_at(speed))
+
+
+def test_what_was_learned_of_levels_is_in_force_again(make_estimator) -> None:
+    estimator = make_estimator(learning=True)
+    memory = estimator.memory()
+    memory["learning"]["peak"] = [0.5] * 7
+    memory["learning"]["squares_s"] = [0.0] * 7
+    memory["learning"]["crossing_peak"] = [0.4] * 7
+    estimator.restore(memory)
+    np.testing.assert_allclose(estimator.detector.levels.share, 1.4 * 0.5)
+    np.testing.assert_allclose(estimator.detector.levels.crossing, 1.8 * 0.4)
 
 
 @pytest.mark.parametrize(
@@ -57,7 +81,18 @@ def test_a_restored_estimator_still_holds_its_last_value(make_estimator, sine_mo
         (lambda m: m["residual"].pop("values"), "memory of residual"),
         (lambda m: m["residual"]["values"].pop(), "shape"),
         (lambda m: m["alignment"]["history"][0][0].__setitem__(0, float("nan")), "not within"),
-        (lambda m: m["detector"]["raised"].__setitem__(0, "much"), "memory of detector"),
+        (lambda m: m["levels"]["raised"].__setitem__(0, "much"), "memory of levels.raised"),
+        (lambda m: m["levels"]["friction"].__setitem__(0, -0.1), "levels.friction: not within 0"),
+        (lambda m: m["levels"]["begin"].__setitem__(0, -0.1), "levels.begin: not within 0"),
+        (lambda m: m["stiction"]["ends"][1][4].__setitem__(6, 1.1), "stiction.ends: not within -1"),
+        (lambda m: m["stiction"]["ends"][1].pop(), "memory of stiction.ends"),
+        (lambda m: m["learning"]["moved_s"].__setitem__(0, 0.0), "learning.moved_s: not within"),
+        (lambda m: m["learning"]["squares_s"].__setitem__(0, -1.0), "squares_s: not within 0"),
+        (lambda m: m["learning"]["peak"].__setitem__(0, -1.0), "learning.peak: not within 0"),
+        (
+            lambda m: m["learning"]["crossing_peak"].__setitem__(0, -1.0),
+            "crossing_peak: not within",
+        ),
         (lambda m: m["alignment"]["count"].__setitem__(0, 2**62), "alignment.count: not within 0"),
         (lambda m: m["motor_position"]["sigma"].__setitem__(0, -0.1), "sigma: not within 0"),
         (lambda m: m["interval"]["begin"][0].__setitem__(0, 1e308), "interval.begin: not within"),
@@ -66,7 +101,17 @@ def test_a_restored_estimator_still_holds_its_last_value(make_estimator, sine_mo
     ],
 )
 def test_damaged_memory_is_refused(make_estimator, damage, message: str) -> None:
-    memory = make_estimator().memory()
+    estimator = make_estimator(learning=True)
+    before = estimator.memory()
+    memory = estimator.memory()
     damage(memory)
     with pytest.raises(ModelError, match=message):
-        make_estimator().restore(memory)
+        estimator.restore(memory)
+    assert estimator.memory() == before
+
+
+@pytest.mark.parametrize("learns", [False, True])
+def test_memory_of_one_that_learns_is_no_other_ones(make_estimator, learns: bool) -> None:
+    memory = make_estimator(learning=learns).memory()
+    with pytest.raises(ModelError, match="memory of an estimator"):
+        make_estimator(learning=not learns).restore(memory)

@@ -21,6 +21,7 @@ from estimator.estimate import SENSED_PERIODS
 from estimator.interval import ROW
 from estimator.residual import Residual
 from estimator.settings import Variant
+from estimator.transmission import stiction_range
 
 ELBOW = r"(?s)(<link name=.LElbowRollLink.>\s*)<inertial>.*?</inertial>"
 OF_MOTOR = "Nm (torque_constant times max_current_A)"
@@ -105,7 +106,7 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
         SINGLE_JOINT, "config.yaml", "motor_coulomb: 0.3, motor_viscous: 0.2, link_coulomb: 0.03",
         "stiction: 1, motor_coulomb: 5, motor_viscous: 0.2, link_coulomb: 5",
         "joints[0] (joint).thresholds",
-        ("14.62 Nm at rest is beyond", "up to 12 Nm", "friction (1.4 of 10 Nm: "),
+        ("18.62 Nm at rest is beyond", "up to 12 Nm", "friction (1.8 of 10 Nm: "),
     ),
     "a rotor": (
         SINGLE_JOINT, "config.yaml", "rotor_inertia: 0.04", "rotor_inertia: 1e6",
@@ -239,9 +240,10 @@ def feels(c: Configuration) -> bool:
     joint: Joint = c.joints[0]
     estimator = build_estimator(c, ROBOT.urdf)
     motor = joint.torque_constant * joint.wiring.max_current_A
-    detector = estimator.detector
-    in_motion = detector.level_at(0, 0.0, joint.limits.velocity)
-    at_rest = detector.level_at(0, detector.hidden(0, 1.0, 1.0, True, 0.0), 0.0)
+    levels = estimator.detector.levels
+    in_motion = levels.usual(0, joint.limits.velocity)
+    hidden = levels.friction_at(0, 1.0, stiction_range(joint.friction.stiction)[1], 1.0)
+    at_rest = levels.contact_at(0, hidden + levels.unsure(0, True, False, 0.0))
     residual = Residual([Variant()], c.estimator.gain, c.period_s, 1)
     ticks = 0
     impulse = np.zeros(len(ROW))

@@ -62,7 +62,12 @@ def test_arm_shows_what_the_arm_feels_now(served: ServedDaemon) -> None:
     # At rest: the level in force, of an arm that rests.
     assert felt["resting"] == pytest.approx(rig.estimate.threshold.tolist(), rel=1e-3)
     unsure = 1.25 if rig.estimate.side[0] == Side.UNKNOWN else 1.0
-    assert felt["moving"] == [pytest.approx(unsure * joint.thresholds.contact, rel=1e-3)]
+    # Friction may be off by half in motion, before any was shown.
+    friction, speed = joint.friction, joint.limits.velocity
+    rubs = friction.motor_coulomb + friction.link_coulomb
+    rubs += (friction.motor_viscous + friction.link_viscous) * speed
+    moving = unsure * joint.thresholds.contact + 0.5 * rubs
+    assert felt["moving"] == [pytest.approx(moving, rel=1e-3)]
     # A bar that hangs down, its centre 0.2 m below the joint: felt along x alone.
     assert felt["tool"] == "the centre of mass of bar"
     lever = 0.2
@@ -210,7 +215,8 @@ def test_another_owner_is_refused_and_everybody_disarms(
     assert armed(served)
     assert served.contactctl("disarm").exit_code == 0
     assert not armed(served)
-    assert served.contactctl("arm").exit_code == 0  # free again
+    free = served.contactctl("arm")
+    assert free.exit_code == 0, free.output + free.stderr
     refused = served.until(client.arm)
     assert not refused.ok
     assert "for another 10 min" in refused.reasons[0]

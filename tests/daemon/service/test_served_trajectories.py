@@ -206,7 +206,7 @@ def test_what_was_led_by_hand_is_done_again(served: ServedDaemon, tmp_path: Path
         thread = threading.Thread(target=follow)
         thread.start()
         for tick in range(400):
-            served.rig.arm.external_torque[0] = 2.0 if 30 <= tick < 110 else 0.0
+            served.rig.arm.external_torque[0] = 2.5 if 30 <= tick < 110 else 0.0
             served.tick()
             thread.join(0.002)
             if not thread.is_alive():

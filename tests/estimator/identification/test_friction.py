@@ -10,6 +10,7 @@ from errors import LogError
 from estimator.identification.friction import Verdict, adopt, identify_friction
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.sticking import sticking_share
+from estimator.transmission import STICTION_ERROR
 
 
 @pytest.fixture(scope="session")
@@ -64,10 +65,25 @@ def test_rotor_of_a_light_joint_that_rattles_in_its_gap(fitted, moved):
 def test_smooth_friction_does_not_stick(fitted, arm):
     for fits, _ in fitted:
         assert all(fit.stiction < 0.05 and fit.stiction_known for fit in fits), fits
-        assert (adopt(arm.transmission, fits).stiction < 0.05).all()
+        adopted = adopt(arm.transmission, fits)
+        assert (adopted.least_stiction == 0.0).all()
+        assert (adopted.most_stiction < 0.1 + STICTION_ERROR).all()
 
 
-def test_friction_that_sticks_is_no_touch_and_spoils_no_coefficient(sticking, identify):
+@pytest.mark.parametrize(
+    ("found", "error", "least", "most"),
+    [(0.6, 0.01, 0.3, 1.0), (0.2, 0.01, 0.0, 0.7), (0.6, np.inf, 0.1, 0.95)],
+)
+def test_what_is_adopted_of_stiction(fitted, arm, found, error, least, most):
+    """A share that was found, and its error; what was known before where it was not."""
+    fits = [replace(fit, stiction=found, stiction_error=error) for fit in fitted[0][0]]
+    known = replace(arm.transmission, least_stiction=0.1, most_stiction=0.95)
+    adopted = adopt(known, fits)
+    np.testing.assert_allclose(adopted.least_stiction, least)
+    np.testing.assert_allclose(adopted.most_stiction, most)
+
+
+def test_friction_that_sticks_is_no_touch_and_spoils_no_coefficient(sticking, identify, arm):
     log, true = sticking
     fits, shown = identify(log, true.half_gap)
     assert [fit.verdict for fit in fits] == [Verdict.GOOD] * 7, fits
@@ -75,7 +91,10 @@ def test_friction_that_sticks_is_no_touch_and_spoils_no_coefficient(sticking, id
     assert np.abs(errors(fits, true, "K_theta_s")).max() < 0.05
     assert np.abs(errors(fits, true, "K_theta_v")).max() < 0.10
     assert np.abs(errors(fits, true, "B")).max() < 0.12
-    assert all(0.45 < fit.stiction < 0.8 and fit.stiction_known for fit in fits), fits
+    assert all(fit.stiction_known for fit in fits), fits
+    adopted = adopt(arm.transmission, fits)
+    assert (adopted.least_stiction > 0.0).all()
+    assert (adopted.most_stiction == 1.0).all()  # Dahl's friction sticks as a whole
 
 
 @pytest.mark.parametrize("joint", [1, 6])

@@ -66,41 +66,41 @@ class Residual:
 
 
 class ThresholdRaise:
-    """Torques (n,) [Nm] that stiction may hold near rest, and that an unknown side, or samples that
-    were missing, may pretend."""
+    """Torques (n,) [Nm] that an unknown side, or samples that were missing, may pretend; and
+    friction that may be off near rest, filtered as the residual."""
 
     def __init__(
         self, transmission: Transmission, settings: EstimatorSettings, contact: Vector
     ) -> None:
         """contact: levels (n,) [Nm]."""
         t = transmission
+        self._gain, self._coulomb = settings.gain, t.engaged_coulomb
         self._always = settings.stiction_share * t.engaged_coulomb
-        self._held = t.stiction * t.engaged_coulomb
+        self._begin, self.friction = np.zeros((2, t.n))
         self._missing, self._missing_most = _MISSING_SHARE * contact, _MISSING_MOST * contact
         self._unsure = settings.unknown_side_share * contact * (t.half_gap > 0.0)
 
     @property
     def most(self) -> Vector:
         """The raise (n,) [Nm] at rest with nothing known."""
-        most: Vector = self._always + self._held + self._unsure
+        most: Vector = self._always + self._coulomb + self._unsure
         return most
 
-    def at(
-        self,
-        rest: Vector,
-        unknown: Vector,
-        side: NDArray[np.int8],
-        periods: Vector | None = None,
-    ) -> Vector:
-        """The raise (n,) [Nm] in one tick.
+    def rub(self, rest: Vector, unknown: Vector, dt: Vector, ends: NDArray[np.bool_]) -> None:
+        """Filter the friction that may be off by (13) over intervals dt (n,) [s]; those of `ends`
+        (n,) begin anew. rest: `transmission.resting`; unknown: share of the stiction."""
+        now = self._coulomb * unknown + self._always * rest**4
+        TK = self._gain * dt
+        pole = np.maximum((2.0 - TK) / (2.0 + TK), 0.0)
+        share = np.minimum(2.0 * self._gain / (2.0 + TK), 1.0 / np.maximum(dt, _SHORTEST_S))
+        filtered = pole * self.friction + share * 0.5 * dt * (now + self._begin)
+        self.friction = np.where(dt > 0.0, filtered, self.friction)
+        self._begin = np.where(ends, now, self._begin)
 
-        rest: `transmission.resting`; unknown: share of the stiction that may be anything; side:
-        `Side`; periods: since the last sample, where one was missing; each (n,).
-        """
-        hidden = self._held * unknown
-        hidden += self._always
-        hidden *= rest
-        hidden += self._unsure * (side == Side.UNKNOWN)
+    def at(self, side: NDArray[np.int8], periods: Vector | None = None) -> Vector:
+        """The raise (n,) [Nm] in one tick. side: `Side`; periods: since the last sample, where one
+        was missing; each (n,)."""
+        hidden: Vector = self._unsure * (side == Side.UNKNOWN)
         if periods is not None:
             beyond = np.maximum(periods - 2.0, 0.0)
             hidden += np.minimum(beyond * self._missing, self._missing_most)
@@ -137,19 +137,17 @@ class ContactDetector:
         # Ticks for which a contact has waited for the sample of another joint.
         self.waited = np.zeros((2, n), dtype=np.int64)
 
-    def thresholds(self, hidden: Vector, theta_dot: Vector, dt: float) -> Vector:
-        """Contact thresholds in force [Nm], raised by what stiction may hide in this tick, `hidden`
-        (n,) [Nm], and by `Thresholds.per_speed` in motion.
-
-        After break-away friction still builds up while the residual forgets what stiction left in
-        it, so the raise fades with half the residual's gain.
-        """
+    def thresholds(
+        self, hidden: Vector, friction: Vector | float, theta_dot: Vector, dt: float
+    ) -> Vector:
+        """Contact thresholds in force [Nm], raised by `hidden` (n,) [Nm], which fades with half the
+        residual's gain, by `friction` (n,) [Nm] and by `Thresholds.per_speed` in motion."""
         raised = self.raised
         np.multiply(raised, math.exp(-0.5 * self._gain * dt), out=raised)
         np.maximum(raised, hidden, out=raised)
-        self._above = raised
+        self._above = raised + friction
         if self._per_speed is not None:
-            self._above = raised + self._per_speed * np.abs(theta_dot)
+            self._above = self._above + self._per_speed * np.abs(theta_dot)
         in_force: Vector = self._levels[0] + self._above
         return in_force
 

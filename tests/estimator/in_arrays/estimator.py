@@ -77,7 +77,8 @@ class Estimator:
         )
         self._measured = settings.motor_position == "measured"
         self.motor_position = MotorPosition(transmission, settings.gap, self._measured)
-        self.stiction = Stiction(n, settings.presliding)
+        t = transmission
+        self.stiction = Stiction(n, settings.presliding, t.least_stiction, t.most_stiction)
         variants = (settings.residual, *settings.beside)
         self.residual = Residual(variants, settings.gain, period_s, n)
         own = (_ADVANCE[settings.motor_position], _ROTOR, _TRANSMITTED)
@@ -92,7 +93,7 @@ class Estimator:
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         t = transmission
         self._has_gap = t.half_gap > 0.0
-        self._held = t.stiction * t.engaged_coulomb
+        self._coulomb = t.engaged_coulomb
         self._threshold_raise = ThresholdRaise(t, settings, thresholds.contact)
         # Variants whose tau_M a fit corrects while engaged: those with engagement.
         self._corrected = np.array([[v.kind == "backlash"] for v in variants], dtype=np.float64)
@@ -180,6 +181,7 @@ class Estimator:
         """Forget external torque and contacts: r = 0. Positions and velocities are kept, so that
         nothing jumps."""
         self.residual.reset()
+        self._threshold_raise.friction[:] = 0.0
         self.detector.reset()
 
     def restart(self, joints: NDArray[np.bool_] | None = None) -> None:
@@ -187,6 +189,7 @@ class Estimator:
         rotors are in their gaps."""
         joints = self._every if joints is None else joints
         self.residual.reset(joints)
+        self._threshold_raise.friction[joints] = 0.0
         self.detector.reset(joints)
         self.alignment.restart(joints)
         self.interval.restart(joints)
@@ -244,9 +247,8 @@ class Estimator:
         else:
             moved = going * (q - self._shown[0])
             turned = displacement(theta_dot, q_dot, moved, self._has_gap, gaps)
-        self.stiction.step(turned)
-        sign = smooth_sign(theta_dot, t.sign_width)
-        np.multiply(self._held, self.stiction.z - sign, out=now[ROW["stiction"]])
+        self.stiction.step(turned, smooth_sign(theta_dot, t.sign_width))
+        np.multiply(self._coulomb, self.stiction.held, out=now[ROW["stiction"]])
         if absent is not None or not began:
             self.interval.start(~going)
             self.interval.keep((gaps == 0.0) & going)
@@ -255,8 +257,10 @@ class Estimator:
         periods = gaps / self.period_s if Flag.LATE in flags else None
         if periods is not None and periods.max() > RAISED_PERIODS:
             flags |= Flag.RAISED
-        hidden = self._threshold_raise.at(rest, self.stiction.unknown, side, periods)
-        threshold = self.detector.thresholds(hidden, theta_dot, dt)
+        raised = self._threshold_raise
+        raised.rub(rest, self.stiction.unknown, gaps, (gaps > 0.0) | ~going)
+        hidden = raised.at(side, periods)
+        threshold = self.detector.thresholds(hidden, raised.friction, theta_dot, dt)
         late = None if periods is None else periods > 1.5
         contacts = self.detector.step(self.residual.values[0], side, time_s, absent, late)
         self._show(q, q_dot, tau_M, threshold)
@@ -291,7 +295,7 @@ class Estimator:
         zero = np.zeros(self.model.n)
         for i in range(len(q)):
             self.motor_position.start(i, q[i])
-        threshold = self.detector.thresholds(self._threshold_raise.most, zero, self.period_s)
+        threshold = self.detector.thresholds(self._threshold_raise.most, 0.0, zero, self.period_s)
         self._show(q, zero, zero, threshold)
         return self._estimate((), flags, ~self._every)
 

@@ -163,37 +163,33 @@ def displacement(
 
 
 class Stiction:
-    """z of each joint as an interval, `ends` (2, n); from -1 ... 1 on, where nothing is known.
+    """z of each joint as an interval for each of five pre-slidings, `ends` (2, 5, n); from -1 ... 1
+    on, where nothing is known.
 
-    presliding [rad], > 0: from no friction to all of it.
+    presliding [rad], > 0: shortest and longest way from no friction to all of it.
     """
 
-    def __init__(self, n: int, presliding: float) -> None:
-        self._per_presliding = 1.0 / presliding
-        self.ends: Matrix = np.empty((2, n))
+    def __init__(
+        self, n: int, presliding: tuple[float, float], least: Vector, most: Vector
+    ) -> None:
+        self._per_presliding = 1.0 / np.geomspace(*presliding, 5)[:, np.newaxis]
+        self._range = np.array([least, most])
+        self.ends: Matrix = np.empty((2, 5, n))
         self.restart()
+        self.held, self.unknown = np.zeros(n), most.copy()
 
     def restart(self, joints: NDArray[np.bool_] | slice = slice(None)) -> None:
         """Forget what the last motion left, of these joints or of all."""
-        self.ends[0, joints], self.ends[1, joints] = -1.0, 1.0
+        self.ends[0][:, joints], self.ends[1][:, joints] = -1.0, 1.0
 
-    def step(self, displacement: Vector) -> None:
-        """Move on by the rotor's displacement (n,) [rad]."""
+    def step(self, displacement: Vector, sign: Vector) -> None:
+        """Move on by the rotor's displacement (n,) [rad]; sign: s(theta_dot)."""
         ends = self.ends
         ends += displacement * self._per_presliding
         np.minimum(np.maximum(ends, -1.0, out=ends), 1.0, out=ends)
-
-    @property
-    def z(self) -> Vector:
-        """Share of the Coulomb friction that is held, signed as the motion that built it up."""
-        middle: Vector = 0.5 * (self.ends[0] + self.ends[1])
-        return middle
-
-    @property
-    def unknown(self) -> Vector:
-        """Largest error of z: 1 where nothing is known, 0 after a motion."""
-        half: Vector = 0.5 * (self.ends[1] - self.ends[0])
-        return half
+        low = (self._range * (ends[0].min(axis=0) - sign)).min(axis=0)
+        high = (self._range * (ends[1].max(axis=0) - sign)).max(axis=0)
+        self.held, self.unknown = 0.5 * (low + high), 0.5 * (high - low)
 
 
 class Interval:

@@ -1,0 +1,161 @@
+"""The share of its configured level that a joint needs, as its motion shows."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from estimator.learning import Learning
+
+DT, LEVEL = 0.01, 0.8
+
+
+def shown(
+    seconds: float,
+    size: float,
+    learning: Any = None,
+    *,
+    level: float = 1.0,
+    friction: float = 0.0,
+    raised: float = 0.0,
+    moving: bool = True,
+) -> Any:
+    """Learning that was shown a residual; it, the level in force, and what that has of friction and
+    of what fades are shares of the configured level. Nothing is corrected."""
+    learning = learning or Learning(np.array([LEVEL]), DT)
+    for _ in range(round(seconds / DT)):
+        torques = (share * LEVEL for share in (size, level, 1.0, friction, raised))
+        learning.learn(0, *torques, moving, DT)
+    return learning
+
+
+def needed(seconds: float, size: float) -> float:
+    """2.7 root mean squares over 5 minutes, after 10 s in which they were a whole level."""
+    faded = np.exp(-seconds / 300.0)
+    squares = 10.0 / 2.7**2 * faded + 300.0 * size**2 * (1.0 - faded)
+    return float(2.7 * np.sqrt(squares / (10.0 * faded + 300.0 * (1.0 - faded))))
+
+
+@pytest.mark.parametrize("size", [0.05, 0.15, 0.3, -0.3])
+def test_the_level_sinks_as_quiet_motion_goes_on(size: float) -> None:
+    learning, before = Learning(np.array([LEVEL]), DT), 1.0
+    assert learning.level(0) == pytest.approx(1.0)
+    for minute in range(1, 12):
+        shown(60.0, size, learning)
+        assert learning.level(0) == pytest.approx(max(needed(60.0 * minute, size), 0.2), rel=1e-3)
+        assert 0.2 <= learning.level(0) <= before
+        before = learning.level(0)
+
+
+def test_it_is_never_less_than_a_fifth_nor_more_than_all_of_it() -> None:
+    learning = shown(3600.0, 0.0)
+    assert learning.level(0) == 0.2
+    shown(1200.0, 0.9, learning, level=2.0, friction=1.0)
+    assert 2.7 * np.sqrt(learning.squares_s[0] / learning.moved_s[0]) > 1.5
+    assert learning.level(0) == 1.0
+    assert shown(1.0, 1.9, level=2.0).level(0) == 1.0
+    assert shown(0.0, 0.0).level(0) <= 1.0
+
+
+def test_a_peak_raises_it_at_once_and_fades_slowly() -> None:
+    learning = shown(1800.0, 0.0)
+    shown(DT, 0.6, learning)
+    assert learning.level(0) == pytest.approx(1.4 * 0.6)
+    for minutes in (5, 10):
+        shown(300.0, 0.0, learning)
+        assert learning.level(0) == pytest.approx(1.4 * 0.6 * np.exp(-minutes / 10), rel=1e-3)
+    shown(DT, 0.2, learning)  # a smaller one is no matter
+    assert learning.level(0) == pytest.approx(1.4 * 0.6 * np.exp(-1.0), rel=1e-3)
+
+
+def test_of_a_peak_counts_what_friction_near_rest_does_not_explain() -> None:
+    learning = shown(DT, 0.7, level=2.0, friction=0.4)
+    assert learning.peak[0] == pytest.approx(0.3)
+    learning = Learning(np.array([LEVEL]), DT)
+    learning.unknown[0] = 0.5 * LEVEL  # which raises by as much, times the share that is needed
+    shown(DT, 0.6, learning)
+    assert learning.peak[0] == pytest.approx(0.4)
+
+
+def test_what_is_loud_for_long_may_be_a_person_and_does_not_count() -> None:
+    """A push just below the level; it counts again once it was quiet."""
+    names = ("squares_s", "moved_s", "peak", "crossing_peak")
+    first, lasting = (shown(seconds, 0.9, shown(1800.0, 0.1)) for seconds in (1.0, 60.0))
+    for name in names:
+        np.testing.assert_array_equal(getattr(lasting, name), getattr(first, name), name)
+    assert lasting.level(0) == first.level(0)
+    assert first.peak[0] == pytest.approx(0.9)
+    before = {name: float(getattr(lasting, name)[0]) for name in names}
+    shown(DT, 0.4, lasting)
+    assert lasting.squares_s[0] < before["squares_s"] + DT * 0.16
+    assert lasting.moved_s[0] > before["moved_s"]
+    shown(DT, 0.95, lasting)
+    assert lasting.peak[0] == pytest.approx(0.95)
+
+
+@pytest.mark.parametrize(
+    ("size", "how"),
+    [
+        (0.4, {"moving": False}),
+        (1.01, {}),  # a contact
+        (0.5, {"level": 0.4}),
+        (0.4, {"moving": False, "raised": 0.3}),
+        (1.01, {"raised": 0.3}),
+        (np.nan, {"raised": 0.3}),
+        (np.nan, {}),
+        (np.inf, {}),
+    ],
+)
+def test_what_is_not_counted(size: float, how: dict[str, Any]) -> None:
+    learning = shown(600.0, 0.1)
+    names = ("squares_s", "moved_s", "peak", "crossing_peak")
+    before = {name: np.array(getattr(learning, name)) for name in names}
+    shown(0.9, size, learning, **how)
+    for name, values in before.items():
+        np.testing.assert_array_equal(getattr(learning, name), values, name)
+
+
+# --- while a gap is crossed ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [0.05, 0.3])
+def test_what_is_needed_while_a_gap_is_crossed_is_found_apart(size: float) -> None:
+    """1.8 peaks, from one of a whole level on, which fades in 20 s of that."""
+    learning = shown(600.0, 0.1)
+    names = ("squares_s", "moved_s", "peak")
+    before = {name: np.array(getattr(learning, name)) for name in names}
+    assert learning.crossing_level(0) == 1.0
+    for seconds in range(4, 80, 4):
+        shown(4.0, size, learning, raised=0.06)
+        peak = max(np.exp(-seconds / 20.0), size)
+        assert learning.crossing_level(0) == pytest.approx(min(1.8 * peak, 1.0), rel=0.01)
+    for name, values in before.items():
+        np.testing.assert_array_equal(getattr(learning, name), values, name)
+
+
+def test_that_is_over_when_little_is_left_of_its_raise() -> None:
+    learning = shown(60.0, 0.1, raised=0.3)
+    crossing, moved_s = learning.crossing_level(0), learning.moved_s[0]
+    shown(60.0, 0.4, learning, raised=0.04)
+    assert learning.crossing_level(0) == crossing
+    assert learning.moved_s[0] > moved_s
+
+
+def test_of_that_counts_what_friction_near_rest_does_not_explain() -> None:
+    learning = shown(600.0, 0.0, raised=0.3)
+    shown(DT, 0.7, learning, level=2.0, friction=0.4, raised=0.3)
+    assert learning.crossing_peak[0] == pytest.approx(0.3)
+    learning.unknown[0] = 0.5 * LEVEL
+    shown(DT, 0.9, learning, raised=0.3)
+    assert learning.crossing_peak[0] == pytest.approx(0.6)
+    shown(DT, 0.9 + 1e-9, learning, level=2.0, raised=0.3)
+    assert learning.crossing_level(0) == 1.0
+
+
+def test_reset_keeps_the_level_that_was_found() -> None:
+    learning = shown(0.5, 0.9, shown(20.0, 0.1, shown(600.0, 0.1), raised=0.3))
+    before = learning.level(0), learning.crossing_level(0)
+    assert learning.loud_s[0] == pytest.approx(0.5)
+    learning.reset(0)
+    assert (learning.loud_s[0], learning.quiet_s[0]) == (0.0, 0.0)
+    assert (learning.level(0), learning.crossing_level(0)) == before
