@@ -37,9 +37,11 @@ def sticking(least: float, most: float | None = None) -> dict[str, float]:
 
 @pytest.fixture
 def built(romeo: Model, make_transmission) -> Callable[..., Estimator]:
-    def build(parameters: dict | None = None, **settings: object) -> Estimator:
+    def build(
+        parameters: dict | None = None, per_speed: float = 0.0, **settings: object
+    ) -> Estimator:
         transmission = make_transmission(**(PLAIN | (parameters or {})))
-        levels = Thresholds(CONTACT, 6 * CONTACT)
+        levels = Thresholds(CONTACT, 6 * CONTACT, per_speed=np.array(per_speed))
         chosen = EstimatorSettings(**({"learning": False} | settings))
         return Estimator(romeo, transmission, chosen, levels, T)
 
@@ -248,7 +250,7 @@ def test_the_level_at_a_speed_is_that_which_a_steady_motion_has(
     parameters = {**sticking(0.2, 0.8), "motor_viscous": 0.5, "link_viscous": 0.25}
     # Half of what is unknown of friction, with nothing learned yet.
     unknown = 0.5 * (np.tanh(abs(speed) / WIDTH) + 0.75 * abs(speed)) * learning
-    estimator = built(parameters, motor_position="measured", learning=learning)
+    estimator = built(parameters, 0.2, motor_position="measured", learning=learning)
     rubs = np.tanh(speed / WIDTH) + 0.5 * speed
     for k in range(300):
         q = speed * T * (k - 300) * ONE
@@ -260,7 +262,7 @@ def test_the_level_at_a_speed_is_that_which_a_steady_motion_has(
     rest = np.exp(-((speed / 0.05) ** 2))
     at_rest = rest**4 * estimator.settings.stiction_share  # that of twice the speed
     known = (speed != 0.0) and 0.5 * (0.8 - 0.2)
-    expected = CONTACT + at_rest + rest * (known or 0.8) + unknown
+    expected = CONTACT + 0.2 * abs(speed) + at_rest + rest * (known or 0.8) + unknown
     np.testing.assert_allclose(levels, expected, atol=1e-9)
     assert estimator.memory() == memory
     if speed in (0.0, -0.3):  # between them, what stiction may hold depends on how it slows down

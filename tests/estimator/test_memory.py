@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from errors import ModelError
+from estimator.estimator import Estimator
 from estimator.motor_position import Side
 from estimator.settings import Variant
+from estimator.thresholds import Thresholds
 
 T = 0.01
+CONTACT = np.array([0.8, 0.5, 0.4, 0.3, 0.2, 0.2, 0.2])
 BESIDE = (
     Variant(kind="classical", friction=False, rotor_inertia=False),
     Variant(kind="two_mass"),
@@ -47,7 +50,10 @@ def test_memory_continues_bit_identically(
 def test_a_restored_estimator_still_holds_its_last_value(
     make_estimator, pushed_motion, learning: bool
 ) -> None:
-    original, copy = (make_estimator(learning=learning) for _ in range(2))
+    like = make_estimator(learning=learning)
+    grows = Thresholds(CONTACT, 6 * CONTACT, per_speed=np.array(0.1))
+    parts = like.model, like.transmission, like.settings, grows, T
+    original, copy = (Estimator(*parts) for _ in range(2))
     before = pushed_motion.replay(original, slice(0, 900))[-1]
     assert before.touched_link
     copy.restore(original.memory())
