@@ -117,6 +117,8 @@ class Scenario:
     """where the links are in their gaps when the drives are switched on [rad]; None: the middle"""
     settling_s: float = 1.5
     """from switching on until the arm stands and the recording begins"""
+    begin_s: float = 0.0
+    """time at which it begins, for the drift of friction"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,7 +252,7 @@ def recordings(
     ticks, drift = round(scenario.seconds / period_s), _Drift(subject, n)
     course = scenario.motion.course(ticks, period_s)
     still = np.zeros((per_tick, n))
-    harness.plant.scale_friction(drift.at(0.0))
+    harness.plant.scale_friction(drift.at(scenario.begin_s))
     start, velocity = course.q[0], np.zeros(n)
     harness.plant.place(start, scenario.phi)
     harness.energise()
@@ -268,7 +270,7 @@ def recordings(
         for row, tick in enumerate(chunk):
             t = tick * period_s
             if tick % 100 == 0:
-                harness.plant.scale_friction(drift.at(t))
+                harness.plant.scale_friction(drift.at(scenario.begin_s + t))
             harness.period(external[row * per_tick : (row + 1) * per_tick])
             samples[row] = harness.sample()
             phi[row], gear_torque[row] = harness.phi, harness.gear_torque

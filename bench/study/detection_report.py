@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from bench.study.detection_score import Score
-from bench.study.population import FrictionModel
+from bench.study.world import Law
 from daemon.config.schema import Configuration
 
 mpl.use("Agg")
@@ -49,6 +49,8 @@ def joint_table(friction: str, by_name: dict[str, Score], c: Configuration) -> T
     for i in range(len(c.joints)):
         shown.add_column(str(i + 1), justify="right", no_wrap=True)
     shown.add_row("configured threshold", *(f"{j.thresholds.contact:.2f}" for j in c.joints))
+    in_force = next(iter(by_name.values())).in_force_nm
+    shown.add_row("in force in motion, median", *(_number(x) for x in in_force))
     rows = (
         ("lowest quiet threshold", "quiet_nm"),
         ("smallest step, in motion", "smallest_moving_nm"),
@@ -67,7 +69,7 @@ def _number(x: float) -> str:
     return "-" if math.isnan(x) else f"{x:.2f}"
 
 
-def picture(found: Mapping[FrictionModel, dict[str, Score]], c: Configuration, path: Path) -> Path:
+def picture(found: Mapping[Law, dict[str, Score]], c: Configuration, path: Path) -> Path:
     """Thresholds, smallest steps and delays of every residual, a row of panels per friction."""
     figure = Figure(figsize=(16, 4.5 * len(found)), layout="constrained")
     panels = figure.subplots(len(found), 3, squeeze=False)

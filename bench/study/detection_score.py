@@ -28,16 +28,19 @@ class Score:
     quiet_nm: list[float]
     """lowest thresholds without an alarm"""
     smallest_moving_nm: list[float]
-    """step that is detected at those thresholds in every trial"""
+    """step that is detected in every trial: by the residual that decides at its levels in force, by
+    the rivals at those thresholds"""
     smallest_rest_nm: list[float]
+    in_force_nm: list[float]
+    """threshold in force in motion after the work before, median over the arms"""
     missed_moving: int
-    """of the steps of twice the configured threshold"""
+    """of the steps of two to four times the threshold in force at their onset"""
     tried_moving: int
     missed_rest: int
-    """of the steps beyond twice the threshold and the threshold plus half the static friction"""
+    """the same"""
     tried_rest: int
     delay_ms: tuple[float, float]
-    """p50 and p95 in motion, steps of twice the threshold, no gap to cross"""
+    """p50 and p95 in motion, of those steps, no gap to cross"""
     delay_travel_ms: tuple[float, float]
     """the same where link and rotor came apart"""
     delay_rest_ms: tuple[float, float]
@@ -53,22 +56,23 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
     moving = [t for r in results if r.job.kind == "moving" for t in r.trials]
     resting = [t for r in results if r.job.kind == "rest" for t in r.trials]
     quiet = np.max([r.quiet[variant] for r in free], axis=0)
+    used = contact if variant == 0 else quiet
     seconds = sum(r.job.seconds for r in free)
     count = sum(int(r.alarms[variant].sum()) for r in free)
 
-    usual = [t for t in moving if math.isclose(t.size, 2.0 * contact[t.joint])]
-    moved = detections(usual, variant, contact)
-    beyond = np.maximum(2.0 * contact, contact + 0.5 * build_transmission(c).engaged_coulomb)
-    large = [t for t in resting if t.size >= beyond[t.joint] * (1.0 - 1e-9)]
-    rested = detections(large, variant, contact)
+    moved = detections(twice(moving, variant, contact), variant, contact)
+    rested = detections(twice(resting, variant, contact), variant, contact)
+    stuck = build_transmission(c).engaged_coulomb
+    level = np.median([r.level for r in results], axis=0)
     errors = reduce(add, [r.errors[variant] for r in results if r.job.kind == "moving"])
     return Score(
         hours=seconds / 3600.0,
         alarms=count,
         alarms_per_hour=scores.per_hour(count, seconds),
         quiet_nm=quiet.tolist(),
-        smallest_moving_nm=smallest(moving, variant, quiet, 2.0 * contact),
-        smallest_rest_nm=smallest(resting, variant, quiet, beyond),
+        smallest_moving_nm=smallest(moving, variant, used, 2.0 * contact),
+        smallest_rest_nm=smallest(resting, variant, used, 2.0 * contact + 2.0 * stuck),
+        in_force_nm=level.tolist(),
         missed_moving=sum(f is None for f in moved),
         tried_moving=len(moved),
         missed_rest=sum(f is None for f in rested),
@@ -85,8 +89,13 @@ def detections(trials: Sequence[Trial], variant: int, threshold: Vector) -> list
     return [
         scores.detection(t, variant, float(threshold[t.joint]))
         for t in trials
-        if t.before[variant] <= threshold[t.joint] + t.raised[0]
+        if t.before[variant] <= threshold[t.joint] + t.raised[variant, 0]
     ]
+
+
+def twice(trials: Sequence[Trial], variant: int, threshold: Vector) -> list[Trial]:
+    """Steps of two to four times the threshold in force at their onset."""
+    return [t for t in trials if 2.0 <= t.size / (threshold[t.joint] + t.raised[variant, 0]) <= 4.0]
 
 
 def smallest(

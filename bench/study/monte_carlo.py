@@ -1,8 +1,10 @@
-"""Runs of arms of the population, one arm and one kind of run each, on several processors.
+"""Runs of arms as wide as the world, one arm and one kind of run each, on several processors.
 
 free     contact-free motion of all joints, with stops        -> alarms, lowest thresholds
 moving   steps of torque on single joints, in motion          -> trials, errors
 rest     the same while the arm stands after a motion         -> trials
+
+Every arm has been at work before, with nobody there: what it learned then, it knows.
 """
 
 import multiprocessing
@@ -17,12 +19,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from bench.rigs.arm_without_bus import Push, Recording, Scenario, record
-from bench.study import population, scores
+from arrays import Vector
+from bench.rigs.arm_without_bus import Push, Recording, Scenario, record, recordings
+from bench.study import courses, population, scores, world
 from bench.study.estimates import Estimates, build, estimates
-from bench.study.population import STEP_MS, FrictionModel, Step, Touch
+from bench.study.population import STEP_MS, Step, Touch
 from bench.study.scores import Errors, Trial
-from daemon.assembly import build_transmission
+from bench.study.world import Law
 from daemon.config.load import Robot, load_robot
 
 Kind = Literal["free", "moving", "rest", "link"]
@@ -38,12 +41,14 @@ class Job:
 
     robot: Path
     kind: Kind
-    friction: FrictionModel
+    friction: Law
     seed: int
     seconds: float
     motor_position: Literal["measured", "integrated"]
     stiction_share: float | None = None
     """in place of the configured one"""
+    worked_s: float = 600.0
+    """at work before"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,9 +58,12 @@ class Result:
     job: Job
     names: tuple[str, ...]
     alarms: NDArray[np.int64]
-    """at the thresholds of the configuration, raised near rest"""
+    """of the residual that decides at its levels in force; of the rivals at those of the
+    configuration, raised near rest"""
     quiet: NDArray[np.float64]
-    """lowest thresholds without an alarm [Nm]"""
+    """lowest thresholds without an alarm [Nm]; of the residual that decides, learning aside"""
+    level: NDArray[np.float64]
+    """(n,): median in motion of the level in force, after the work before [Nm]"""
     errors: tuple[Errors, ...]
     """by variant: against the filtered truth while link and rotor touch"""
     trials: tuple[Trial, ...]
@@ -66,15 +74,24 @@ def run(job: Job) -> Result:
     """Result of one job: simulated, estimated and judged."""
     robot = load_robot(job.robot)
     c = robot.configuration
-    scenario, steps, touches = _scenario(job, robot)
-    wrong = {}
-    if job.motor_position == "integrated":
-        wrong = population.velocity_errors(np.random.default_rng((job.seed, 20)))
-    recording = record(population.subject(robot, job.friction, job.seed, **wrong), scenario)
+    contact = np.array([joint.thresholds.contact for joint in c.joints])
+    subject = world.subject(robot, job.friction, job.seed)
     share = c.estimator.stiction_share if job.stiction_share is None else job.stiction_share
-    estimator = build(robot, motor_position=job.motor_position, stiction_share=share)
+    how = {"motor_position": job.motor_position, "stiction_share": share}
+    estimator = build(robot, **how)
+    course, _ = courses.day(c, job.seed, job.worked_s)
+    level = contact
+    work = Scenario(seconds=job.worked_s, motion=course, begin_s=-job.worked_s)
+    for before in recordings(subject, work):
+        level = _in_motion(before, estimates(estimator, before), level)
+    estimator.restart()
+    scenario, steps, touches = _scenario(job, robot, level, estimator.levels_at(0.0 * contact))
+    recording = record(subject, scenario)
     found = estimates(estimator, recording)
-    raised = found.threshold - np.array([joint.thresholds.contact for joint in c.joints])
+    # Rivals have levels of their own, raised as if nothing was learned.
+    unlearned = estimates(build(robot, learning=False, beside=(), **how), recording)
+    raised = np.array([found.threshold, *[unlearned.threshold] * (len(found.residuals) - 1)])
+    raised -= contact
     armed = recording.time_s > GRACE_S
     external = recording.mean(found.delay_s, recording.external)
     truth = scores.filtered(external, c.estimator.gain, c.period_s)
@@ -83,17 +100,40 @@ def run(job: Job) -> Result:
     return Result(
         job=job,
         names=tuple(found.residuals),
-        alarms=np.array([scores.alarms(r[armed], found.threshold[armed]) for r in residuals]),
-        quiet=np.array([scores.quiet_threshold(r[armed], raised[armed]) for r in residuals]),
+        alarms=np.array(
+            [
+                scores.alarms(r[armed], contact + above[armed])
+                for r, above in zip(residuals, raised, strict=True)
+            ]
+        ),
+        quiet=np.array(
+            [
+                scores.quiet_threshold(r[armed], above[armed])
+                for r, above in zip(residuals, raised, strict=True)
+            ]
+        ),
+        level=level,
         errors=tuple(Errors.of(r - truth, touching & armed[:, np.newaxis]) for r in residuals),
         trials=tuple(_trial(step, recording, found, raised) for step in steps),
         named=tuple(named_link(touch, recording, found) for touch in touches),
     )
 
 
-def _scenario(job: Job, robot: Robot) -> tuple[Scenario, list[Step], list[Touch]]:
+def _in_motion(recording: Recording, found: Estimates, otherwise: Vector) -> Vector:
+    """Median of the level in force (n,) [Nm] while each joint moves, where it does for a second."""
+    moving = np.abs(recording.samples[:, 2]) > 0.05
+    enough = np.count_nonzero(moving, axis=0) > 100
+    chosen = np.where(moving | ~enough, found.threshold, np.nan)
+    level: Vector = np.where(enough, np.nanmedian(chosen, axis=0), otherwise)
+    return level
+
+
+def _scenario(
+    job: Job, robot: Robot, moving: Vector, resting: Vector
+) -> tuple[Scenario, list[Step], list[Touch]]:
+    """moving, resting: levels in force (n,) [Nm]; the usual step is twice as large."""
     seed, seconds, c = job.seed, job.seconds, robot.configuration
-    contact = np.array([joint.thresholds.contact for joint in c.joints])
+    _, _, most = population.sizes(c)
     steps: list[Step] = []
     touches: list[Touch] = []
     match job.kind:
@@ -102,13 +142,11 @@ def _scenario(job: Job, robot: Robot) -> tuple[Scenario, list[Step], list[Touch]
         case "moving":
             path = population.motion(c, seed, held=0.0)
             onsets = population.onsets_in_motion(seconds, seed)
-            steps = population.steps(c, seed, onsets, 2.0 * contact)
+            steps = population.steps(c, seed, onsets, np.minimum(2.0 * moving, most))
         case "rest":
             path = population.motion(c, seed, go_s=population.GO_S, rest_s=population.REST_S)
             onsets = population.onsets_at_rest(seconds, seed)
-            stuck = build_transmission(c).engaged_coulomb
-            usual = np.maximum(2.0 * contact, contact + 0.5 * stuck)
-            steps = population.steps(c, seed, onsets, usual)
+            steps = population.steps(c, seed, onsets, np.minimum(2.0 * resting, most))
         case "link":
             path = population.motion(c, seed, held=0.0)
             onsets = population.onsets_in_motion(seconds, seed)
@@ -149,7 +187,7 @@ def _trial(step: Step, recording: Recording, found: Estimates, raised: NDArray[A
         delay_s=np.asarray(1e-3 * (begin - step.onset_ms), dtype=np.float64),
         residuals=residuals[:, ticks],
         before=residuals[:, first - 1],
-        raised=raised[ticks, i],
+        raised=raised[:, ticks, i],
         travelled=apart[begin - step.onset_ms - 1] > 0,
     )
 

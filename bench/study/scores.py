@@ -52,7 +52,7 @@ class Trial:
     before: NDArray[np.float64]
     """(variants,), at the last SYNC before the onset"""
     raised: NDArray[np.float64]
-    """(ticks,), of the threshold near rest"""
+    """(variants, ticks), of the threshold: in force less configured"""
     travelled: NDArray[np.bool_]
     """(ticks,): link and rotor were apart at some time since the onset"""
 
@@ -68,7 +68,7 @@ class Detection:
 def detection(trial: Trial, variant: int, threshold: float) -> Detection | None:
     """Detection at the first SYNC at which the residual goes beyond the threshold in the push's
     direction."""
-    beyond = np.flatnonzero(trial.residuals[variant] > threshold + trial.raised)
+    beyond = np.flatnonzero(trial.residuals[variant] > threshold + trial.raised[variant])
     if not beyond.size:
         return None
     first = int(beyond[0])
@@ -81,7 +81,7 @@ def size_needed(trial: Trial, variant: int, threshold: float) -> float:
     The residual is linear in the external torque and follows it whole: a step that is smaller by x
     lifts it x less. What the residual was beyond the threshold, the step could have been smaller.
     """
-    return trial.size + threshold - float(np.max(trial.residuals[variant] - trial.raised))
+    return trial.size + threshold - float(np.max(trial.residuals[variant] - trial.raised[variant]))
 
 
 @dataclass(slots=True)

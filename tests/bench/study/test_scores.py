@@ -48,7 +48,7 @@ def trial(residual: list[float], raised: float = 0.0, travelled_from: int = 9) -
         delay_s=0.004 + 0.01 * ticks,
         residuals=np.array([residual], dtype=float),
         before=np.zeros(1),
-        raised=np.full(len(residual), raised),
+        raised=np.full((1, len(residual)), raised),
         travelled=ticks >= travelled_from,
     )
 
