@@ -50,6 +50,8 @@ _OF_PEAK, _PEAK_S, _LASTS_S = 1.4, 600.0, 1.0
 # so many seconds of that, from 1 on. It lasts as long as it is more than that share of the level.
 _OF_CROSSING, _CROSSING_S, _CROSSING = 1.8, 20.0, 0.05
 _LEAST_LEVEL = 0.2
+# Before it is quiet again a peak raises the level by no more than this.
+_AHEAD = 1.35
 
 
 class Learning:
@@ -73,6 +75,8 @@ class Learning:
         # over which that was integrated; and what of it no raise explained, at most.
         self.squares_s, self.moved_s = np.full(n, _AT_FIRST_S / _OF_RMS**2), np.full(n, _AT_FIRST_S)
         self.peak, self.crossing_peak = np.zeros(n), np.ones(n)
+        # Those that count when it was quiet after them: a contact begins below the level, too.
+        self.peak_seen, self.crossing_seen = np.zeros((2, n))
         self._L = np.zeros((_COLUMNS, _COLUMNS))
         self._D, self._x = np.zeros((2, _COLUMNS))
         for i in range(n):
@@ -83,11 +87,14 @@ class Learning:
         for k in range(_COLUMNS):
             self.columns[i, k] = 0.0
         self.correction[i] = self.unknown[i] = self.quiet_s[i] = self.loud_s[i] = 0.0
+        self.peak_seen[i] = self.crossing_seen[i] = 0.0
 
     def level(self, i: int) -> float:
         """Share of the configured level that joint i needs in motion."""
         share = _OF_RMS * sqrt(self.squares_s[i] / self.moved_s[i])
-        return float(min(max(share, _OF_PEAK * self.peak[i], _LEAST_LEVEL), 1.0))
+        share = max(share, _OF_PEAK * self.peak[i], _LEAST_LEVEL)
+        ahead = min(_OF_PEAK * self.peak_seen[i], _AHEAD * share)
+        return float(min(max(share, ahead), 1.0))
 
     def crossing_level(self, i: int) -> float:
         """Share of the configured level that joint i needs while it crosses its gap."""
@@ -136,17 +143,21 @@ class Learning:
         quiet = size <= _FREEZES * level  # NaN is not
         self.quiet_s[i] = self.quiet_s[i] + dt if quiet else 0.0
         self.loud_s[i] = 0.0 if quiet else self.loud_s[i] + dt
-        if not moving:
-            return
-        if size <= level and self.loud_s[i] <= _LASTS_S:
+        if not size <= level or self.loud_s[i] > _LASTS_S:
+            self.peak_seen[i] = self.crossing_seen[i] = 0.0
+        elif moving:
             needed = (size - friction) / (usual + self.unknown[i])
             if raised > _CROSSING * usual:
-                before = (1.0 - dt / _CROSSING_S) * self.crossing_peak[i]
-                self.crossing_peak[i] = max(before, needed)
+                self.crossing_peak[i] -= dt / _CROSSING_S * self.crossing_peak[i]
+                self.crossing_seen[i] = max(self.crossing_seen[i], needed)
             else:
                 self._measure(i, size / usual, needed, dt)
         if self.quiet_s[i] > _FROZEN_S:
-            self._fit(i, residual, dt)
+            self.peak[i] = max(self.peak[i], self.peak_seen[i])
+            self.crossing_peak[i] = max(self.crossing_peak[i], self.crossing_seen[i])
+            self.peak_seen[i] = self.crossing_seen[i] = 0.0
+            if moving:
+                self._fit(i, residual, dt)
 
     def _measure(self, i: int, size: float, needed: float, dt: float) -> None:
         """Put the size of a residual, and what it needed, both over the configured level, to those
@@ -154,7 +165,8 @@ class Learning:
         fade = dt / _RMS_S
         self.squares_s[i] += dt * size * size - fade * self.squares_s[i]
         self.moved_s[i] += dt - fade * self.moved_s[i]
-        self.peak[i] = max((1.0 - dt / _PEAK_S) * self.peak[i], needed)
+        self.peak[i] -= dt / _PEAK_S * self.peak[i]
+        self.peak_seen[i] = max(self.peak_seen[i], needed)
 
     def _fit(self, i: int, residual: float, dt: float) -> None:
         """Put a residual before its correction [Nm] to those before, and solve for the shares."""

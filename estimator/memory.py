@@ -28,7 +28,7 @@ _STATE: dict[str, tuple[str, ...]] = {
     "learning": (
         *("information", "evidence", "columns", "shares", "coulomb_left", "viscous_left"),
         *("quiet_s", "loud_s", "correction", "unknown", "squares_s", "moved_s"),
-        *("peak", "crossing_peak"),
+        *("peak", "crossing_peak", "peak_seen", "crossing_seen"),
     ),
 }
 
@@ -50,6 +50,8 @@ _RANGES = {
     "learning.moved_s": (1e-6, _LARGEST),
     "learning.peak": (0.0, _LARGEST),
     "learning.crossing_peak": (0.0, _LARGEST),
+    "learning.peak_seen": (0.0, _LARGEST),
+    "learning.crossing_seen": (0.0, _LARGEST),
 }
 
 
