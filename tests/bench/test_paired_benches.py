@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from bench import contact_free, estimator, loop, recordings, same
+from bench import contact_free, estimator, loop, recordings
 from bench.recordings import Shares
 from bench.study import before as the_code_before
 from bench.study.before import ROOT
@@ -88,26 +88,6 @@ def test_shares_of_a_replay_are_medians_and_the_rest_is_comparison() -> None:
 
 
 REPORT: dict[str, Any] = {"targets": [], "data": {"alarms": 0, "delays": [1.0, 2.0]}}
-
-
-@pytest.mark.parametrize(("moved", "status"), [(0.0, 0), (0.5, 1)])
-def test_same_says_which_figures_differ(
-    monkeypatch: pytest.MonkeyPatch, moved: float, status: int
-) -> None:
-    """On today's code against itself; one of the two is told to report something else."""
-    asked = []
-
-    def reports(bench: str, codes: tuple[Path, Path], seed: int, _: float) -> list[dict[str, Any]]:
-        asked.append((bench, seed))
-        return [REPORT, {**REPORT, "data": {"alarms": 0, "delays": [1.0, 2.0 + moved]}}]
-
-    monkeypatch.setattr(same, "code_before", todays_code)
-    monkeypatch.setattr(same, "reports", reports)
-    result = CliRunner().invoke(same.main, ["--bench", "paper", "--seeds", "2"])
-    assert result.exit_code == status
-    assert asked == [("paper", 1), ("paper", 2)]
-    assert f"3 figures, {3 - status} same, 0 noise, {status} differs" in result.stdout
-    assert ("delays / 1: 2, 2 before, 2.5, 2.5 today" in result.stdout) == bool(status)
 
 
 def test_same_without_the_code_before_has_nothing_to_say(monkeypatch: pytest.MonkeyPatch) -> None:
