@@ -85,30 +85,3 @@ def test_shares_of_a_replay_are_medians_and_the_rest_is_comparison() -> None:
     found = Shares.of([*rounds, {"replay": 40.0, "decode": 20.0, "step": 6.0}])
     assert found == Shares(replay=40.0, decode=10.0, step=6.0, compare=15.0)
     assert found.states_per_s == 25_000.0
-
-
-REPORT: dict[str, Any] = {"targets": [], "data": {"alarms": 0, "delays": [1.0, 2.0]}}
-
-
-def test_same_without_the_code_before_has_nothing_to_say(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(same, "code_before", no_code)
-    result = CliRunner().invoke(same.main, [])
-    assert result.exit_code == 1
-    assert result.stderr.strip() == "Error: before: missing"
-
-
-def test_same_runs_a_bench_on_both_codes_at_once() -> None:
-    words = same.arguments("motor_position", 3, 0.05)
-    assert words[:5] == ["-m", "bench.motor_position", "--json", "--seed", "3"]
-    assert same.arguments("paper", 1, 9.0) == ["-m", "bench.paper", "--json", "--seed", "1"]
-    old, new = same.reports("motor_position", (ROOT, ROOT), 3, 0.05)
-    assert old == new
-    assert old["bench"] == "motor_position"
-    assert old["seed"] == 3
-
-
-def test_a_bench_that_fails_is_no_result(tmp_path: Path) -> None:
-    (tmp_path / "bench").mkdir()
-    (tmp_path / "bench" / "__init__.py").write_text("")
-    with pytest.raises(RuntimeError, match=r"bench.paper on .* ended with status 1"):
-        same.reports("paper", (tmp_path,), 1, 0.1)
