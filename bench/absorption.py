@@ -168,7 +168,8 @@ def felt(
     residual = next(iter(found.residuals.values()))
     shown = []
     for i, step in enumerate(steps):
-        ticks = slice(step.onset_ms // 10, (step.onset_ms + step.duration_ms) // 10 + 5)
+        first = step.onset_ms // recording.per_tick
+        ticks = slice(first, first + step.duration_ms // recording.per_tick + 5)
         beyond = signs[i] * residual[ticks, i] > found.threshold[ticks, i]
         moves = np.abs(recording.samples[ticks, 2, i]).min() > MOVING
         shown.append(bool(beyond.any() or not moves))

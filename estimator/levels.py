@@ -2,9 +2,10 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Levels in force: what a residual may show of each joint with nobody there.
 
-    level = k (level configured + per_speed |theta_dot|) + friction + raise
+    level = k (level configured + per_speed |theta_dot| + unlearned) + friction + raise
 
-k is the share of the configured level that is needed, 1 before anything was learned. Friction is
+k is the share of the configured level that is needed, 1 before anything was learned; unlearned is
+what friction may make until it was learned, and comes from `learning`, as k does. Friction is
 the torque that may be off near rest, and at a turn: what stiction may hold, and `stiction_share` of
 it all. It passes the filter (13) of the residual, so that it covers what r still shows of it, and
 no more. Raised is for what lasts a moment: a gap that is crossed, a side that is not known, samples
