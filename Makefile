@@ -15,7 +15,7 @@ SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
-.PHONY: help compiled demo test fuzz check commissioning units soak mutants system install install-env install-files uninstall verify reference lock clean
+.PHONY: help compiled demo web built picture test fuzz check commissioning units soak mutants system install install-env install-files uninstall verify reference uplot lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
@@ -33,10 +33,10 @@ define refuse-strange-prefix
   { echo "$(DESTDIR)$(PREFIX) is there and is no environment of contactd: choose another PREFIX"; exit 1; }
 endef
 
-$(STAMP): requirements.lock requirements-dev.lock pyproject.toml
+$(STAMP): requirements.lock requirements-web.lock requirements-dev.lock pyproject.toml
 	$(check-python)
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock -r requirements-dev.lock
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock -r requirements-web.lock -r requirements-dev.lock
 	@command -v gcc >/dev/null || command -v cc >/dev/null || $(BIN)/pip install --quiet --disable-pip-version-check ziglang==0.17.1
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
@@ -46,8 +46,9 @@ $(STAMP): requirements.lock requirements-dev.lock pyproject.toml
 compiled: $(STAMP)  ## build the compiled modules where a source is another
 	@$(BIN)/python hatch_build.py || true
 
+# WEB=1: on a page in your browser, too.
 demo: $(STAMP) compiled  ## the paper's third experiment on a simulated arm, about 30 s
-	@$(BIN)/contactd demo
+	@$(BIN)/contactd demo $(if $(WEB),--web)
 
 test: $(STAMP) compiled  ## all tests, some four minutes
 	$(BIN)/python -m pytest -q -n auto --dist loadfile
@@ -59,25 +60,47 @@ fuzz: $(STAMP) compiled  ## thousands of new examples for the property-based tes
 	$(BIN)/python -m pytest -q -n auto --dist loadfile -m hypothesis --hypothesis-profile=fuzz \
 	  --hypothesis-seed=$(SEED)
 
+web: page/node_modules/.package-lock.json  ## bundle the page's sources (page/) into daemon/web/built; needs node and npm
+	cd page && node build.mjs
+
+page/node_modules/.package-lock.json: page/package.json page/package-lock.json
+	cd page && npm ci --no-audit --no-fund --ignore-scripts
+	@touch $@
+
+picture: $(STAMP) compiled  ## docs/page/push.png: the page in chromium, while the demo's hand pushes
+	$(BIN)/python docs/page/picture.py
+
 commissioning: $(STAMP) compiled  ## docs/commissioning.md on a simulated arm, from zero to armed, some minutes
 	$(BIN)/python -m bench.commissioning
 
-check: $(STAMP) units  ## ruff, mypy (strict), import layers, systemd units
+check: $(STAMP) units built  ## ruff, mypy (strict), import layers, systemd units, the page's bundle
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# The page is bundled into the repository, so that nobody needs node who runs it.
+built:
+	@if ! command -v npm >/dev/null; then \
+	  echo "built: daemon/web/built not checked against page/, there is no npm here"; exit 0; fi; \
+	set -e; $(MAKE) -s page/node_modules/.package-lock.json; cd page; node build.mjs --check
+
 # As installed, but with this environment's contactd. systemd-analyze exits 0 on unknown keys, so it
 # must not say a word, either.
 units: STAGE := $(abspath build/units)
 units: SERVICE := $(STAGE)/usr/local/lib/systemd/system/contactd.service
+units: PAGE := $(STAGE)/usr/local/lib/systemd/system/contactd-web.service
 units: $(STAMP)
 	@if ! command -v systemd-analyze >/dev/null; then \
 	  echo "units: not checked, there is no systemd-analyze here (apt install systemd)"; exit 0; fi; \
 	set -e; rm -rf $(STAGE); $(MAKE) -s install-files DESTDIR=$(STAGE) >/dev/null; \
 	sed -i 's|=/opt/contactd|=$(abspath $(VENV))|' $(SERVICE); \
-	for conf in systemd/contactd.service.d/bus.conf systemd/examples/*.conf; do \
+	sed -i 's|=/opt/contactd|=$(abspath $(VENV))|' $(PAGE); \
+	said=$$(systemd-analyze verify --man=no $(PAGE) 2>&1) && [ -z "$$said" ] || { echo "$$said"; exit 1; }; \
+	systemd-analyze security --no-pager --offline=true --threshold=20 $(PAGE) >$(STAGE)/security || \
+	  { cat $(STAGE)/security; exit 1; }; \
+	echo "units: verified contactd-web: $$(tail -1 $(STAGE)/security)"; \
+	for conf in systemd/contactd.service.d/bus.conf systemd/examples/bus-*.conf systemd/examples/cpu.conf; do \
 	  cp $$conf $(SERVICE).d/$$(basename $$conf | sed 's/bus-.*/bus.conf/'); \
 	  said=$$(systemd-analyze verify --man=no $(SERVICE) 2>&1) && [ -z "$$said" ] || \
 	    { echo "systemd-analyze verify, with $$conf:"; echo "$$said"; exit 1; }; \
@@ -120,7 +143,7 @@ install-env:
 	  f"{p} is in a home folder, which the service cannot see: make install PYTHON=/usr/bin/python3")'
 	rm -rf $(NEW)
 	$(PYTHON) -m venv $(NEW)
-	$(NEW)/bin/pip install --quiet --disable-pip-version-check --no-compile --no-deps -r requirements.lock .
+	$(NEW)/bin/pip install --quiet --disable-pip-version-check --no-compile --no-deps -r requirements.lock -r requirements-web.lock .
 	@$(NEW)/bin/python -P -m compiled
 	grep -rlIF $(NEW) $(NEW)/bin $(NEW)/pyvenv.cfg | xargs sed -i 's|$(NEW)|$(PREFIX)|g'
 	-$(NEW)/bin/python -m compileall -qq -s $(NEW) -p $(PREFIX) $(NEW)/lib
@@ -129,11 +152,12 @@ install-env:
 
 install-files:
 	install -d $(addprefix $(DESTDIR),/etc /usr/local/bin) $(SHARE)
-	ln -sf $(PREFIX)/bin/contactd $(PREFIX)/bin/contactctl $(DESTDIR)/usr/local/bin/
+	ln -sf $(PREFIX)/bin/contactd $(PREFIX)/bin/contactctl $(PREFIX)/bin/contactd-web $(DESTDIR)/usr/local/bin/
 	cp -R --no-preserve=ownership docs configs systemd/examples $(SHARE)/
 	chmod -R a+rX $(SHARE)
 	install -d $(UNITS)/contactd.service.d
 	sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd.service >$(UNITS)/contactd.service
+	sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd-web.service >$(UNITS)/contactd-web.service
 	install -m 644 systemd/contactd.service.d/bus.conf $(UNITS)/contactd.service.d/
 	install -D -m 644 systemd/can0.network $(LIB)/systemd/network/can0.network
 	install -D -m 644 systemd/contactd.sysusers $(LIB)/sysusers.d/contactd.conf
@@ -146,29 +170,42 @@ install-files:
 uninstall:  ## stop the service and take it out again; configuration and recordings stay (root)
 	$(refuse-strange-prefix)
 ifneq ($(HERE),)
-	-systemctl disable --now contactd.service
+	-systemctl disable --now contactd-web.service contactd.service
 endif
-	rm -rf $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(DESTDIR)$(PREFIX)
+	rm -rf $(UNITS)/contactd-web.service $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(DESTDIR)$(PREFIX)
 	rm -f $(LIB)/systemd/network/can0.network $(LIB)/sysusers.d/contactd.conf
-	rm -f $(addprefix $(DESTDIR)/usr/local/bin/,contactd contactctl)
+	rm -f $(addprefix $(DESTDIR)/usr/local/bin/,contactd contactctl contactd-web)
 ifneq ($(HERE),)
 	systemctl daemon-reload
 endif
-	@echo "kept: /etc/contactd, /var/lib/contactd, the user contactd and the group contact"
+	@echo "kept: /etc/contactd, /var/lib/contactd, users contactd and contactd-web, groups contact and contact-view"
 
 verify: $(STAMP)  ## compare our URDF with the public Romeo description (downloads 400 MB)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps example-robot-data
 	$(BIN)/python -m pytest -q -m verify
 
+# What `contactd plot` puts into its pages, out of the npm package, whose digest npm knows.
+UPLOT := 1.6.32
+UPLOT_SHA512 := 2883159c6ebccefbb95d751b0b82d010f9e1c0ec41b8bc96d401eda66e882935c89a46cb824332fa369b8cb8122cc6ac36e186cd09bf7a9ded3a4c93c6989023
+uplot:  ## fetch uPlot again (npm), as it is in daemon/recordings/uplot
+	rm -rf build/uplot && mkdir -p build/uplot
+	npm pack --silent --pack-destination build/uplot uplot@$(UPLOT)
+	echo "$(UPLOT_SHA512)  build/uplot/uplot-$(UPLOT).tgz" | sha512sum --check --quiet
+	tar xzf build/uplot/uplot-$(UPLOT).tgz -C build/uplot
+	cp build/uplot/package/LICENSE build/uplot/package/dist/uPlot.iife.min.js build/uplot/package/dist/uPlot.min.css daemon/recordings/uplot/
+	cd daemon/recordings/uplot && sha256sum LICENSE uPlot.iife.min.js uPlot.min.css > SHA256SUMS
+
 reference: $(STAMP)  ## write the reference pages in docs from the code
 	$(BIN)/python docs/reference.py
 
-lock:  ## resolve the dependencies anew and write both lock files (names and versions)
+lock:  ## resolve the dependencies anew and write the lock files (names and versions)
 	rm -rf build/lock && $(PYTHON) -m venv build/lock
 	build/lock/bin/pip install --quiet .
 	build/lock/bin/pip freeze --exclude contactd > requirements.lock
-	build/lock/bin/pip install --quiet ".[bench,dev]" hatchling
-	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock > requirements-dev.lock
+	build/lock/bin/pip install --quiet ".[web]"
+	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock > requirements-web.lock
+	build/lock/bin/pip install --quiet ".[bench,cluster,dev,foxglove,web]" hatchling
+	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock -f requirements-web.lock > requirements-dev.lock
 
 clean:  ## remove the environment and everything that was built
 	-$(BIN)/python hatch_build.py --clean

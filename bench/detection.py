@@ -72,6 +72,17 @@ def worth(deciding: Score, classical: Score, gaps: Sequence[int]) -> float:
     return float(np.min(ratios)) if ratios else math.nan  # NaN of a joint is NaN of all
 
 
+def at_rest(deciding: Score, classical: Score, gaps: Sequence[int]) -> float:
+    """Smallest step at rest over what friction hides there: the most over the joints with a gap on
+    which the classical residual does not need three times as much. NaN where one is unknown."""
+    ratios = [
+        deciding.smallest_rest_nm[i] / deciding.hidden_rest_nm[i]
+        for i in gaps
+        if not classical.smallest_rest_nm[i] >= 3.0 * deciding.smallest_rest_nm[i]
+    ]
+    return float(np.max(ratios)) if ratios else 0.0
+
+
 def alarmed(results: Sequence[Result], joints: Sequence[str]) -> list[str]:
     """Joints and arms that raised false alarms of the residual that decides, with their number."""
     return [
@@ -107,6 +118,13 @@ def targets(found: Mapping[Law, dict[str, Score]], c: Configuration) -> list[Tar
             Target(f"p50 delay beyond ln 2 / K, {of}", best.delay_ms[0] - limit, 12, "ms", "lower"),
             Target(f"p95 delay beyond ln 2 / K, {of}", best.delay_ms[1] - limit, 45, "ms", "lower"),
             Target(f"the same at rest missed, {of}", best.missed_rest, 0, "", "lower"),
+            Target(
+                f"smallest step at rest, over what friction hides, {of}",
+                at_rest(best, by_name["classical"], gaps),
+                1.25,
+                "x",
+                "lower",
+            ),
             Target(
                 f"p50 delay at rest beyond ln 2 / K, {of}",
                 best.delay_rest_ms[0] - limit,

@@ -33,13 +33,14 @@ from rich.table import Table
 from bench.report import Target, print_report
 from bench.rigs.arm_without_bus import Recording, Scenario, recordings
 from bench.rigs.lockstep import ROMEO
-from bench.study import courses, scores, world
+from bench.study import courses, world
 from bench.study.detection_report import NARROW
 from bench.study.estimates import VARIANTS, Estimates, build, estimates
 from bench.study.monte_carlo import GRACE_S, spread
 from bench.study.world import LAWS, Law
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
+from estimator.alarms import count_alarms
 from estimator.motor_position import Side
 from estimator.settings import Kind, Variant
 
@@ -123,7 +124,7 @@ def tally(
     chosen = [(armed & (kinds == part))[:, np.newaxis] for part in range(len(PARTS))]
     alarms = np.array(
         [
-            [scores.alarms(np.where(part, r, 0.0), found.threshold) for part in chosen]
+            [count_alarms(np.where(part, r, 0.0), found.threshold) for part in chosen]
             for r in found.residuals.values()
         ]
     )
@@ -155,8 +156,8 @@ def by_residual(law: Law, whole: Tally, names: Sequence[str]) -> Table:
     for part in PARTS:
         shown.add_column(part.replace(" ", "\n", 1), justify="right")
     shown.add_column("per hour", justify="right")
-    for name, alarms in zip(names, whole.alarms.sum(axis=2), strict=True):
-        shown.add_row(name, *map(str, alarms), f"{alarms.sum() / whole.hours:.0f}")
+    for name, counts in zip(names, whole.alarms.sum(axis=2), strict=True):
+        shown.add_row(name, *map(str, counts), f"{counts.sum() / whole.hours:.0f}")
     return shown
 
 

@@ -1,12 +1,12 @@
 """Error of the rotor's place in its gap: integrated theta against exact theta, without contact.
 
     python -m bench.motor_position [--minutes N] [--arm-minutes N] [--jobs N] [--seed N]
-                                   [--friction smooth|dahl|both] [--json]
+                                   [--friction smooth|dahl|lugre|all] [--json]
 
-N simulated minutes per kind of friction, over arms that are not the model (those of
-`bench.detection`), whose motor velocity is off by 0.2 % and 1 mrad/s (0.02 % of a full scale of
-5 rad/s) and whose link encoder is 1 ms late. Every arm is switched on with its rotors anywhere in
-their gaps and at once observed; other joints move in each, every other arm slowly, and all stand
+N simulated minutes per kind of friction, over arms as wide as the world (those of
+`bench.false_contacts`), whose motor velocity is off by 0.2 % and 1 mrad/s (0.02 % of a full scale
+of 5 rad/s) and whose link encoder is 1 ms late. Every arm is switched on with its rotors anywhere
+in their gaps and at once observed; other joints move in each, every other arm slowly, and all stand
 still now and then. Two estimators see the same samples: one integrates the motor velocity, one is
 given the motor position, exact but for an encoder's count. What they make of it is compared with
 each other and with the plant.
@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import click
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from rich.box import SIMPLE_HEAD
@@ -32,12 +33,13 @@ from arrays import Vector
 from bench.report import Target, print_report
 from bench.rigs.arm_without_bus import Recording, Scenario, recordings
 from bench.rigs.lockstep import ROMEO
-from bench.study import population, scores
+from bench.study import population, world
 from bench.study.estimates import Estimates, build, estimates
 from bench.study.monte_carlo import spread
-from bench.study.population import FRICTION_MODELS, FrictionModel
+from bench.study.world import LAWS, Law
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
+from estimator.alarms import count_alarms
 from estimator.motor_position import Side
 
 SKEW_MS: Final = 1.0
@@ -53,7 +55,7 @@ class Job:
     """One arm."""
 
     robot: Path
-    friction: FrictionModel
+    friction: Law
     seed: int
     seconds: float
 
@@ -116,20 +118,21 @@ def tally(recording: Recording, integrated: Estimates, exact: Estimates, contact
         recognised=count(in_gap & said_gap),
         called_gap=count(said_gap),
         false_gap=count(said_gap & (load > 0.5 * contact)),
-        alarms=scores.alarms(residual, integrated.threshold),
+        alarms=count_alarms(residual, integrated.threshold),
         unknown=count(integrated.side == Side.UNKNOWN),
         overconfident=count(np.abs(error) > 3.0 * integrated.phi_sigma),
         errors=error[::EVERY],
     )
 
 
-def run(job: Job) -> tuple[FrictionModel, Tally]:
+def run(job: Job) -> tuple[Law, Tally]:
     """Simulate one arm, and estimate twice."""
     robot = load_robot(job.robot)
     c = robot.configuration
     rng = np.random.default_rng((job.seed, 20))
-    wrong = population.velocity_errors(rng)
-    subject = population.subject(robot, job.friction, job.seed, link_latency_ms=SKEW_MS, **wrong)
+    drawn = world.subject(robot, job.friction, job.seed)
+    late = msgspec.structs.replace(drawn.settings, link_latency_ms=SKEW_MS)
+    subject = replace(drawn, settings=late)
     slow = SLOW if job.seed % 2 else 1.0
     path = population.motion(c, job.seed, go_s=40.0, rest_s=10.0, slow=slow, held=0.35)
     alpha = np.array([joint.half_gap for joint in c.joints])
@@ -170,7 +173,7 @@ def recall(t: Tally, alpha: Vector) -> float:
     return float(t.recognised[wide].sum() / max(t.in_gap[wide].sum(), 1))
 
 
-def targets(arms: Mapping[FrictionModel, Sequence[Tally]], c: Configuration) -> list[Target]:
+def targets(arms: Mapping[Law, Sequence[Tally]], c: Configuration) -> list[Target]:
     """Targets of the project, over all arms, and the first of them on the worst arm alone."""
     contact = np.array([joint.thresholds.contact for joint in c.joints])
     alpha = np.array([joint.half_gap for joint in c.joints])
@@ -240,17 +243,17 @@ def table(title: str, rows: dict[str, list[float]]) -> Table:
 @click.option("--arm-minutes", default=2.0, show_default=True, help="Of one arm, in one piece.")
 @click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
 @click.option("--seed", default=1, show_default=True)
-@click.option("--friction", default="both", type=click.Choice([*FRICTION_MODELS, "both"]))
+@click.option("--friction", default="all", type=click.Choice([*LAWS, "all"]))
 @click.option("--json", "as_json", is_flag=True)
 def main(
     minutes: float,
     arm_minutes: float,
     processes: int,
     seed: int,
-    friction: FrictionModel | Literal["both"],
+    friction: Law | Literal["all"],
     as_json: bool,
 ) -> None:
-    frictions: Sequence[FrictionModel] = FRICTION_MODELS if friction == "both" else (friction,)
+    frictions: Sequence[Law] = LAWS if friction == "all" else (friction,)
     c = load_robot(ROMEO).configuration
     arm_minutes = min(arm_minutes, minutes)
     seeds = [1000 * seed + arm for arm in range(max(1, round(minutes / arm_minutes)))]

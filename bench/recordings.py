@@ -1,11 +1,16 @@
-"""Speed of working on recordings: replay, beside the code before, in turns.
+"""Speed of working on recordings: replay beside the code before, in turns; what-ifs and plots.
 
-    python -m bench.recordings [--minutes N] [--rounds N] [--seed N] [--json]
+    python -m bench.recordings [--minutes N] [--rounds N] [--seed N] [--no-many] [--json]
 
 Both codes record both shipped arms in lockstep, so many minutes of robot time each: set in motion,
 pushed every six seconds. Then each replays its own in turns with the other; the code before is that
 of the last commit before the estimator's compiled kernel. Times are CPU times. To decode is to read
 the file and to make arrays of it, to step is the estimator alone, the rest is comparison.
+
+Then today's code is asked for 200 levels of one joint of the Romeo arm, with an empty cache and
+from it, and for a page. With --no-many it ends there; otherwise it cuts 100 files of a minute out
+of that recording for one and two workers in turns, and puts twelve together, to see how much more
+memory a recording of twelve times the length takes.
 """
 
 import statistics
@@ -21,9 +26,19 @@ from bench.report import Target, print_report
 from bench.rigs.lockstep import DESK_ARM, ROMEO
 from bench.study.before import code_before
 from bench.study.pairs import Ratio, Sides, Worker, in_turns, named, ratio, sides
+from bench.study.recording_answers import (
+    cut,
+    growth_mb,
+    messages_of,
+    times,
+    worker_speed,
+    write,
+)
 
 ARMS: Final = (ROMEO.name, DESK_ARM.name)
 PARTS: Final = ("replay", "decode", "step")
+JOINT: Final = "LElbowYaw"
+LONGER: Final = 12  # times, to see what memory does
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +89,51 @@ def measure(found: Sides, arm: str, rounds: int) -> tuple[Shares, Shares | None,
     return Shares.of(today), Shares.of(before), ratio(pairs)
 
 
+def answers_of(
+    path: Path, replayed: Mapping[str, Any], folder: Path, rounds: int, many: bool
+) -> tuple[dict[str, Any], list[Target]]:
+    """Figures of the answers from one recording, and their targets."""
+    period_s = 0.01
+    real_time = replayed["today"]["states_per_s"] * period_s
+    found = [times(path, JOINT, folder) for _ in range(max(rounds // 2, 1))]
+    middle = {
+        name: statistics.median(getattr(one, name) for one in found)
+        for name in ("whatif_cpu_s", "cached_s", "plot_s", "page_mb")
+    }
+    data: dict[str, Any] = {"real_time": round(real_time, 1)} | middle
+    targets = [
+        Target("replay, times real time", real_time, 150, "x", "higher"),
+        Target("200 levels from the cache", middle["cached_s"], 0.3, "s", "lower"),
+        Target("plot as a page", middle["plot_s"], 5.0, "s", "lower"),
+        Target("page", middle["page_mb"], 5.0, "MB", "lower"),
+    ]
+    if "before" in replayed:
+        snapshot, states = messages_of(path)
+        before_s = 1e-6 * replayed["before"]["replay_us"] * len(states)
+        share = middle["whatif_cpu_s"] / before_s
+        targets.append(Target("200 levels over replay before", share, 0.2, "", "lower"))
+    if many:
+        snapshot, states = messages_of(path)
+        long = folder / "long.mcap"
+        write(long, [(snapshot, states)] * LONGER)
+        data["growth_mb"] = growth_mb(path, long, JOINT, folder)
+        worst = max(data["growth_mb"].values())
+        targets.append(Target(f"memory of {LONGER} times the length", worst, 50, "MB", "lower"))
+        long.unlink()
+        cuts = folder / "cuts"
+        cuts.mkdir()
+        cut(path, cuts)
+        data["two_workers"] = worker_speed(cuts, JOINT, folder, max(rounds // 2, 1))
+        speed = statistics.median(data["two_workers"])
+        targets.append(Target("100 files, two workers over one", speed, 1.6, "x", "higher"))
+    return data, targets
+
+
 @click.command(help=__doc__)
 @click.option(
     "--minutes",
     type=click.FloatRange(0.02, 60.0),
-    default=2.0,
+    default=10.0,
     show_default=True,
     help="Of each arm.",
 )
@@ -90,8 +145,9 @@ def measure(found: Sides, arm: str, rounds: int) -> tuple[Shares, Shares | None,
     help="Replays of each, by each side.",
 )
 @click.option("--seed", default=1, show_default=True)
+@click.option("--many/--no-many", default=True, help="Files and workers, and memory, too.")
 @click.option("--json", "as_json", is_flag=True)
-def main(minutes: float, rounds: int, seed: int, as_json: bool) -> None:
+def main(minutes: float, rounds: int, seed: int, many: bool, as_json: bool) -> None:
     targets: list[Target] = []
     data: dict[str, Any] = {}
 
@@ -117,7 +173,16 @@ def main(minutes: float, rounds: int, seed: int, as_json: bool) -> None:
                     data[arm] |= {"before": then.data(), "faster": faster.data()}
                     name = f"replay speed over before's, {arm}"
                     targets.append(Target(name, faster.median, 4, "x", "higher"))
-    told = {"before": named(before), "minutes": minutes, "rounds": rounds, "replay": data}
+            made = Path(folder) / "today" / f"{ROMEO.name}.mcap"
+            told_more, more = answers_of(made, data[ROMEO.name], Path(folder), rounds, many)
+            targets += more
+    told = {
+        "before": named(before),
+        "minutes": minutes,
+        "rounds": rounds,
+        "replay": data,
+        "answers": told_more,
+    }
     print_report("recordings", seed, targets, told, as_json=as_json)
 
 

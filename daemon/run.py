@@ -7,6 +7,7 @@ import time
 from contextlib import closing
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 import compiled
@@ -22,8 +23,10 @@ from daemon.service.notify import Notifier, notifier_of
 from daemon.service.realtime import go_realtime
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
-from daemon.service.status import Process
+from daemon.service.status import Process, context_of
+from daemon.service.trend_line import TrendLine
 from daemon.tick.loop import Clock, Loop
+from daemon.trends.day import folder_of
 from drivers.can.bus import open_bus
 from drivers.can.bus_load import frame_rate_hz
 from drivers.can.frame_ring import RecordedWire
@@ -45,8 +48,12 @@ def run_daemon(robot: Robot, socket: Path | None) -> None:
         ):
             bus = open_bus(robot.configuration.bus)
             try:
-                with _black_box(robot, control) as black_box:
-                    _serve(robot, bus, control, notifier, signals, black_box)
+                # Both processes start before this one is real-time.
+                with (
+                    _black_box(robot, control) as black_box,
+                    closing(TrendLine(robot, _trends_of(robot))) as trends,
+                ):
+                    _serve(robot, bus, control, notifier, signals, black_box, trends)
             finally:
                 bus.python_can.shutdown()
 
@@ -58,6 +65,7 @@ def _serve(
     notifier: Notifier,
     signals: "_Signals",
     black_box: BlackBox,
+    trends: TrendLine,
 ) -> None:
     c = robot.configuration
     boot = build_boot(robot, bus.wire, black_box.ring)
@@ -82,9 +90,9 @@ def _serve(
     realtime = [*go_realtime(), Grant("compiled", not plain, words)]
     for grant in realtime:
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
-    loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)
     process = Process(robot, os.getpid(), realtime, serials)
-    service = Service(process, loop, control, notifier, boot, black_box.tell)
+    loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)
+    service = Service(process, loop, control, notifier, boot, black_box.tell, trends)
     # From the first heartbeat on the drives expect the next.
     tick.drives.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)
@@ -113,7 +121,12 @@ def _serve(
 def _black_box(robot: Robot, control: ControlSocket) -> BlackBox:
     c = robot.configuration
     rate_hz = frame_rate_hz(c.joint_drives, c.period_s)
-    return BlackBox(ring_path(control.path), default_directory(), rate_hz)
+    snapshot = msgspec.json.encode(context_of(robot))
+    return BlackBox(ring_path(control.path), default_directory(), rate_hz, snapshot)
+
+
+def _trends_of(robot: Robot) -> Path:
+    return folder_of(default_directory(), robot.configuration.name)
 
 
 def _warm_up(robot: Robot) -> None:

@@ -1,8 +1,8 @@
 """Writer of the reference pages from the code: `python docs/reference.py`, or `make reference`.
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
-`contactctl.md` from the commands' own help. `faults.md` and `modes.md` are written by hand but for
-the parts between two markers, which come from the tables that the program runs on.
+`contactctl.md` from the commands' own help. `faults.md`, `modes.md` and `recording.md` are written
+by hand but for the parts between two markers, which come from what the program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
@@ -24,6 +24,7 @@ from daemon.config.schema import Configuration
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.contact_reactions import EVENT_OF
 from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
+from daemon.protocol.messages import Snapshot, State
 
 DOCS = Path(__file__).parent
 MADE = "<!-- Made from the code by `make reference`: change it there. -->\n"
@@ -74,6 +75,12 @@ def modes_page() -> str:
         "no change": _no_change(),
     }
     return filled(page, parts)
+
+
+def recording_page() -> str:
+    """docs/recording.md, with the messages of a recording."""
+    page = (DOCS / "recording.md").read_text(encoding="utf-8")
+    return filled(page, {"messages": _messages()})
 
 
 def filled(page: str, parts: Mapping[str, str]) -> str:
@@ -177,6 +184,24 @@ def _reactions() -> str:
     return _table(("reaction", "event"), *rows)
 
 
+# --- recordings ---------------------------------------------------------------------------------
+
+
+def _messages() -> str:
+    """Every message of a recording, field by field."""
+    kinds = [cls for first in (Snapshot, State) for cls, _ in _structs(first)]
+    return "\n\n".join(_message(cls) for cls in dict.fromkeys(kinds))
+
+
+def _message(cls: type) -> str:
+    said = _comments(cls)
+    info = types.type_info(cls)
+    assert isinstance(info, types.StructType)
+    rows = [(f"`{f.encode_name}`", _words(f.type), said.get(f.name, "")) for f in info.fields]
+    table = _table(("field", "value", "meaning"), *rows)
+    return f"### {cls.__name__}\n\n{inspect.getdoc(cls) or ''}\n\n{table}"
+
+
 # --- contactctl -----------------------------------------------------------------------------------
 
 
@@ -248,7 +273,7 @@ def _plain(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _words(kind: types.Type) -> str:  # noqa: PLR0911 - a line for each kind
+def _words(kind: types.Type) -> str:  # noqa: PLR0911, PLR0912 - a line for each kind
     """A type and its bounds, for people."""
     match kind:
         case types.StructType():
@@ -265,6 +290,8 @@ def _words(kind: types.Type) -> str:  # noqa: PLR0911 - a line for each kind
             return " or ".join(f"`{value}`" for value in kind.values)
         case types.EnumType():
             return " or ".join(f"`{member.value}`" for member in kind.cls)
+        case types.AnyType():
+            return "anything"
         case types.NoneType():
             return "none"
         case types.UnionType():
@@ -321,6 +348,7 @@ PAGES = {
     "contactctl": contactctl_page,
     "faults": faults_page,
     "modes": modes_page,
+    "recording": recording_page,
 }
 
 

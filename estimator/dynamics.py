@@ -71,12 +71,11 @@ class Dynamics:
         self._sliding = np.array([body.sliding for body in bodies])
         mass = np.array([body.mass for body in bodies])
         self._moment = np.array([body.moment for body in bodies])
-        self._inertia = np.array([body.inertia for body in bodies])
+        inertia = np.array([body.inertia for body in bodies])
+        self._inertia = inertia
         # Of all that lies beyond each joint: it does not depend on the pose.
         self._mass, self._beyond = mass, mass.copy()
-        for i in range(n - 1, -1, -1):
-            if self._parent[i] >= 0:
-                self._beyond[self._parent[i]] += self._beyond[i]
+        self._own = np.column_stack((mass, self._moment, inertia.reshape(n, 9)))
         # Of each joint in its own frame; row n is the root's, which stands.
         self._R = np.zeros((n, 3, 3))
         self._t = np.zeros((n, 3))
@@ -85,6 +84,27 @@ class Dynamics:
         self._v, self._w, self._g = standing
         # Momentum, angular momentum and first moment of mass of all that lies beyond the joint.
         self._L, self._K, self._c = np.zeros((3, n, 3))
+        self._load = np.zeros(3)  # where the mass is that `carry` puts on
+        self.carry(n - 1, 0.0, 0.0, 0.0, 0.0)
+
+    def carry(self, i: int, mass: float, x: float, y: float, z: float) -> None:
+        """Let joint i carry a point mass [kg] at x, y, z [m] of its frame, in place of what it
+        carried before; 0 is nothing."""
+        own, J, c = self._own[i], self._inertia[i], self._load
+        c[0], c[1], c[2] = x, y, z
+        square = x * x + y * y + z * z
+        for a in range(3):
+            self._moment[i, a] = own[1 + a] + mass * c[a]
+            for b in range(3):
+                J[a, b] = own[4 + 3 * a + b] - mass * c[a] * c[b]
+            J[a, a] += mass * square
+        self._mass[i] = own[0] + mass
+        # Anew, so that what is carried leaves no rounding behind.
+        for k in range(self.n):
+            self._beyond[k] = self._mass[k]
+        for k in range(self.n - 1, -1, -1):
+            if self._parent[k] >= 0:
+                self._beyond[self._parent[k]] += self._beyond[k]
 
     def at(self, q: Vector, q_dot: Vector) -> None:
         """Dynamics at q and q_dot, both (n,) [rad or m, /s]."""

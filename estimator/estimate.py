@@ -58,6 +58,8 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """contact threshold in force [Nm]"""
     thresholded: Vector
     """sign(r) max(|r| - threshold, 0) [Nm]"""
+    level_share: Vector
+    """k: share of the configured contact level that learning leaves in force"""
     contacts: tuple[Contact, ...]
     """contacts that begin in this tick"""
     touched_link: str
@@ -92,6 +94,7 @@ class EstimateRows:
     tau_M: Matrix
     threshold: Matrix
     thresholded: Matrix
+    level_share: Matrix
     side: NDArray[np.int8]
     residual: Matrix
     beside: dict[str, Matrix]

@@ -23,6 +23,7 @@ from estimator.dynamics import Dynamics
 from estimator.estimate import Estimate, EstimateRows, Flag, SampleRows
 from estimator.kernel import Kernel
 from estimator.model import Model
+from estimator.payload import Payload
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
@@ -30,7 +31,9 @@ from estimator.transmission import Transmission
 _FLAGS = tuple(Flag(i) for i in range(2 * max(Flag)))  # making one costs a microsecond
 _INVALID = int(Flag.INVALID)
 # Rows of what the kernel shows.
-_SHOWN = ("q", "q_dot", "theta", "phi", "phi_sigma", "tau_M", "threshold", "thresholded")
+_SHOWN = (
+    "q", "q_dot", "theta", "phi", "phi_sigma", "tau_M", "threshold", "thresholded", "level_share",
+)  # fmt: skip
 
 
 class Estimator:
@@ -134,7 +137,10 @@ class Estimator:
         if self._measured:
             rows[:, 2] = samples.motor_position
         came[:], after[list(resets)] = samples.fresh, 1
-        shown, residuals = np.empty((N + 1, 8, n)), np.empty((N + 1, len(self.variants), n))
+        shown, residuals = (
+            np.empty((N + 1, len(_SHOWN), n)),
+            np.empty((N + 1, len(self.variants), n)),
+        )
         side, words = np.empty((N + 1, n), dtype=np.int8), np.empty((N + 1, 2), dtype=np.int64)
         last, no_link = self._last, len(self.model.names)
         shown[0], side[0] = [getattr(last, name) for name in _SHOWN], last.side
@@ -167,6 +173,30 @@ class Estimator:
         """Forget all samples, and with them where the rotors are in their gaps."""
         for i in range(self.model.n):
             self._kernel.restart(i)
+
+    def carry(self, payload: Payload | None) -> None:
+        """Count what the hand carries from the next tick on; None is nothing. The residuals go on
+        from what they are, and follow what the new model says of the external torque as they follow
+        any: r_dot = K (tau_ext - r)."""
+        row = np.zeros(4)
+        if payload is not None:
+            row[0], row[1:] = (
+                payload.mass,
+                self.model.in_joint(np.array(payload.com, dtype=np.float64)),
+            )
+        self._kernel.carry(row)
+
+    def freeze_learning(self, frozen: bool) -> None:
+        """Learn nothing from the next tick on, or learn again."""
+        self._kernel.frozen = int(frozen)
+
+    def learned(self) -> tuple[Matrix, Vector]:
+        """What was learned of each joint: its Coulomb and viscous friction (2, n) over those that
+        were identified, and what is left of the deviation of the first (n,), 1 before anything was
+        learned."""
+        learning = self._kernel.learning
+        viscous, coulomb = np.asarray(learning.shares)[:, 1:].T
+        return 1.0 - np.stack([coulomb, viscous]), np.array(learning.coulomb_left)
 
     def memory(self) -> dict[str, Any]:
         """The complete internal state, fit for JSON; `restore` continues bit-identically."""
@@ -204,9 +234,9 @@ class Estimator:
         words: Sequence[int],
         contacts: tuple[Contact, ...] = (),
     ) -> Estimate:
-        """Of one tick: shown (8, n), residuals (variants, n), flags and touched link."""
+        """Of one tick: shown (9, n), residuals (variants, n), flags and touched link."""
         flags, link = words
-        q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded = shown
+        q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded, level_share = shown
         return Estimate(
             q=q,
             q_dot=q_dot,
@@ -219,6 +249,7 @@ class Estimator:
             beside={name: residuals[row] for row, name in self._beside},
             threshold=threshold,
             thresholded=thresholded,
+            level_share=level_share,
             contacts=contacts,
             touched_link=self._link_names[link],
             flags=_FLAGS[flags],

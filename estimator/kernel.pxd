@@ -39,10 +39,12 @@ cdef class Kernel:
     cdef readonly long long[::1] came, going
     cdef readonly unsigned char[::1] sensing
     cdef readonly double[::1] since, q, q_dot, tau_M, threshold
-    cdef double[::1] _gaps, _theta, _phi, _sigma, _thresholded
+    cdef double[::1] _gaps, _theta, _phi, _sigma, _thresholded, _share
     cdef readonly long long begun, touched_link
     cdef long long _pressed
     cdef public double elapsed_s
+    cdef readonly double[::1] payload
+    cdef public long long frozen
     cdef readonly double[:, ::1] shown
 
     @cython.locals(valid=bint)
@@ -53,6 +55,9 @@ cdef class Kernel:
         const long long[::1] resets, double[:, :, ::1] shown, double[:, :, ::1] residuals,
         signed char[:, ::1] side, long long[:, ::1] words
     ) noexcept
+    @cython.locals(change=double)
+    cpdef void carry(self, double[::1] payload) noexcept
+    cpdef void put_on(self, double[::1] payload) noexcept
     cpdef void restart(self, Py_ssize_t i) noexcept
     cpdef void reset(self, Py_ssize_t i) noexcept
     cpdef void resume(self) noexcept

@@ -43,7 +43,7 @@ _BRIDGED_PERIODS = 5.5
 
 class Kernel:
     """The parts of an estimator, and their step. The caller writes `alignment.samples`, and `came`
-    (n,), 1 where a joint has a sample; and reads `shown` (8, n) and the parts."""
+    (n,), 1 where a joint has a sample; and reads `shown` (9, n) and the parts."""
 
     def __init__(
         self,
@@ -88,9 +88,12 @@ class Kernel:
         self.touched_link = -1  # index of its joint, -1 where none is, or not known
         self._pressed = 0  # joints whose thresholded residual is not zero
         self.elapsed_s = 0.0
-        self.shown = np.zeros((8, n))
+        # What the last link carries: mass [kg], and where in its joint's frame [m].
+        self.payload = np.zeros(4)
+        self.frozen = 0  # 1: nothing is learned, whatever the residuals say
+        self.shown = np.zeros((9, n))
         self.q, self.q_dot, self._theta, self._phi = self.shown[:4]
-        self._sigma, self.tau_M, self.threshold, self._thresholded = self.shown[4:]
+        self._sigma, self.tau_M, self.threshold, self._thresholded, self._share = self.shown[4:]
         for i in range(n):
             self._still(i, 0.0)
 
@@ -139,7 +142,7 @@ class Kernel:
         """Step through N ticks: samples (N, 4, n), came (N, n) and dt (N,), with a reset after a
         tick where `resets` (N,) is 1.
 
-        What comes out goes to rows 1 to N of shown (N + 1, 8, n), residuals (N + 1, variants, n),
+        What comes out goes to rows 1 to N of shown (N + 1, 9, n), residuals (N + 1, variants, n),
         side (N + 1, n), and words (N + 1, 2): flags and touched link. Row 0 is what was last; an
         INVALID tick repeats the row before.
         """
@@ -160,6 +163,31 @@ class Kernel:
             if resets[k]:
                 for i in range(self.n):
                     self.reset(i)
+
+    def carry(self, payload: Vector) -> None:
+        """Count another payload (4,) from now on. The residuals go on from what they are: momentum
+        and beta at the beginning of each interval become those of the new model."""
+        a, dynamics, begin = self.alignment.aligned, self._dynamics, self.interval.begin
+        change = 0.0
+        for k in range(4):
+            change += abs(payload[k] - self.payload[k])
+        if change == 0.0:
+            return  # to the last bit
+        dynamics.at(a[0], a[1])
+        for i in range(self.n):
+            begin[_MOMENTUM, i] -= self.going[i] * dynamics.momentum[i]
+            begin[_BETA, i] -= self.going[i] * dynamics.beta[i]
+        self.put_on(payload)
+        dynamics.at(a[0], a[1])
+        for i in range(self.n):
+            begin[_MOMENTUM, i] += self.going[i] * dynamics.momentum[i]
+            begin[_BETA, i] += self.going[i] * dynamics.beta[i]
+
+    def put_on(self, payload: Vector) -> None:
+        """Count the payload (4,) that the state written from outside already counts."""
+        for k in range(4):
+            self.payload[k] = payload[k]
+        self._dynamics.carry(self.n - 1, payload[0], payload[1], payload[2], payload[3])
 
     def restart(self, i: int) -> None:
         """Forget all samples of joint i, and with them where its rotor is in its gap."""
@@ -345,18 +373,17 @@ class Kernel:
             self._learn(i, dt, theta_dot, touched or self._always_acts)
 
     def _learn(self, i: int, dt: float, theta_dot: float, acts: bool) -> None:
-        """Correct the residual of joint i by what was learned of friction and gain, and learn;
+        """Correct the residual of joint i by what was learned of friction, and learn;
         acts: they did on the link."""
         x, learning, residual = self.interval.impulse, self.learning, self.residual
         viscous = (self._motor_viscous[i] + self._link_viscous[i]) * x[_THETA_DOT]
         coulomb = x[_MOTOR_FRICTION] + x[_ENGAGED_LINK_FRICTION] + x[_STICTION] - viscous
         some = 1.0 if acts else 0.0
-        learning.step(
-            i, some * coulomb, some * viscous, some * x[_TAU_M], dt, residual.pole, residual.share
-        )
+        learning.step(i, some * coulomb, some * viscous, dt, residual.pole, residual.share)
         residual.correct(i, learning.correction[i])
         levels, speed = self.levels, abs(theta_dot)
-        usual, moving = levels.usual(i, speed), acts and speed > _REST_VELOCITY
+        usual = levels.usual(i, speed)
+        moving = acts and speed > _REST_VELOCITY and not self.frozen
         learning.learn(
             i, residual.values[0, i], self.threshold[i], usual, levels.friction[i],
             levels.raised[i], moving, dt,
@@ -375,5 +402,6 @@ class Kernel:
         r, threshold = self.residual.corrected[0, i], self.threshold[i]
         self._theta[i], self._sigma[i] = self.motor_position.theta[i], self.motor_position.sigma[i]
         self._phi[i] = self.q[i] - self._theta[i]
+        self._share[i] = self.levels.share[i]
         self._thresholded[i] = r - min(max(r, -threshold), threshold)
         self._pressed += self._thresholded[i] != 0.0

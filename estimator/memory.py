@@ -26,11 +26,13 @@ _STATE: dict[str, tuple[str, ...]] = {
     "detector": ("streak", "waited"),
     # Where it learns:
     "learning": (
-        *("information", "evidence", "columns", "shares", "coulomb_left", "viscous_left"),
-        *("quiet_s", "loud_s", "correction", "unknown", "squares_s", "moved_s"),
+        *("covariance", "columns", "shares", "coulomb_left", "viscous_left"),
+        *("calm_s", "quiet_s", "loud_s", "correction", "unknown", "squares_s", "moved_s"),
         *("peak", "crossing_peak", "peak_seen", "crossing_seen"),
     ),
 }
+# Only where something is carried, or learning stands still; else the memory is as it ever was.
+_CARRIED = ("payload", "frozen")
 
 #: Of any number in it: samples of 1e9 of any unit are no samples.
 _LARGEST = 1e12
@@ -38,6 +40,7 @@ _RANGES = {
     "kernel.since": (0.0, _LARGEST),
     "kernel.going": (0, 1),
     "kernel.threshold": (0.0, _LARGEST),
+    "kernel.frozen": (0, 1),
     "alignment.count": (0, SAMPLES),
     "motor_position.sigma": (0.0, _LARGEST),
     "motor_position.side": (-1, 2),
@@ -57,35 +60,44 @@ _RANGES = {
 
 def dump(kernel: Kernel) -> dict[str, Any]:
     """Copy of the complete state, by part and name: arrays as nested lists."""
+    carries = bool(kernel.frozen) or any(np.asarray(kernel.payload).tolist())
     return {
         part: {name: np.asarray(getattr(owner, name)).tolist() for name in names}
-        for part, names, owner in _parts(kernel)
+        for part, names, owner in _parts(kernel, carries)
     }
 
 
 def load(kernel: Kernel, state: Mapping[str, Any]) -> None:
     """Put `dump`'s values back. Raises ModelError where names, shapes or numbers do not fit, and
     changes nothing then."""
-    _check_names("an estimator", state, [part for part, _, _ in _parts(kernel)])
+    carries = isinstance(state, Mapping) and "carried" in state
+    parts = list(_parts(kernel, carries))
+    _check_names("an estimator", state, [part for part, _, _ in parts])
     read = []
-    for part, names, owner in _parts(kernel):
+    for part, names, owner in parts:
         _check_names(part, state[part], names)
         for name in names:
             old = np.asarray(getattr(owner, name))
-            read.append((owner, name, old, _array_like(old, state[part][name], f"{part}.{name}")))
+            what = f"{'kernel' if part == 'carried' else part}.{name}"
+            read.append((owner, name, old, _array_like(old, state[part][name], what)))
+    kernel.frozen = 0
+    kernel.put_on(np.zeros(4))
     for owner, name, old, new in read:
         if old.ndim:
             old[...] = new  # in place: others hold views of it
         else:
-            setattr(owner, name, float(new))
+            setattr(owner, name, new.item())
+    kernel.put_on(np.array(kernel.payload))
     kernel.resume()
 
 
-def _parts(kernel: Kernel) -> Iterator[tuple[str, tuple[str, ...], Any]]:
+def _parts(kernel: Kernel, carries: bool) -> Iterator[tuple[str, tuple[str, ...], Any]]:
     for part, names in _STATE.items():
         if part == "learning" and not kernel.learns:
             continue
         yield part, names, kernel if part == "kernel" else getattr(kernel, part)
+    if carries:
+        yield "carried", _CARRIED, kernel
 
 
 def _check_names(what: str, given: Mapping[str, Any], names: Any) -> None:

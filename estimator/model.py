@@ -26,8 +26,9 @@ class Model:
     The rotors are not in here: B is diagonal and belongs to the transmission.
 
     `mass` [kg] is that of all links that move; `reach` [m] how far they may extend from the first
-    joint, each body as far beyond its centre of mass as that is from its joint; `tool` says in
-    words which point `tool_jacobian` is about.
+    joint, each body as far beyond its centre of mass as that is from its joint; `hand` is the name
+    of the URDF's last link, `tool` says in words which point `tool_jacobian` is about, and
+    `tool_place` (3,) [m] where that is in the hand's frame.
 
     Raises ModelError if the file cannot be read, a joint is missing, named twice, not measured or
     not a joint of one coordinate with limits; if the mass or inertia of a link that moves is none
@@ -46,7 +47,11 @@ class Model:
         self.upper: Vector = model.upperPositionLimit[order]
         # Row i of the caller is coordinate order[i] of pinocchio; `None` spares the permutation.
         self._order = None if np.array_equal(order, np.arange(self.n)) else order
+        self.hand, placement = _hand(model)
+        self._hand_rotation, self._hand_place = placement.rotation, placement.translation
         self.tool, self._tool = _add_tool(model)
+        tool = model.frames[self._tool].placement.translation
+        self.tool_place: Vector = self._hand_rotation.T @ (tool - self._hand_place)
         self.mass = float(sum(body.mass for body in list(model.inertias)[1:]))
         self.reach = _reach(model)
         self._model = model
@@ -91,6 +96,27 @@ class Model:
         full = full.reshape(6, self.n)  # one joint's comes as a vector
         J: Matrix = full[:3].copy() if self._order is None else full[:3, self._order]
         return J
+
+    def payload_torques(self, q: Vector, down: Vector) -> tuple[Vector, Matrix]:
+        """Torques that a point mass at the hand puts on the joints, for each kg and kg m: (n,)
+        where it is in the origin of the hand's frame, and (n, 3) for its place in that frame. down:
+        what it weighs, per kg, along the axes of the URDF's root (3,) [m/s2]."""
+        model, data, joint = self._model, self._data, self._model.njoints - 1
+        axes = pin.LOCAL_WORLD_ALIGNED
+        pin.computeJointJacobians(model, data, self._inward(q, self._q))
+        J = pin.getJointJacobian(model, data, joint, axes).reshape(6, self.n)
+        J = J if self._order is None else J[:, self._order]
+        R = data.oMi[joint].rotation
+        lever = R @ self._hand_place
+        force = np.cross(lever, down)
+        axis = R @ self._hand_rotation
+        turning = np.cross(axis.T, down).T  # moment of each axis of the hand
+        return J[:3].T @ down + J[3:].T @ force, J[3:].T @ turning
+
+    def in_joint(self, place: Vector) -> Vector:
+        """A place in the hand's frame (3,) [m] in that of the last joint, which moves the hand."""
+        there: Vector = self._hand_place + self._hand_rotation @ place
+        return there
 
     def _inward(self, x: Vector, buffer: Vector) -> Vector:
         if self._order is None:
@@ -159,6 +185,17 @@ def _body(model: pin.Model, coordinate: int, row: int) -> Body:
         moment=inertia.mass * inertia.lever,
         inertia=inertia.matrix()[3:, 3:].copy(),
     )
+
+
+def _hand(model: pin.Model) -> tuple[str, pin.SE3]:
+    """Name of the URDF's last link, and where its frame is in that of the last joint."""
+    joint = model.njoints - 1
+    links = [
+        frame
+        for frame in model.frames
+        if frame.parentJoint == joint and frame.type == pin.FrameType.BODY
+    ]
+    return links[-1].name, links[-1].placement.copy()
 
 
 def _add_tool(model: pin.Model) -> tuple[str, int]:

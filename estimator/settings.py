@@ -58,7 +58,7 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.8  # raises thresholds at rest
     # Of the contact level: raises thresholds of a joint whose side of the gap is unknown.
     unknown_side_share: Annotated[float, Meta(ge=0, le=2)] = 0.25
-    # Corrects friction and gain by what the arm shows while it works.
+    # Corrects friction by what the arm shows while it works.
     learning: bool = True
     # [rad] until friction is built up, at least and at most: where it is not known, all of it.
     presliding: tuple[Presliding, Presliding] = (0.0001, 0.002)

@@ -10,6 +10,8 @@ from errors import ModelError
 
 Level = Literal["contact", "collision"]
 LEVELS: tuple[Level, Level] = ("contact", "collision")
+LEAST_SHARE = 0.2
+"""Of a configured contact level: what learning leaves of it at least."""
 
 
 @dataclass(frozen=True, slots=True)

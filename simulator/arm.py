@@ -66,6 +66,7 @@ class SimulatedArm:
             hand_script,
             [joint.name for joint in description.joints],
             0.3 * parameters.lightest_link / settings.step_s,
+            lambda given: self.plant.carry(given.mass, np.array(given.com)),
         )
         self.external_torque = np.zeros(n)
         """Torque on the links besides the hand's (n,) [Nm], for tests and benches: write to it."""

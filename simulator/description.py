@@ -94,7 +94,7 @@ class SimulationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     friction: Kind = "smooth"
     friction_width: Annotated[float, Meta(ge=0.002, le=0.2)] = 0.02
     """smooth: Coulomb * tanh(velocity / width) [rad/s]."""
-    presliding: Annotated[float, Meta(ge=1e-4, le=0.02)] = 0.001
+    presliding: Annotated[float, Meta(ge=1e-4, le=0.02)] = 0.0003
     """dahl: deflection at which friction is fully built up [rad]."""
     stribeck: Annotated[float, Meta(ge=1.0, le=2.0)] = 1.0
     """Friction just off rest, over Coulomb's."""

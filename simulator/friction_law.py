@@ -14,7 +14,7 @@ class FrictionLaw:
     kind: Kind = "smooth"
     width: float = 0.02
     """smooth: Coulomb * tanh(velocity / width) [rad/s]"""
-    presliding: float = 0.001
+    presliding: float = 0.0003
     """dahl: deflection at which friction is fully built up [rad]"""
     stribeck: float = 1.0
     """friction just off rest, over Coulomb's; 1: no rise"""

@@ -1,6 +1,7 @@
-"""A person's hand: holds joints through spring-dampers, pushes, guides, lets go, by script."""
+"""A person's hand: holds joints through spring-dampers, pushes, guides, lets go, and puts things
+into the arm's hand, by script."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -57,7 +58,15 @@ class Release(Act, frozen=True, kw_only=True, tag="release"):
     """Let go of everything."""
 
 
-AnyAct = Push | Hold | Guide | Release
+class Give(Act, frozen=True, kw_only=True, tag="give"):
+    """Put a mass [kg] into the arm's hand, at a place in the frame of the URDF's last link [m];
+    0 takes it away again."""
+
+    mass: NotNegative
+    com: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+AnyAct = Push | Hold | Guide | Release | Give
 Script = tuple[AnyAct, ...]
 
 
@@ -95,9 +104,14 @@ class Hand:
     """
 
     def __init__(
-        self, script: Sequence[AnyAct], names: Sequence[str], damping_limit: Vector
+        self,
+        script: Sequence[AnyAct],
+        names: Sequence[str],
+        damping_limit: Vector,
+        give: Callable[[Give], None] = lambda _: None,
     ) -> None:
-        """Raises ConfigurationError when the script names an unknown joint."""
+        """give: puts something into the arm's hand. Raises ConfigurationError when the script names
+        an unknown joint."""
         self._script = sorted(script, key=lambda act: act.at_s)
         self._index: Mapping[str, int] = {name: i for i, name in enumerate(names)}
         for act in self._script:
@@ -114,6 +128,7 @@ class Hand:
         self._stiffness, self._damping, self._strongest = np.zeros((3, n))
         self._pushing, self._scratch = np.zeros((2, n))
         self._holding = self._guiding = False
+        self._give = give
 
     @property
     def began(self) -> bool:
@@ -166,6 +181,9 @@ class Hand:
     def _start(self, act: AnyAct, t: float, q: Vector) -> None:
         if isinstance(act, Push):
             self._pushes.append((act, t))
+            return
+        if isinstance(act, Give):
+            self._give(act)
             return
         if isinstance(act, Release):
             for vector in (self._stiffness, self._damping, self._strongest, self._rate):
@@ -220,4 +238,6 @@ def _describe(act: AnyAct) -> str:
         return "hold " + ", ".join(act.joints)
     if isinstance(act, Guide):
         return "guide " + ", ".join(f"{name} to {goal:g} rad" for name, goal in act.to.items())
+    if isinstance(act, Give):
+        return f"give {act.mass:g} kg" if act.mass > 0.0 else "take what it carries"
     return "release"

@@ -11,6 +11,9 @@ cdef class Links:
     cdef double[:, ::1] _p, _z, _s, _w, _wd, _a, _F, _N, _h, _J, _M, _turned
     cdef double[::1] _mass, _m, _bias
 
+    cpdef void load(
+        self, Py_ssize_t i, double mass, double[::1] lever, double[:, ::1] inertia
+    ) noexcept
     cpdef void accelerate(
         self, double[::1] q, double[::1] q_dot, double[::1] tau, double[::1] out
     ) noexcept

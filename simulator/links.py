@@ -14,7 +14,7 @@ as it is; `links.pxd` names the types for the compiler, decision 0037.
 import numpy as np
 import pinocchio as pin
 
-from arrays import Vector, product
+from arrays import Matrix, Vector, product
 from elementary import cosine, sine
 
 
@@ -55,6 +55,15 @@ class Links:
         self._m, self._J = np.zeros(n + 1), np.zeros((n + 1, 6))
         self._M, self._bias = np.zeros((n, n)), np.zeros(n)
         self._turned = np.zeros((3, 3))
+
+    def load(self, i: int, mass: float, lever: Vector, inertia: Matrix) -> None:
+        """Make the body of joint i another: mass [kg], its centre (3,) [m] in the joint's frame,
+        and its inertia about that (3, 3) [kg m2]."""
+        self._mass[i] = mass
+        for row in range(3):
+            self._lever[i, row] = lever[row]
+            for c in range(3):
+                self._inertia[i, row, c] = inertia[row, c]
 
     def accelerate(self, q: Vector, q_dot: Vector, tau: Vector, out: Vector) -> None:
         """Write the accelerations (n,) at q, q_dot and joint torque tau, (n,) each, to out, which

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from arrays import Vector
+from arrays import Matrix, Vector
 from compiled import uncompiled
 from simulator.friction_law import FrictionLaw
 from simulator.links import Links
@@ -32,6 +32,10 @@ class ArticulatedBodies:
         """The model's own (3,)."""
         return self._model.gravity.linear
 
+    def load(self, i: int, mass: float, lever: Vector, inertia: Matrix) -> None:
+        """As that of `Links`."""
+        self._model.inertias[i + 1] = pin.Inertia(mass, lever, inertia)
+
     def accelerate(self, q: Vector, q_dot: Vector, tau: Vector, out: Vector) -> None:
         """As that of `Links`."""
         out[:] = pin.aba(self._model, self._data, q, q_dot, tau)
@@ -42,6 +46,15 @@ def links_of(model: pin.Model) -> Links:
     if "simulator.links" in uncompiled():
         return cast(Links, ArticulatedBodies(model))
     return Links(model)
+
+
+def last_link(model: pin.Model) -> pin.Frame:
+    """The frame of the URDF's last link."""
+    return [
+        frame
+        for frame in model.frames
+        if frame.parentJoint == model.njoints - 1 and frame.type == pin.FrameType.BODY
+    ][-1]
 
 
 class Plant:
@@ -75,6 +88,7 @@ class Plant:
         """tau_ext and tau_M (n,) [Nm]; views to write to before `advance`."""
         self._gear, self._friction = np.asarray(masses.gear), np.asarray(masses.friction)
         self._coulomb, self._viscous = np.asarray(masses.coulomb), np.asarray(masses.viscous)
+        self._hand = parameters.model.inertias[self.n].copy()
 
     @property
     def theta(self) -> Vector:
@@ -106,6 +120,15 @@ class Plant:
         """Make the friction of each joint, both sides, `factor` (n,) times its own from now on."""
         self._coulomb[:] = self.parameters.coulomb.reshape(2, self.n) * factor
         self._viscous[:] = self.parameters.viscous.reshape(2, self.n) * factor
+
+    def carry(self, mass: float, place: Vector) -> None:
+        """Have the hand carry a point mass [kg] from now on, at a place (3,) in the frame of the
+        URDF's last link [m], instead of what it carried; 0 takes that away."""
+        frame = last_link(self._model)
+        load = pin.Inertia(mass, frame.placement.act(np.array(place)), np.zeros((3, 3)))
+        body = self._hand + load if mass > 0.0 else self._hand
+        self._model.inertias[self.n] = body  # of `energy`, too
+        self.masses.links.load(self.n - 1, body.mass, body.lever.copy(), body.inertia.copy())
 
     def place(self, q: Vector, phi: Vector | None = None) -> None:
         """Put the arm at rest at q (n,), with phi (n,) or in the middle of its gaps."""

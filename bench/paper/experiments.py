@@ -3,11 +3,11 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import cycle
+from typing import Literal
 
 import msgspec
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
-from bench.study.population import FrictionModel
 from bench.study.recording import Recorder, Recording
 from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.commands.demo_story import Story, touch_of
@@ -47,7 +47,7 @@ class Conditions:
     """Conditions of the plant: the default mismatch, and a motor velocity that is a little off."""
 
     seed: int = 1
-    friction: FrictionModel = "smooth"
+    friction: Literal["smooth", "dahl"] = "smooth"
     exact: bool = False
     """the plant is what the model believes, and nothing is noisy"""
 

@@ -8,7 +8,7 @@ the same samples on the bus, count for count. The loop on link position is the c
 sinusoids that may stand still for a while.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -21,7 +21,7 @@ from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot
 from drivers.codec import MEASURED, SetpointEncoder, link_side
 from simulator.description import SimulationSettings
-from simulator.mismatch import true_parameters
+from simulator.mismatch import PlantParameters, true_parameters
 from simulator.plant import Plant
 from simulator.profile import PROFILE
 from simulator.sensors import Sensors
@@ -45,6 +45,8 @@ class Subject:
     """... once in this time, each in a phase of its own"""
     interpolates: bool = True
     """its drives reach each setpoint over a period; else they take it as a step"""
+    aged: Callable[[PlantParameters], PlantParameters] = lambda arm: arm
+    """what time has made of it"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +108,15 @@ class Push:
     torque: Vector
 
 
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """A point mass [kg] in the hand from a time on, at a place in the hand's frame (3,) [m]."""
+
+    at_s: float
+    mass: float
+    place: Vector
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """Motion and pushes of the arm from the moment it stands."""
@@ -113,6 +124,10 @@ class Scenario:
     seconds: float
     motion: Motion | Course
     pushes: tuple[Push, ...] = ()
+    carried: tuple[Carried, ...] = ()
+    """in the order of time"""
+    torque: Matrix | None = None
+    """on the links besides the pushes, a row for each tick (ticks, n) [Nm]"""
     phi: Vector | None = None
     """where the links are in their gaps when the drives are switched on [rad]; None: the middle"""
     settling_s: float = 1.5
@@ -173,7 +188,7 @@ class Harness:
         c = robot.configuration
         description = describe(robot, read_simulation(robot))
         self.period_s = c.period_s
-        self.parameters = true_parameters(description, settings)
+        self.parameters = subject.aged(true_parameters(description, settings))
         _displace(self.parameters.model, subject.displacement_m, settings.seed)
         self.plant = Plant(
             self.parameters,
@@ -251,7 +266,7 @@ def recordings(
     period_s, per_tick, n = harness.period_s, harness.per_tick, harness.plant.n
     ticks, drift = round(scenario.seconds / period_s), _Drift(subject, n)
     course = scenario.motion.course(ticks, period_s)
-    still = np.zeros((per_tick, n))
+    still, carried = np.zeros((per_tick, n)), list(scenario.carried)
     harness.plant.scale_friction(drift.at(scenario.begin_s))
     start, velocity = course.q[0], np.zeros(n)
     harness.plant.place(start, scenario.phi)
@@ -265,12 +280,16 @@ def recordings(
     for first in range(0, ticks, round(chunk_s / period_s)):
         chunk = range(first, min(first + round(chunk_s / period_s), ticks))
         external = _external(scenario.pushes, chunk.start * per_tick, len(chunk) * per_tick, n)
+        if scenario.torque is not None:
+            external += np.repeat(scenario.torque[chunk.start : chunk.stop], per_tick, axis=0)
         samples = np.empty((len(chunk), 4, n))
         phi, gear_torque = np.empty((2, len(chunk), per_tick, n))
         for row, tick in enumerate(chunk):
             t = tick * period_s
             if tick % 100 == 0:
                 harness.plant.scale_friction(drift.at(scenario.begin_s + t))
+            while carried and t >= carried[0].at_s:
+                harness.plant.carry(carried[0].mass, carried.pop(0).place)
             harness.period(external[row * per_tick : (row + 1) * per_tick])
             samples[row] = harness.sample()
             phi[row], gear_torque[row] = harness.phi, harness.gear_torque

@@ -1,7 +1,12 @@
 """The whole daemon behind its socket, in lockstep with the simulated arm, as clients meet it."""
 
+import fcntl
 import select
+import socket
+import sys
+import termios
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -29,20 +34,30 @@ class PatientSocket(ControlSocket):
     and must not be lost because this clock is faster than they are."""
 
     def publish(self, state: State) -> None:
-        """Publish as usual, once every reader has room."""
+        """Publish as usual, once every reader has room, and took what was published before; or
+        after READING_S of waiting: it may be asking something meanwhile."""
+        patient_until = time.monotonic() + READING_S
         for connection in self.readers:
+            while unread(connection.socket) and time.monotonic() < patient_until:
+                time.sleep(1e-5)
             select.select([], [connection.socket], [], _PATIENCE_S)
         super().publish(state)
 
 
-READING_S = 0.0005
+READING_S = 0.005
+TYPING_S = 0.03  # some ticks: in the same one, a request may be older than the stop before it
+
+
+def unread(connection: socket.socket) -> int:
+    """Bytes that were sent through a connection and not received yet."""
+    answer = fcntl.ioctl(connection.fileno(), termios.TIOCOUTQ, bytes(4))
+    return int.from_bytes(answer, sys.byteorder)
 
 
 @dataclass(slots=True)
 class ServedDaemon:
     """Service, loop and simulated arm; time passes by `tick` alone, every `idle_s` while no client
-    reads, and every READING_S while one does: it must keep up with an arm that is faster than its
-    time."""
+    reads, and as fast as it reads while one does."""
 
     rig: Rig
     service: Service
@@ -78,7 +93,7 @@ class ServedDaemon:
         thread.start()
         while thread.is_alive():
             self.tick()
-            thread.join(READING_S if self.service.control.readers else self.idle_s)
+            thread.join(0.0 if self.service.control.readers else self.idle_s)
         if errors:
             raise errors[0]
         return results[0]
@@ -90,7 +105,8 @@ class ServedDaemon:
         return reply
 
     def contactctl(self, *arguments: str) -> Result:
-        """Run `contactctl` as a person would type it."""
+        """Run `contactctl` as a person would type it, so not at once after another command."""
+        self.run(TYPING_S)
         result = self.until(
             lambda: CliRunner().invoke(
                 contactctl.main, ["--socket", str(self.path), *arguments], catch_exceptions=False

@@ -51,9 +51,12 @@ def joint_table(friction: str, by_name: dict[str, Score], c: Configuration) -> T
     shown.add_row("configured threshold", *(f"{j.thresholds.contact:.2f}" for j in c.joints))
     in_force = next(iter(by_name.values())).in_force_nm
     shown.add_row("in force in motion, median", *(_number(x) for x in in_force))
+    hidden = next(iter(by_name.values())).hidden_rest_nm
+    shown.add_row("hidden by friction at rest", *(_number(x) for x in hidden))
     rows = (
         ("lowest quiet threshold", "quiet_nm"),
         ("smallest step, in motion", "smallest_moving_nm"),
+        ("smallest step, while it turns", "smallest_turning_nm"),
         ("smallest step, at rest", "smallest_rest_nm"),
         ("rms error, engaged", "rms_nm"),
     )

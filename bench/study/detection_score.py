@@ -14,6 +14,7 @@ from bench.study.monte_carlo import Result
 from bench.study.scores import Detection, Trial
 from daemon.assembly import build_transmission
 from daemon.config.schema import Configuration
+from estimator.alarms import per_hour
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,9 +29,13 @@ class Score:
     quiet_nm: list[float]
     """lowest thresholds without an alarm"""
     smallest_moving_nm: list[float]
-    """step that is detected in every trial: by the residual that decides at its levels in force, by
-    the rivals at those thresholds"""
+    """step that is detected in every trial in which the joint moved all the while: by the residual
+    that decides at its levels in force, by the rivals at those thresholds"""
+    smallest_turning_nm: list[float]
+    """the same where the joint stood or turned meanwhile"""
     smallest_rest_nm: list[float]
+    hidden_rest_nm: list[float]
+    """the most of such a step that friction of the gear kept from the motor to its end"""
     in_force_nm: list[float]
     """threshold in force in motion after the work before, median over the arms"""
     missed_moving: int
@@ -68,10 +73,14 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
     return Score(
         hours=seconds / 3600.0,
         alarms=count,
-        alarms_per_hour=scores.per_hour(count, seconds),
+        alarms_per_hour=per_hour(count, seconds),
         quiet_nm=quiet.tolist(),
-        smallest_moving_nm=smallest(moving, variant, used, 2.0 * contact),
+        smallest_moving_nm=smallest([t for t in moving if t.moving], variant, used, 2.0 * contact),
+        smallest_turning_nm=smallest(
+            [t for t in moving if not t.moving], variant, used, 2.0 * contact
+        ),
         smallest_rest_nm=smallest(resting, variant, used, 2.0 * contact + 2.0 * stuck),
+        hidden_rest_nm=hidden(resting, 2.0 * contact + 2.0 * stuck),
         in_force_nm=level.tolist(),
         missed_moving=sum(f is None for f in moved),
         tried_moving=len(moved),
@@ -109,6 +118,15 @@ def smallest(
         if t.size <= largest[t.joint] * (1.0 + 1e-9):
             needed[t.joint].append(scores.size_needed(t, variant, float(threshold[t.joint])))
     return [max(sizes, default=math.nan) for sizes in needed]
+
+
+def hidden(trials: Sequence[Trial], largest: Vector) -> list[float]:
+    """Most of a step up to `largest` that never reached the motor, per joint [Nm]."""
+    held: list[list[float]] = [[] for _ in largest]
+    for t in trials:
+        if t.size <= largest[t.joint] * (1.0 + 1e-9):
+            held[t.joint].append(t.hidden)
+    return [max(sizes, default=math.nan) for sizes in held]
 
 
 def delays(found: Sequence[Detection]) -> tuple[float, float]:

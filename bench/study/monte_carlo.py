@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +27,19 @@ from bench.study.population import STEP_MS, Step, Touch
 from bench.study.scores import Errors, Trial
 from bench.study.world import Law
 from daemon.config.load import Robot, load_robot
+from daemon.config.schema import Configuration
+from estimator.alarms import count_alarms, quiet_threshold
 
+EARLIER = "backlash, one belief"
+"""The residual that decides, as it was before it learned, and before pre-slidings were a range."""
+EARLIER_BELIEF: Final[dict[str, Any]] = {"learning": False, "presliding": (0.0015, 0.0015)}
 Kind = Literal["free", "moving", "rest", "link"]
 Named = Literal["right", "further in", "further out", "cannot tell", "not felt"]
 """Verdict on the touched link of an estimate."""
+MOVING = 0.05
+"""[rad/s]"""
+SMOOTH = 10
+"""ticks over which a motor's torque is averaged"""
 GRACE_S = 1.0
 """Alarms count from here on: an arm that was just switched on is not armed yet."""
 
@@ -90,8 +99,16 @@ def run(job: Job) -> Result:
     found = estimates(estimator, recording)
     # Rivals have levels of their own, raised as if nothing was learned.
     unlearned = estimates(build(robot, learning=False, beside=(), **how), recording)
-    raised = np.array([found.threshold, *[unlearned.threshold] * (len(found.residuals) - 1)])
+    earlier = estimates(build(robot, beside=(), **how, **EARLIER_BELIEF), recording)
+    raised = np.array(
+        [
+            found.threshold,
+            *[unlearned.threshold] * (len(found.residuals) - 1),
+            earlier.threshold,
+        ]
+    )
     raised -= contact
+    found.residuals[EARLIER] = next(iter(earlier.residuals.values()))
     armed = recording.time_s > GRACE_S
     external = recording.mean(found.delay_s, recording.external)
     truth = scores.filtered(external, c.estimator.gain, c.period_s)
@@ -102,26 +119,26 @@ def run(job: Job) -> Result:
         names=tuple(found.residuals),
         alarms=np.array(
             [
-                scores.alarms(r[armed], contact + above[armed])
+                count_alarms(r[armed], contact + above[armed])
                 for r, above in zip(residuals, raised, strict=True)
             ]
         ),
         quiet=np.array(
             [
-                scores.quiet_threshold(r[armed], above[armed])
+                quiet_threshold(r[armed], above[armed])
                 for r, above in zip(residuals, raised, strict=True)
             ]
         ),
         level=level,
         errors=tuple(Errors.of(r - truth, touching & armed[:, np.newaxis]) for r in residuals),
-        trials=tuple(_trial(step, recording, found, raised) for step in steps),
+        trials=tuple(_trial(step, recording, found, raised, c) for step in steps),
         named=tuple(named_link(touch, recording, found) for touch in touches),
     )
 
 
 def _in_motion(recording: Recording, found: Estimates, otherwise: Vector) -> Vector:
     """Median of the level in force (n,) [Nm] while each joint moves, where it does for a second."""
-    moving = np.abs(recording.samples[:, 2]) > 0.05
+    moving = np.abs(recording.samples[:, 2]) > MOVING
     enough = np.count_nonzero(moving, axis=0) > 100
     chosen = np.where(moving | ~enough, found.threshold, np.nan)
     level: Vector = np.where(enough, np.nanmedian(chosen, axis=0), otherwise)
@@ -171,7 +188,13 @@ def named_link(touch: Touch, recording: Recording, found: Estimates) -> Named:
     return "right" if link == touch.joint else "further in" if link < touch.joint else "further out"
 
 
-def _trial(step: Step, recording: Recording, found: Estimates, raised: NDArray[Any]) -> Trial:
+def _trial(
+    step: Step,
+    recording: Recording,
+    found: Estimates,
+    raised: NDArray[Any],
+    c: Configuration,
+) -> Trial:
     """Cut the step out of the run."""
     per_tick, i = recording.per_tick, step.joint
     # SYNC k comes after per_tick * (k + 1) milliseconds.
@@ -189,7 +212,16 @@ def _trial(step: Step, recording: Recording, found: Estimates, raised: NDArray[A
         before=residuals[:, first - 1],
         raised=raised[:, ticks, i],
         travelled=apart[begin - step.onset_ms - 1] > 0,
+        hidden=abs(step.torque) - _reached(step, recording, first, c.joints[i].torque_constant),
+        moving=bool(np.abs(recording.samples[ticks, 2, i]).min() > MOVING),
     )
+
+
+def _reached(step: Step, recording: Recording, first: int, torque_constant: float) -> float:
+    """Torque [Nm] by which the motor holds against the step as it ends, over SMOOTH ticks."""
+    torque = -np.sign(step.torque) * torque_constant * recording.samples[:, 0, step.joint]
+    end = first + STEP_MS // recording.per_tick
+    return float(np.mean(torque[end - SMOOTH : end]) - np.mean(torque[first - SMOOTH : first]))
 
 
 T = TypeVar("T")

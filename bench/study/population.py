@@ -1,33 +1,19 @@
-"""Population of arms that are not the model's, and their motions and pushes, drawn from a seed.
-
-Every quantity is off by its whole percentage and only the sign is drawn, so each arm is a corner of
-what is allowed, not its middle.
-"""
+"""Motions, pushes and touches for arms of a population, drawn from a seed."""
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 import pinocchio as pin
 
 from arrays import Matrix, Vector
-from bench.rigs.arm_without_bus import Motion, Push, Subject
+from bench.rigs.arm_without_bus import Motion, Push
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
-from simulator.description import Mismatch, SimulationSettings
 
-FrictionModel = Literal["smooth", "dahl"]
-FRICTION_MODELS: Final[tuple[FrictionModel, ...]] = ("smooth", "dahl")
-
-MISMATCH: Final = Mismatch(
-    mass=5, center_of_mass=0, friction=20, torque_constant=3, half_gap=10, rotor_inertia=10
-)
 DISPLACEMENT_M: Final = 0.005
 LATENCY_MS: Final = 1.0
 """at most, of the link encoder; the model does not know"""
-DRIFT: Final = 0.05
-"""of friction, on top of its mismatch"""
-
 VELOCITY_SCALE_ERROR: Final = 0.002
 VELOCITY_BIAS: Final = 0.001
 """[rad/s], 0.02 % of a full scale of 5 rad/s; both of motor velocities that are integrated"""
@@ -37,16 +23,8 @@ CLEARANCE: Final = 0.1
 """[rad] between the motion and the joint limits"""
 
 
-def subject(robot: Robot, friction: FrictionModel, seed: int, **changes: float) -> Subject:
-    """One arm of the population; `changes` go to its SimulationSettings."""
-    rng = np.random.default_rng((seed, 10))
-    values = {"link_latency_ms": float(rng.uniform(0.0, LATENCY_MS)), **changes}
-    settings = SimulationSettings(seed=seed, mismatch=MISMATCH, friction=friction, **values)
-    return Subject(robot=robot, settings=settings, displacement_m=DISPLACEMENT_M, drift=DRIFT)
-
-
 def velocity_errors(rng: np.random.Generator) -> dict[str, float]:
-    """Errors of the motor velocity, for `subject`: one sign each."""
+    """Errors of the motor velocity, for SimulationSettings: one sign each."""
     of_scale, of_bias = rng.choice((-1.0, 1.0), 2).tolist()
     return {
         "velocity_scale_error": of_scale * VELOCITY_SCALE_ERROR,

@@ -1,7 +1,4 @@
-"""Scores of residuals: alarms, thresholds, delays, smallest steps. Pure.
-
-A residual alarms where |r| exceeds its threshold plus the raise near rest that stiction asks for.
-"""
+"""Scores of residuals in trials: delays, smallest steps, errors. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,19 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
-
-
-def alarms(residual: Matrix, threshold: Matrix | Vector) -> NDArray[np.int64]:
-    """Number of times (n,) that each joint goes beyond its threshold: stretches, not ticks."""
-    beyond = np.abs(residual) > threshold
-    begins = beyond & ~np.vstack((np.zeros_like(beyond[:1]), beyond[:-1]))
-    return np.asarray(np.count_nonzero(begins, axis=0))
-
-
-def quiet_threshold(residual: Matrix, raised: Matrix) -> Vector:
-    """The lowest threshold (n,) that, with its raise, is never exceeded [Nm]."""
-    lowest: Vector = np.maximum(np.max(np.abs(residual) - raised, axis=0), 0.0)
-    return lowest
 
 
 def filtered(external: Matrix, gain: float, period_s: float) -> Matrix:
@@ -55,6 +39,10 @@ class Trial:
     """(variants, ticks), of the threshold: in force less configured"""
     travelled: NDArray[np.bool_]
     """(ticks,): link and rotor were apart at some time since the onset"""
+    hidden: float
+    """[Nm] of the step that did not reach the motor until its end: friction of the gear held it"""
+    moving: bool
+    """the joint moved all the while: it neither stood nor turned"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,10 +95,6 @@ class Errors:
         """(n,); 0 where nothing was chosen."""
         mean: Vector = np.sqrt(self.squares / np.maximum(self.count, 1))
         return mean
-
-
-def per_hour(count: float, seconds: float) -> float:
-    return 3600.0 * count / seconds
 
 
 def percentile(values: Sequence[float], share: float) -> float:

@@ -1,8 +1,9 @@
 """Population of arms as wide as the world: what nobody identified, or what has changed since.
 
-Like the arms of `population`, but friction is 40 % off, and then drifts by 20 % in ten minutes; it
-is smooth, Dahl's, or LuGre's with a rise near rest of up to 30 %; its pre-sliding is anything from
-0.1 to 2 mrad, the gear's stiffness from 300 to 4000 Nm/rad; some drives take setpoints as steps.
+Every quantity of MISMATCH is off by its whole percentage and only the sign is drawn, so each arm is
+a corner of what is allowed, not its middle. Friction drifts by 20 % in ten minutes, too; it is
+smooth, Dahl's, or LuGre's with a rise near rest of up to 30 %; its pre-sliding is anything from 0.1
+to 2 mrad, the gear's stiffness from 300 to 4000 Nm/rad; some drives take setpoints as steps.
 """
 
 from typing import Final, Literal

@@ -141,9 +141,10 @@ def begin(options: dict[str, Any]) -> Iterator[Callable[[dict[str, Any]], dict[s
         wire = QueueWire(near)
         tick = build_tick(robot, wire, clock.now, TRUSTED)
         realtime = go_realtime()
+        process = Process(robot, os.getpid(), realtime)
         loop = Loop(tick, clock, 1.0 / hz)
         boot = build_boot(robot, wire)  # of no use: nothing is asked of the drives
-        service = Service(Process(robot, os.getpid(), realtime), loop, control, Notifier(), boot)
+        service = Service(process, loop, control, Notifier(), boot)
         figures: list[tuple[float, ...]] = []
         begun = time.thread_time()
 

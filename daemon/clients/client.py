@@ -135,6 +135,17 @@ class Client:
         """
         return self.ask(Request("renew", lease_s=_a_lease(lease_s)))
 
+    def payload(
+        self, mass: float | None = None, com: Sequence[float] | None = None, *, name: str = ""
+    ) -> Reply:
+        """Tell what the hand carries: a mass [kg] with its centre `com` (3,) [m] in the frame of
+        the URDF's last link (by default the tool point), or the `name` of one in the configuration;
+        neither, or 0 kg: nothing. The answer may be a refusal."""
+        if name:
+            return self.ask(Request("payload", name=name))
+        place = None if com is None else list(com)
+        return self.ask(Request("payload", mass=mass or 0.0, com=place))
+
     def load_trajectory(
         self,
         joints: Sequence[str],
@@ -266,10 +277,11 @@ def _connect(path: Path, timeout_s: float) -> socket.socket:
                 return connection
     except OSError as error:
         connection.close()
-        raise UnreachableError(_why_unreachable(path, error)) from error
+        raise UnreachableError(why_unreachable(path, error)) from error
 
 
-def _why_unreachable(path: Path, error: OSError) -> str:
+def why_unreachable(path: Path, error: OSError) -> str:
+    """Reason why the daemon's socket at `path` cannot be connected to, in words for a person."""
     match error:
         case FileNotFoundError() | ConnectionRefusedError():
             return f"no contactd serves {path}: is it running? (systemctl status contactd)"

@@ -51,7 +51,9 @@ class Layout:
     def recorded(self, states: Sequence[State]) -> Columns:
         """Estimated fields of these States."""
         columns: Columns = {
-            field: self._matrix([getattr(state, field) for state in states]) for field in ESTIMATED
+            field: self._matrix([getattr(state, field) or () for state in states])
+            for field in ESTIMATED
+            if getattr(states[0], field) is not None  # recorded before there was such a field
         }
         links = {name: link for link, name in enumerate(self.joints)} | {"": NO_LINK}
         variants = set(self.beside)

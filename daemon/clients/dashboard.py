@@ -4,7 +4,6 @@ They are made from messages alone: nothing here reads a socket, a clock or a ter
 fits 100 x 30 characters, and 80 x 24 with narrower bars.
 """
 
-import pwd
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,7 +13,9 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.clients.felt import felt_lines
+from daemon.clients.payload import payload_in_words
 from daemon.clients.sensed import lost_samples, not_sensing, sensing_for_s
+from daemon.clients.user_names import user_name
 from daemon.modes.table import Mode
 from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Check, Grant, Snapshot, State, Status, Trajectory
@@ -224,6 +225,12 @@ def status_view(status: Status) -> RenderableType:
     table.add_row("arming needs", _checks(status.checks))
     table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
     table.add_row("trajectory", Text(_trajectory(status.trajectory)))
+    if status.gears:
+        table.add_row("gears", Text("\n".join(status.gears), "yellow"))
+    if status.hand:
+        table.add_row("payload", Text(payload_in_words(status)))
+    if status.recognised:
+        table.add_row("", Text(status.recognised, "yellow"))
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
     work = f"work at most {status.work_max_us / 1e3:.2f} ms"
     table.add_row("loop", f"{status.ticks} ticks, {missed}, {work}")
@@ -250,18 +257,12 @@ def _permission(status: Status) -> Text:
         return Text("not armed")
     text = Text("armed", "bold bright_cyan")
     if permit := status.permit:
-        user = _user_name(permit.uid)
+        user = user_name(permit.uid)
+        behalf = f" on behalf of {permit.on_behalf_of}" if permit.on_behalf_of else ""
         more = "" if permit.detached else ", while its program says so"
         left = in_words(permit.left_s)
-        text.append(f" by {user} (pid {permit.pid}) for another {left}{more}", "not bold")
+        text.append(f" by {user} (pid {permit.pid}){behalf} for another {left}{more}", "not bold")
     return text
-
-
-def _user_name(uid: int) -> str:
-    try:
-        return pwd.getpwuid(uid).pw_name
-    except KeyError:
-        return f"uid {uid}"
 
 
 def _checks(checks: list[Check]) -> Text:

@@ -3,13 +3,12 @@
 In batches of consecutive States: decoded, turned into arrays, stepped through, compared as arrays.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Final
 
-from daemon.assembly import build_estimator
 from daemon.clients.columns import Columns, Layout, first_difference
 from daemon.clients.recorder import read_log
 from daemon.config.load import parse_configuration
@@ -18,11 +17,23 @@ from daemon.protocol.messages import Snapshot, State
 from errors import LogError
 from estimator.estimator import Estimator
 
-SAME_ESTIMATOR = 4
+SAME_ESTIMATOR = 5
 """Format from which on the estimator computes what it does now: those before believed something
-else of friction near rest, and did not learn."""
+else of friction near rest, or learned otherwise."""
+
+_UNKNOWN: Final = object()  # payload before the first State
 
 BATCH: Final = 32  # States at once; of more, the decoded ones leave the processor's cache
+
+
+def incomparable(snapshot: Snapshot) -> str:
+    """Reason why nothing after such a snapshot is compared; follows the file's name."""
+    if not snapshot.memory:
+        return "is made of the frames of a black box: there was no estimate to compare with"
+    return (
+        f"is of format {snapshot.format}, by {snapshot.program}, whose estimator computed "
+        "something else: replay it with that version"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +55,7 @@ class Replay:
     stretches: int
     difference: Difference | None
     broken: str  # reason why the recording ends early; empty if it is whole
+    older: str = ""  # reason why nothing is compared; empty if it can be
 
     @property
     def identical(self) -> bool:
@@ -51,28 +63,40 @@ class Replay:
         return self.difference is None and self.states > 0
 
 
-def replay(path: Path) -> Replay:
+def replay(
+    path: Path,
+    heed: Callable[[Snapshot | list[State]], None] = lambda batch: None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Replay:
     """Compare every State of `path` with what the present estimator makes of its samples.
 
+    `heed` gets all that is read. Of an estimator that computed something else nothing is compared.
     Raises LogError if there is nothing to read; a recording that breaks off is compared up to
     there.
     """
-    run = _Run(path)
-    broken = ""
+    run = _Run()
+    broken, read = "", 0
     try:
-        for batch in batches(path):
+        for batch in batches(path, progress):
+            heed(batch)
             if isinstance(batch, Snapshot):
                 run.restart(batch)
             else:
+                read += len(batch)
                 run.compare(batch)
     except LogError as error:
-        if not run.states:
+        if not read:
             raise
         broken = str(error)
-    return Replay(run.states, run.skipped, run.stretches, run.difference, broken)
+    if not read:
+        raise LogError(f"{path} is a recording without any state")
+    older = f"{path} {run.older}" if run.older else ""
+    return Replay(run.states, run.skipped, run.stretches, run.difference, broken, older)
 
 
-def batches(path: Path) -> Iterator[Snapshot | list[State]]:
+def batches(
+    path: Path, progress: Callable[[float], None] = lambda share: None
+) -> Iterator[Snapshot | list[State]]:
     """Snapshots of a recording, and what lies between them in batches.
 
     Raises LogError like `read_log`, after all that came whole.
@@ -80,7 +104,7 @@ def batches(path: Path) -> Iterator[Snapshot | list[State]]:
     states: list[State] = []
     broken: LogError | None = None
     try:
-        for message in read_log(path):
+        for message in read_log(path, progress):
             if isinstance(message, State):
                 states.append(message)
             if states and (message is not states[-1] or len(states) == BATCH):
@@ -97,21 +121,23 @@ def batches(path: Path) -> Iterator[Snapshot | list[State]]:
 
 
 class _Run:
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self) -> None:
+        self.older = ""
         self.states = self.skipped = self.stretches = 0
         self.difference: Difference | None = None
         self._estimator: Estimator | None = None
         self._layout = Layout((), ())
         self._tick = -1
         self._mode = ""
+        self._payload: object = _UNKNOWN
 
     def restart(self, snapshot: Snapshot) -> None:
-        if snapshot.format < SAME_ESTIMATOR:
-            raise LogError(
-                f"{self._path} is of format {snapshot.format}, by {snapshot.program}, whose "
-                "estimator computed something else: replay it with that version"
-            )
+        self._estimator = None
+        if self.older or snapshot.format < SAME_ESTIMATOR or not snapshot.memory:
+            self.older = self.older or incomparable(snapshot)
+            return
+        from daemon.assembly import build_estimator  # noqa: PLC0415 - loads pinocchio
+
         configuration = parse_configuration(
             snapshot.configuration, "the recorded configuration", snapshot.identified
         )
@@ -130,6 +156,7 @@ class _Run:
             ) from error
         beside = tuple(variant.name for variant in configuration.estimator.beside)
         self._layout = Layout(joints, beside)
+        self._payload = _UNKNOWN
         self._tick, self._mode = snapshot.tick, ""
         self.stretches += 1
 
@@ -137,15 +164,24 @@ class _Run:
         whole = self._without_gap(states)
         self.skipped += len(states) - len(whole)
         if self._estimator is not None and whole:
-            samples = self._layout.samples(whole)
-            made = self._estimator.run(samples, self._resets(whole))
-            self.states += len(whole)
-            self._tick, self._mode = whole[-1].tick, whole[-1].mode
-            if self.difference is None:
-                self.difference = self._first_difference(whole, self._layout.replayed(made))
+            for _, same in groupby(whole, lambda s: (s.payload, s.recognised is None)):
+                self._step(self._estimator, list(same))
         if len(whole) < len(states):
             # The estimator's memory of the gap is lost until the next snapshot.
             self._estimator = None
+
+    def _step(self, estimator: Estimator, states: list[State]) -> None:
+        """Compare States of one payload, in which something is learned, or nothing."""
+        if (payload := states[0].payload) != self._payload:
+            estimator.carry(payload)
+            self._payload = payload
+        estimator.freeze_learning(states[0].recognised is not None)
+        samples = self._layout.samples(states)
+        made = estimator.run(samples, self._resets(states))
+        self.states += len(states)
+        self._tick, self._mode = states[-1].tick, states[-1].mode
+        if self.difference is None:
+            self.difference = self._first_difference(states, self._layout.replayed(made))
 
     def _without_gap(self, states: list[State]) -> list[State]:
         """The States that follow on the last one, up to the first gap."""

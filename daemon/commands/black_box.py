@@ -10,6 +10,7 @@ from daemon.service.black_box import (
     new_log,
     ring_path,
     save_left_over,
+    write_context,
     write_log,
 )
 from drivers.can.frame_ring import read_frames
@@ -30,6 +31,7 @@ def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -
         raise LogError(f"{path}: no frames are kept there; does the daemon run, with this socket?")
     frames = read_frames(path)
     target = write_log(frames, output or new_log(directory))
+    write_context(path, target)
     seconds = frames[-1].time_s - frames[0].time_s if frames else 0.0
     click.echo(f"{len(frames)} frames, {seconds:.1f} s: {target}")
 

@@ -208,6 +208,58 @@ def gain(options: Options, joint: str | None, value: float | None) -> None:
         click.echo(f"{name:16} {k:g}")
 
 
+@main.command(context_settings={"ignore_unknown_options": True})
+@click.argument("what", required=False, metavar="[MASS|NAME|none]")
+@click.option(
+    "--com",
+    nargs=3,
+    type=float,
+    metavar="X Y Z",
+    help="Centre of the mass in the frame of the URDF's last link, in m; without it, the point "
+    "that `status` calls the tool.",
+)
+@click.pass_obj
+def payload(options: Options, what: str | None, com: tuple[float, float, float] | None) -> None:
+    """Tell what the hand carries, by its mass in kg or its name in the configuration, or `none`.
+
+    From the next tick on the model counts it, taken for a point: contacts are felt as without it.
+    Without an argument: what was told, and which names there are. Refused while somebody guides the
+    arm, and where the motors could not hold it. Forgotten when the daemon ends.
+    """
+    from daemon.protocol.messages import Request
+
+    if what is None:
+        if com is not None:
+            raise click.UsageError("--com belongs to a mass")
+        _show_payload(options)
+        return
+    try:
+        mass = float(what)
+    except ValueError:
+        if com is not None:
+            raise click.UsageError(f"--com belongs to a mass in kg, {what!r} is a name") from None
+        request = Request("payload", name=what)
+    else:
+        if not math.isfinite(mass):
+            raise click.UsageError(f"{what} is not a mass")
+        request = Request("payload", mass=mass, com=None if com is None else list(com))
+    with options.connect() as client:
+        answer(options, client.ask(request))
+
+
+def _show_payload(options: Options) -> None:
+    with options.connect() as client:
+        found = client.ask_status()
+    if options.json:
+        print_json({"payload": found.payload, "hand": found.hand, "payloads": found.payloads})
+        return
+    from daemon.clients.payload import payload_in_words
+
+    click.echo(payload_in_words(found))
+    for one in found.payloads:
+        click.echo(f"  {one}")
+
+
 @main.command()
 @click.pass_obj
 def status(options: Options) -> None:
@@ -223,6 +275,26 @@ def status(options: Options) -> None:
 
     # Nothing is cut off where the output goes to a file.
     Console(width=None if sys.stdout.isatty() else 120).print(status_view(found))
+
+
+@main.command()
+@click.option(
+    "--directory",
+    type=PATH,
+    metavar="DIR",
+    help="State directory of the daemon, where it is not the usual one.",
+)
+@click.option("--plot", type=PATH, metavar="FILE.png", help="Draw the days into a new file.")
+@click.pass_obj
+def health(options: Options, directory: Path | None, plot: Path | None) -> None:
+    """Show how the gears age: each joint against the days when it was identified.
+
+    From the records that the daemon writes each day; it need not run. Exit status 1 if something is
+    to be said of a joint, 65 if there are no records.
+    """
+    from daemon.commands.health import show_health
+
+    sys.exit(show_health(directory, plot, as_json=options.json))
 
 
 @main.command()
@@ -261,3 +333,7 @@ def record(options: Options, file: Path, seconds: float | None) -> None:
     ended = (record_csv if as_csv else record_states)(options, file, seconds, lambda: bool(signals))
     if ended:
         raise UnreachableError(ended)
+
+
+if __name__ == "__main__":
+    main(prog_name="contactctl")

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from compiled import refuse_stale
+from daemon.commands import recordings
 from daemon.commands.options import PATH, Range
 from errors import ContactdError, ProgramError
 
@@ -138,25 +139,25 @@ def simulate(
     show_default=True,
     help="Length of the demonstration.",
 )
-def demo(as_json: bool, seconds: float) -> None:
+@click.option("--record", "file", type=PATH, metavar="FILE.mcap", help="Record it to a new file.")
+@click.option("--web", is_flag=True, help="Show it on the page, too, and print its address.")
+@click.option(
+    "--web-port",
+    type=click.IntRange(0, 65535),
+    default=8420,
+    show_default=True,
+    help="Port of the page; 0 takes a free one.",
+)
+def demo(as_json: bool, seconds: float, file: Path | None, web: bool, web_port: int) -> None:
     """The paper's third experiment: a hand pushes, guides and lets go of a simulated Romeo arm.
 
-    Simulator and daemon are two processes that speak CANopen in real time. Exit status 0 only if
-    the story happened.
+    Simulator and daemon are two processes that speak CANopen in real time; the page is a third.
+    Exit status 0 only if the story happened.
     """
     from daemon.commands.demo import run_demo
 
-    sys.exit(0 if run_demo(as_json=as_json, seconds=seconds) else 1)
-
-
-@main.command()
-@click.argument("file", type=PATH)
-@click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON.")
-def replay(file: Path, as_json: bool) -> None:
-    """Run the estimator over a recording again and say whether its output is bit-identical."""
-    from daemon.commands.replay import print_replay
-
-    sys.exit(0 if print_replay(file, as_json=as_json) else 1)
+    port = web_port if web else None
+    sys.exit(0 if run_demo(as_json=as_json, seconds=seconds, file=file, page_port=port) else 1)
 
 
 @main.command("black-box")
@@ -253,6 +254,10 @@ def thresholds(seconds: float, per_hour: float, **asked: Any) -> None:
     """Move all joints, without contact: levels from the residuals."""
     with _begin(**asked) as identification:
         sys.exit(0 if identification.thresholds(seconds, per_hour) else 1)
+
+
+for command in recordings.COMMANDS:
+    main.add_command(command)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,8 @@ from daemon.clients.client import Client
 from daemon.clients.dashboard import Dashboard, History
 from daemon.commands.demo_story import Story, touch_of
 from daemon.config.load import load_robot
+from daemon.new_file import refuse_suffix, refuse_unless_new
+from daemon.protocol.doors import view_socket_path
 from daemon.protocol.messages import Snapshot, State
 from errors import ContactdError, ControlError
 
@@ -43,10 +45,18 @@ class _Run:
     history: History = field(default_factory=History)
 
 
-def run_demo(*, as_json: bool, seconds: float) -> bool:
-    """Play the third experiment; True if the story happened. Raises ContactdError."""
+def run_demo(
+    *, as_json: bool, seconds: float, file: Path | None = None, page_port: int | None = None
+) -> bool:
+    """Play the third experiment, recorded to a new file if one is named; True if the story
+    happened. With `page_port` the page shows it, and a person at a terminal begins and ends it.
+    Raises ContactdError."""
+    if file is not None:
+        refuse_suffix(file, (".mcap",))
+        refuse_unless_new(file)
     robot = load_robot(ROBOT)
-    live = sys.stdout.isatty() and not as_json
+    person = sys.stdout.isatty() and sys.stdin.isatty() and not as_json
+    live = sys.stdout.isatty() and not as_json and page_port is None
     console = Console()
     run = _Run()
     with tempfile.TemporaryDirectory(prefix="contactd-demo-") as folder:
@@ -57,9 +67,15 @@ def run_demo(*, as_json: bool, seconds: float) -> bool:
             _process("simulate", ROBOT, "--port", port, "--hand", HAND, out=subprocess.PIPE) as sim,
             _listening(sim),
             _process("run", ROBOT, "--port", port, "--socket", door, err=log_file) as daemon,
+            _page(door, page_port),
         ):
             try:
-                _play(daemon, door, run, seconds, console if live else None)
+                if person and page_port is not None:
+                    click.pause("open it in a browser; any key begins the story", err=True)
+                with _recorded(daemon, door, file):
+                    _play(daemon, door, run, seconds, console if live else None)
+                if person and page_port is not None:
+                    click.pause("the page is still there; any key ends it", err=True)
             except ContactdError as error:
                 raise ControlError(f"{error}\n{log.read_text()}".rstrip()) from error
             daemon.send_signal(signal.SIGTERM)
@@ -74,6 +90,8 @@ def run_demo(*, as_json: bool, seconds: float) -> bool:
         click.echo(json.dumps(report))
     else:
         _print_report(console, story, report["pass"], ended=daemon_ended)
+        if file is not None:
+            console.print(f"recorded: {file} (`contactd plot {file}`)", soft_wrap=True)
     return bool(report["pass"])
 
 
@@ -97,6 +115,28 @@ def _play(
             orders.demand("disarm")
             orders.demand("stop")
             _advance(watch, run, 0.5)
+
+
+@contextlib.contextmanager
+def _recorded(daemon: subprocess.Popen[str], door: Path, file: Path | None) -> Iterator[None]:
+    """Record everything that happens in the block, by `contactctl record` in its own process."""
+    if file is None:
+        yield
+        return
+    with _connect(daemon, door) as client:
+        _patiently(client)  # it can be recorded from here on
+    with _process(
+        "--socket", door, "record", file, of="contactctl", out=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        deadline = time.monotonic() + START_PATIENCE_S
+        while not file.exists():
+            if process.poll() is not None or time.monotonic() > deadline:
+                raise ControlError(f"{file} was not recorded")
+            time.sleep(0.02)
+        yield
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=END_PATIENCE_S)
 
 
 def _advance(watch: Iterator[State], run: _Run, seconds: float) -> None:
@@ -156,11 +196,33 @@ def _patiently(stream: Client) -> tuple[Snapshot, Iterator[State]]:
 
 
 @contextlib.contextmanager
+def _page(door: Path, port: int | None) -> Iterator[None]:
+    """The page of the daemon at `door`, while the block lasts; its first line is its address. None
+    without a port."""
+    if port is None:
+        yield
+        return
+    with _process(
+        "--port", port, view_socket_path(door), of="contactd_web", out=subprocess.PIPE
+    ) as page:
+        assert page.stdout is not None
+        address = page.stdout.readline().strip()
+        if not address:
+            raise ControlError("the page did not start")
+        click.echo(address, err=True)
+        yield
+
+
+@contextlib.contextmanager
 def _process(
-    *arguments: object, out: int | None = None, err: IO[str] | None = None
+    *arguments: object,
+    of: str = "contactd",
+    out: int | None = None,
+    err: IO[str] | None = None,
 ) -> Iterator[subprocess.Popen[str]]:
-    """Process `contactd ...`, ended at the end of the block whatever happens."""
-    command = [sys.executable, "-m", "daemon.commands.contactd", *map(str, arguments)]
+    """Process `contactd ...`, or another `of` our commands, ended at the end of the block whatever
+    happens."""
+    command = [sys.executable, "-m", f"daemon.commands.{of}", *map(str, arguments)]
     with subprocess.Popen(command, stdout=out, stderr=err, text=True) as process:
         try:
             yield process

@@ -8,12 +8,14 @@ from pathlib import Path
 from daemon.config.bounds import beyond
 from daemon.config.counts import unrepresentable
 from daemon.config.problem import Problem, at
-from daemon.config.schema import Configuration, drive_of
+from daemon.config.schema import NO_PAYLOAD, Configuration, drive_of
+from daemon.config.worst_loads import Carrying
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import DriveSetup, problems
 from drivers.can.bus_load import refuse_overload
 from errors import ConfigurationError, ModelError
 from estimator.model import Model
+from estimator.payload import Payload
 
 
 def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[Problem]:
@@ -31,7 +33,11 @@ def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[
         *_urdf(configuration, urdf),
     ]
     # What is computed from many fields can only be where each is right.
-    return findings or [*beyond(configuration, urdf), *_load(configuration)]
+    return findings or [
+        *beyond(configuration, urdf),
+        *_load(configuration),
+        *_payloads(configuration, urdf),
+    ]
 
 
 def _names_and_nodes(c: Configuration) -> Iterator[Problem]:
@@ -202,6 +208,28 @@ def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
                 f"[{joint.limits.lower:g}, {joint.limits.upper:g}] goes beyond the URDF's "
                 f"[{lower:g}, {upper:g}] rad",
             )
+
+
+def _payloads(c: Configuration, urdf: str) -> Iterator[Problem]:
+    if not c.payloads:
+        return
+    model, carrying = Model(urdf, c.joint_names), Carrying(c, urdf)
+    for name, entry in c.payloads.items():
+        keys: list[str | int] = ["payloads", name]
+        where = f"payloads.{name}"
+        if name == NO_PAYLOAD or _is_number(name):
+            yield Problem(keys, where, "a name that `contactctl payload` takes for something else")
+        com = model.tool_place.tolist() if entry.com is None else entry.com
+        for reason in carrying.too_heavy(Payload.of(entry.mass, com)):
+            yield Problem([*keys, "mass"], f"{where}.mass", reason)
+
+
+def _is_number(name: str) -> bool:
+    try:
+        float(name)
+    except ValueError:
+        return False
+    return True
 
 
 def _load(c: Configuration) -> Iterator[Problem]:

@@ -9,6 +9,7 @@ from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.motion.admittance import MAX_GAIN
 from drivers.drive import Drive
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
+from estimator.payload import Mass, Place
 from estimator.settings import EstimatorSettings
 
 Positive = Annotated[float, Meta(gt=0)]
@@ -155,6 +156,19 @@ class FaultSettings(Settings, frozen=True):
     residual_margin: Annotated[float, Meta(gt=1, le=100)] = 4.0  # times thresholds.collision
 
 
+NO_PAYLOAD = "none"
+"""Not the name of a payload: `contactctl payload none` takes it off."""
+
+
+class PayloadEntry(Settings, frozen=True):
+    """Something that the hand may carry, for `contactctl payload NAME`. Without a place it is at
+    the tool point, which `contactctl status` names."""
+
+    mass: Mass  # [kg]
+    # centre of mass in the frame of the URDF's last link [m]
+    com: tuple[Place, Place, Place] | None = None
+
+
 class Configuration(Settings, frozen=True):
     """One arm, as `config.yaml` describes it."""
 
@@ -173,6 +187,7 @@ class Configuration(Settings, frozen=True):
     reactions: ReactionSettings = ReactionSettings()
     trajectory: Trajectory = Trajectory()
     supervisor: FaultSettings = FaultSettings()
+    payloads: dict[Name, PayloadEntry] = msgspec.field(default_factory=dict)  # by name
 
     @property
     def period_s(self) -> float:

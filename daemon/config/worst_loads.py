@@ -1,13 +1,17 @@
-"""Worst case of a configuration: gravity and inertia at each joint, beside what its motor gives."""
+"""Worst case of a configuration: gravity and inertia at each joint, and what a payload adds, beside
+what its motor gives."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from arrays import Matrix
 from daemon.config.schema import Configuration, Joint
 from estimator.model import Model
+from estimator.payload import Payload
 
 _POSES = 2000
+_NO_LEVER = 1e-9  # [Nm/kg]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,20 +35,61 @@ def worst_loads(c: Configuration, urdf: str) -> list[Load]:
     The poses are random, always the same; the true maximum is up to some per cent more.
     """
     model = Model(urdf, c.joint_names)
-    lower = np.array([joint.limits.lower for joint in c.joints])
-    upper = np.array([joint.limits.upper for joint in c.joints])
-    span = upper - lower
-    # Half of the coordinates are at a limit, where an arm that cannot reach out further is worst.
-    drawn = np.random.default_rng(0).uniform(
-        lower - 0.5 * span, upper + 0.5 * span, (_POSES, model.n)
-    )
-    poses = np.clip(drawn, lower, upper)
+    poses = _poses(c)
     gravity = np.max([np.abs(model.gravity(q)) for q in poses], axis=0)
     inertia = np.max([model.inertia(q) for q in poses], axis=0)
     return [
         Load(float(g), peak_torque(joint), float(i))
         for g, i, joint in zip(gravity, inertia, c.joints, strict=True)
     ]
+
+
+class Carrying:
+    """What the motors can carry: gravity on an arm's joints in many poses, with a payload or
+    without, beside the torques of its motors."""
+
+    def __init__(self, c: Configuration, urdf: str) -> None:
+        model = Model(urdf, c.joint_names)
+        poses = _poses(c)
+        self._names = c.joint_names
+        self._motor = np.array([peak_torque(joint) for joint in c.joints])
+        self._gravity = np.array([model.gravity(q) for q in poses])  # (poses, n)
+        torques = [model.payload_torques(q, model.down) for q in poses]
+        self._by_mass = np.array([one for one, _ in torques])  # (poses, n)
+        self._by_place = np.array([other for _, other in torques])  # (poses, n, 3)
+
+    def too_heavy(self, payload: Payload) -> list[str]:
+        """Reasons why the motors cannot hold the arm with a payload in every pose within the
+        limits: each joint that is too weak, and what they can hold there; empty if they can."""
+        per_kg = self._by_mass + self._by_place @ np.array(payload.com)
+        least = self._holds(per_kg)
+        torque = np.abs(self._gravity - payload.mass * per_kg).max(axis=0)
+        at_most = f"at most {0.01 * int(100.0 * least):g} kg" if least >= 0.01 else "nothing"
+        weak = [
+            f"{name} would need up to {needed:.1f} Nm for {payload.mass:.3g} kg, its motor gives "
+            f"{gives:.1f} Nm"
+            for name, needed, gives in zip(self._names, torque, self._motor, strict=True)
+            if needed > gives
+        ]
+        return [*weak, f"too heavy: the motors can hold {at_most} there"] if weak else []
+
+    def _holds(self, per_kg: Matrix) -> float:
+        """Heaviest mass [kg] at a place where each kg makes such torques (poses, n) [Nm]."""
+        room = np.maximum(self._motor - np.sign(-per_kg) * self._gravity, 0.0)
+        size = np.abs(per_kg)
+        return float(np.min(np.where(size > _NO_LEVER, room / np.maximum(size, _NO_LEVER), np.inf)))
+
+
+def _poses(c: Configuration) -> Matrix:
+    """Poses (poses, n) within the limits [rad]."""
+    lower = np.array([joint.limits.lower for joint in c.joints])
+    upper = np.array([joint.limits.upper for joint in c.joints])
+    span = upper - lower
+    # Half of the coordinates are at a limit, where an arm that cannot reach out further is worst.
+    drawn = np.random.default_rng(0).uniform(
+        lower - 0.5 * span, upper + 0.5 * span, (_POSES, len(lower))
+    )
+    return np.clip(drawn, lower, upper)
 
 
 def peak_torque(joint: Joint) -> float:

@@ -191,16 +191,19 @@ def from_csv(path: Path, joints: Sequence[str]) -> Measured:
                 raise LogError(f"{path}: no column {', '.join(missing)}")
             if twice := sorted({name for name in header if name and header.count(name) > 1}):
                 raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
+            known = {"time", *(f"{c}.{j}" for c in COLUMNS for j in joints)}
+            places = [k for k, name in enumerate(header) if name in known]
             values = []
             for line, row in enumerate(rows, start=2):
                 if len(row) != len(header):
                     raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
                                    f"{len(header)}: is the file cut off?")  # fmt: skip
-                values.append(_numbers(path, line, row))
+                values.append(_numbers(path, line, [row[k] for k in places]))
     except csv.Error as error:
         raise LogError(f"{path}:{rows.line_num}: is not CSV: {error}") from error
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"cannot read {path}: {error}") from error
+    header = [header[k] for k in places]  # other columns may hold anything
     table = np.array(values, dtype=np.float64).reshape(-1, len(header))
     if len(table) == 0:
         raise LogError(f"{path}: there are no samples in it")

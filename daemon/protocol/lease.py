@@ -20,6 +20,7 @@ class Owner:
     uid: int
     pid: int
     connection: int = 0
+    on_behalf_of: str = ""
 
     def is_same(self, other: "Owner") -> bool:
         """True if `other` may renew the lease that this owner holds."""
@@ -28,7 +29,8 @@ class Owner:
         )
 
     def __str__(self) -> str:
-        return f"uid {self.uid} (pid {self.pid})"
+        who = f"uid {self.uid} (pid {self.pid})"
+        return f"{who} on behalf of {self.on_behalf_of}" if self.on_behalf_of else who
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, get_args
 import msgspec
 
 from daemon.modes.table import Mode
+from estimator.payload import Payload
 
 Command = Literal[
     "enable",
@@ -23,6 +24,7 @@ Command = Literal[
     "disable",
     "reset",
     "gain",
+    "payload",
     "status",
     "subscribe",
 ]
@@ -48,10 +50,22 @@ SideName = Literal["left", "gap", "right", "unknown"]
 ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]*\Z"
 
 
+# Printable ASCII that JSON writes as it is: a stop with such a text in it is still a short packet.
+PLAIN = r"^[ !#-\[\]-~]*\Z"
+MOST_ON_BEHALF = 64  # characters
+
+
 def printable(text: str) -> str:
     """`text` with a question mark for each character that cannot be printed: names and contents of
     files may hold any. The result matches ONE_LINE."""
     return "".join(character if character.isprintable() else "?" for character in text)
+
+
+def on_behalf_of(text: str) -> str:
+    """`text` as it may stand in `Request.on_behalf_of`: a question mark for each other character,
+    and no more of it than there is room for."""
+    plain = "".join(c if " " <= c <= "~" and c not in '"\\' else "?" for c in text)
+    return plain[:MOST_ON_BEHALF]
 
 
 class Header(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -76,6 +90,14 @@ class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     detached: bool = False
     joint: str | None = None  # `gain`: of which joint
     gain: float | None = None  # `gain`: its K_a from now on [rad/s per Nm]
+    # Who asked the client for this, in its own words: for the log, and believed by nobody.
+    on_behalf_of: (
+        Annotated[str, msgspec.Meta(min_length=1, max_length=MOST_ON_BEHALF, pattern=PLAIN)] | None
+    ) = None
+    # `payload`: what the hand carries from now on, by its name in the configuration, or
+    name: str | None = None
+    mass: float | None = None  # by its mass [kg]; 0: nothing
+    com: list[float] | None = None  # beside `mass`: its centre in the hand's frame [m]
 
 
 class Check(msgspec.Struct, frozen=True, kw_only=True):
@@ -96,6 +118,7 @@ class Permit(msgspec.Struct, frozen=True, kw_only=True):
     pid: int
     detached: bool  # ends by time alone; otherwise also with the connection of `pid`
     left_s: float
+    on_behalf_of: str = ""  # as the owner said
 
 
 class ToolForce(msgspec.Struct, frozen=True, kw_only=True):
@@ -212,9 +235,15 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     silenced: bool = False  # the drives hear nothing of the daemon until `reset`
     sensing: list[bool] | None = None  # joints that sense contact now; None in format 1
     sensing_since_s: PerJoint | None = None  # time at which that last changed [s]
+    # k: share of each configured contact level that learning leaves in force; None where recorded
+    # before it was said
+    level_share: PerJoint | None = None
+    permit: Permit | None = None  # while armed; None also in recordings from before it was told
+    payload: Payload | None = None  # that the model counts in this tick
+    recognised: Payload | None = None  # that nobody told; nothing is learned in this tick
 
 
-STATE_FORMAT = 4
+STATE_FORMAT = 5
 """Version of State and Snapshot. It rises when a field changes its name or its meaning; a new field
 with a default needs no new version. Recordings of every version from 1 on stay readable."""
 
@@ -243,6 +272,7 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     urdf: str  # text of the URDF
     identified: str = ""  # text of identified.yaml
     program: str  # name and version
+    bus_load: float | None = None  # share of the bus that periodic frames take at worst
 
 
 class Grant(msgspec.Struct, frozen=True):
@@ -260,6 +290,14 @@ class Trajectory(msgspec.Struct, frozen=True, kw_only=True):
     state: Literal["ready", "running", "interrupted", "paused"]
     time_s: float  # path time
     duration_s: float | None  # None: it has no end
+
+
+class Learned(msgspec.Struct, frozen=True, kw_only=True):
+    """What was learned since identification, as shares of what was identified: +0.1 is a tenth
+    more."""
+
+    coulomb: PerJoint
+    viscous: PerJoint
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):
@@ -298,3 +336,11 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     sensing: list[bool] | None = None  # joints that sense contact now; None before the first tick
     sensing_since_s: PerJoint | None = None  # when that last changed, as `uptime_s` counts
     lost: PerJoint | None = None  # share of the samples of late that went missing
+    learned: Learned | None = None  # None where nothing is learned
+    hand: str = ""  # the URDF's last link, in whose frame payloads are
+    payload: Payload | None = (
+        None  # that was announced since the start, and is forgotten at its end
+    )
+    payloads: list[Payload] = []  # that can be announced by name
+    gears: list[str] = []  # what their trends say, a line for each joint (`contactctl health`)
+    recognised: str = ""  # load that nobody told, in words, with what to do; empty without one

@@ -13,9 +13,9 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
+from daemon.protocol.doors import DOORS, GROUPS, Door
 from errors import ControlError
 
-GROUP = "contact"
 LISTEN_BACKLOG = 256  # net.core.somaxconn is 4096 on Linux 5.4 and newer
 _UCRED = struct.Struct("3i")  # pid, uid, gid
 _SO_PEERGROUPS = 59  # Linux 4.13; not in Python's socket module
@@ -46,8 +46,8 @@ def default_socket_path() -> Path:
     return path
 
 
-def listen(path: Path) -> socket.socket:
-    """Listening socket at `path`, which appears there complete: bound, open to its group, and
+def listen(path: Path, group: str) -> socket.socket:
+    """Listening socket at `path`, which appears there complete: bound, open to `group`, and
     listening. Raises ControlError if another daemon serves it or it cannot be made."""
     hidden = path.with_name(f".{path.name}.{os.getpid()}")
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
@@ -57,9 +57,9 @@ def listen(path: Path) -> socket.socket:
         # Linux takes the file's mode from the socket: nobody gets in before the group is set.
         os.fchmod(listener.fileno(), 0o600)
         listener.bind(str(hidden))
-        if why := open_to_group(hidden, 0o660):
+        if why := open_to_group(hidden, 0o660, group):
             owner = hidden.stat().st_gid
-            _log.warning("group %s %s: the control socket is open to group %d", GROUP, why, owner)
+            _log.warning("group %s %s: %s is open to group %d", group, why, path.name, owner)
         listener.listen(LISTEN_BACKLOG)
         hidden.rename(path)
     except OSError as error:
@@ -99,25 +99,25 @@ def how_to_be_let_in(path: Path) -> str:
         group = str(path.stat().st_gid)
     except OSError:
         return f"you may not use {path}: its folder is closed to you"
-    if group == GROUP:
-        join = f"sudo usermod -aG {GROUP} YOU; it counts from your next login"
-        return f"you may not use {path}: join the group {GROUP} ({join})"
+    if group in GROUPS:
+        join = f"sudo usermod -aG {group} YOU; it counts from your next login"
+        return f"you may not use {path}: join the group {group} ({join})"
     # Whoever joined that one, root's for instance, would get far more than an arm.
+    wanted = DOORS[Door.VIEW if path.name.endswith("-view.sock") else Door.CONTROL].group
     return (
-        f"you may not use {path}: it belongs to the group {group}. Create the group {GROUP}, add "
+        f"you may not use {path}: it belongs to the group {group}. Create the group {wanted}, add "
         "yourself, and start the daemon again (docs/installing.md)"
     )
 
 
-def open_to_group(path: Path, mode: int) -> str:
-    """Give the file to the group `contact` with `mode`. Returns the reason where its group had to
-    stay another one, else an empty text."""
+def open_to_group(path: Path, mode: int, group: str) -> str:
+    """Give the file to `group` with `mode`. Returns the reason where its group had to stay another
+    one, else an empty text."""
     why = ""
     try:
-        group = grp.getgrnam(GROUP).gr_gid
-        # As a service the daemon makes it so from the beginning, and may change no owners.
-        if path.stat().st_gid != group:
-            os.chown(path, -1, group)
+        wanted = grp.getgrnam(group).gr_gid
+        if path.stat().st_gid != wanted:
+            os.chown(path, -1, wanted)
     except (KeyError, PermissionError) as error:
         why = "does not exist" if isinstance(error, KeyError) else "is not one of the daemon's"
     path.chmod(mode)

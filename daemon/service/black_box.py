@@ -3,7 +3,8 @@
 The daemon keeps the frames in a `FrameRing` beside its control socket. Before it goes real-time it
 starts a helper, which holds the other end of a pipe and sleeps: a line on the pipe is a fault, and
 its end is the daemon's death, however it came. Either way the helper writes the ring to a log of
-python-can in the state directory. An orderly end says so, and leaves nothing.
+python-can in the state directory, and beside it what the frames mean: configuration, URDF, and the
+faults (`Context`). An orderly end says so, and leaves nothing.
 """
 
 import contextlib
@@ -15,20 +16,22 @@ import select
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Final
 
 import can
+import msgspec
 
 from daemon.new_file import refuse_suffix, refuse_unless_new
+from daemon.protocol.doors import DOORS, Door
 from daemon.protocol.socket_path import open_to_group
 from daemon.service.journal import log_to_stderr
 from drivers.can.frame_ring import KEPT_S, FrameRing, Recorded, read_frames
 from drivers.can.wire import ERROR, EXTENDED, REMOTE
 from errors import LogError
-from regular_file import open_regular
+from regular_file import LARGEST_TEXT_BYTES, open_regular
 
 # After a fault the helper waits so long for what the drives do about it.
 AFTERMATH_S: Final = 2.0
@@ -57,12 +60,30 @@ def ring_path(socket: Path) -> Path:
     return socket.with_name(f"{socket.name}.frames")
 
 
+class Context(msgspec.Struct, frozen=True):
+    """What is needed to read the frames of a log: the snapshot of a recording, without memory, and
+    the faults with the time of day at which the helper heard of them [s]."""
+
+    snapshot: msgspec.Raw
+    faults: list[tuple[float, str]] = []
+
+
+def context_path(ring: Path) -> Path:
+    """Where the daemon keeps its snapshot for the helper: beside the ring."""
+    return ring.with_suffix(".context")
+
+
+def context_of_log(log: Path) -> Path:
+    """Where the context of a log is: beside it."""
+    return log.with_suffix(".json")
+
+
 class BlackBox:
     """Daemon's side; a context that ends in good order unless an exception leaves it."""
 
-    def __init__(self, path: Path, directory: Path, rate_hz: float) -> None:
+    def __init__(self, path: Path, directory: Path, rate_hz: float, snapshot: bytes = b"") -> None:
         """Save what an earlier daemon left, make the ring, for a bus of `rate_hz` frames a second,
-        and start the helper.
+        and start the helper. `snapshot` is encoded, and says what the frames mean.
 
         Without a place for the ring or the log there is no black box: `ring` is None, and the log
         says why. The arm runs all the same.
@@ -73,7 +94,11 @@ class BlackBox:
             save_left_over(path, directory, patience_s=0.0)
             directory.mkdir(parents=True, exist_ok=True)
             self.ring = FrameRing(path, math.ceil(KEPT_S * MARGIN * rate_hz), time.monotonic)
-            open_to_group(path, 0o640)
+            group = DOORS[Door.CONTROL].group
+            open_to_group(path, 0o640, group)
+            if snapshot:
+                context_path(path).write_bytes(snapshot)
+                open_to_group(context_path(path), 0o640, group)
             self._helper = _start_helper(path, directory)
         except (OSError, LogError) as error:
             _log.warning("no black box: %s", error)
@@ -132,13 +157,16 @@ def follow(path: Path, directory: Path, pipe: int, tell: Callable[[str], None]) 
         alive = True
         while alive:
             heard = os.read(pipe, 4096)
+            faults = _faults(heard)
             alive = _alive(heard)
             fault = heard != _ENDED
             end = time.monotonic() + AFTERMATH_S
             while fault and alive and (left := end - time.monotonic()) > 0.0:
                 if select.select([pipe], [], [], left)[0]:
-                    alive = _alive(os.read(pipe, 4096))
-            if fault and (saved := save(path, directory)):
+                    more = os.read(pipe, 4096)
+                    faults += _faults(more)
+                    alive = _alive(more)
+            if fault and (saved := save(path, directory, faults)):
                 tell(f"black box: {saved}")
         _remove(path, ring)
 
@@ -148,8 +176,16 @@ def _alive(heard: bytes) -> bool:
     return bool(heard) and not heard.endswith(_ENDED)
 
 
-def save(path: Path, directory: Path) -> Path | None:
-    """Write the frames of a ring to a new log in `directory`, and forget the oldest logs.
+def _faults(heard: bytes) -> list[tuple[float, str]]:
+    """Faults that the daemon told of just now."""
+    now = time.time()
+    lines = heard.decode(errors="replace").splitlines()
+    return [(now, line) for line in lines if line and line != _ENDED.decode().strip()]
+
+
+def save(path: Path, directory: Path, faults: Sequence[tuple[float, str]] = ()) -> Path | None:
+    """Write the frames of a ring to a new log in `directory`, with its context, and forget the
+    oldest logs.
 
     Returns the log's path, None if there are no frames. Raises LogError.
     """
@@ -157,9 +193,25 @@ def save(path: Path, directory: Path) -> Path | None:
     if not frames:
         return None
     target = write_log(frames, new_log(directory))
+    write_context(path, target, faults)
     for old in sorted(directory.glob("frames-*Z.blf"))[:-LOGS_KEPT]:
         old.unlink(missing_ok=True)
+        context_of_log(old).unlink(missing_ok=True)
     return target
+
+
+def write_context(ring: Path, log: Path, faults: Sequence[tuple[float, str]] = ()) -> None:
+    """Write what the frames of `log` mean beside it, if the daemon of the ring said so. A log
+    without is still a log: what goes wrong is said."""
+    try:
+        with open_regular(context_path(ring), follow=False) as stream:
+            snapshot = stream.read(LARGEST_TEXT_BYTES)
+        context = Context(msgspec.Raw(snapshot), list(faults))
+        context_of_log(log).write_bytes(msgspec.json.encode(context))
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        _log.warning("%s has no context: %s", log, error)
 
 
 def new_log(directory: Path) -> Path:
@@ -229,6 +281,7 @@ def _remove(path: Path, ring: IO[bytes]) -> None:
     try:
         if path.stat().st_ino == os.fstat(ring.fileno()).st_ino:
             path.unlink()
+            context_path(path).unlink(missing_ok=True)
     except FileNotFoundError:
         pass
 

@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
+from daemon.protocol.doors import DOORS, MAX_CONNECTIONS, Door
 from daemon.protocol.socket_path import Peer
 
-MAX_CONNECTIONS: Final = 256  # silent ones cost nothing, loud ones wait for their turn
 MOST_SAID: Final = 8  # packets of a connection that are kept for its turns
 MAX_READERS: Final = 16
 MAX_READERS_OF_ONE_USER: Final = 8
@@ -25,6 +25,7 @@ class Connection:
     socket: socket.socket
     file: int  # its descriptor
     peer: Peer
+    door: Door = Door.CONTROL
     reads: bool = False
     gone: bool = False  # it says no more, and still is in the lines for what it said before
     # Packets that wait for their turns, None if too long, each with a moment after which it was
@@ -48,10 +49,14 @@ class Connections:
     readers: dict[int, Connection] = field(default_factory=dict)
     _silent: dict[int, Connection] = field(default_factory=dict)  # longest first
 
-    @property
-    def full(self) -> bool:
-        """True if a newcomer needs somebody else's place."""
-        return len(self.all) >= MAX_CONNECTIONS
+    def full(self, door: Door) -> bool:
+        """True if a newcomer at `door` needs somebody else's place."""
+        return len(self.all) >= MAX_CONNECTIONS or self._at(door) >= DOORS[door].connections
+
+    def _at(self, door: Door) -> int:
+        if DOORS[door].connections >= MAX_CONNECTIONS:
+            return 0  # never more than all
+        return sum(connection.door is door for connection in self.all.values())
 
     def add(self, connection: Connection) -> None:
         """Take in a newcomer, silent."""
@@ -105,9 +110,11 @@ class Connections:
 
     def makes_room(self, spare: int) -> Connection:
         """The one that makes room: silent longest, or where none is silent, the one whose turn is
-        farthest off; no reader, and not connection number `spare`."""
+        farthest off; no reader, and not connection number `spare`. Those at the view door come
+        first: nobody who commands the arm makes room for somebody who looks, while another does."""
         lines: tuple[Iterable[Connection], ...] = (
             self._silent.values(),
             reversed(self.waiting.values()),
         )
-        return next(c for line in lines for c in line if c.peer.connection != spare and not c.reads)
+        others = [c for line in lines for c in line if c.peer.connection != spare and not c.reads]
+        return next((c for c in others if c.door is Door.VIEW), others[0])

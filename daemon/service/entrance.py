@@ -1,4 +1,4 @@
-"""Entrance of the control socket: listens, and lets in whom the socket file's group allows.
+"""Entrance of one door: listens, and lets in whom the socket file's group allows.
 
 The file's mode says the same; the kernel is asked once more, for somebody may have opened the file
 to all.
@@ -7,11 +7,13 @@ to all.
 import contextlib
 import os
 import socket
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
+from daemon.protocol.doors import DOORS, Door
 from daemon.protocol.messages import Reply
 from daemon.protocol.socket_path import LISTEN_BACKLOG, Peer, groups_of, listen, peer_of
 from daemon.service.connections import Connection
@@ -21,15 +23,16 @@ MOST_OUTSIDE: Final = LISTEN_BACKLOG + 1
 
 
 class Entrance:
-    """Listens at `path` from construction to `close`. Raises ControlError if another daemon serves
-    `path`, or the file cannot be made."""
+    """Listens at `path` from construction to `close`; `numbers` counts connections, through all
+    doors. Raises ControlError if another daemon serves `path`, or the file cannot be made."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._listener = listen(path)
+    def __init__(self, path: Path, door: Door, numbers: Iterator[int]) -> None:
+        self.path, self.door = path, door
+        self._listener = listen(path, DOORS[door].group)
         file = path.stat()
         self._inode, self._group = file.st_ino, file.st_gid
-        self._accepted = 0
+        self._numbers = numbers
+        self.silent_at = self.looked = 0  # as of a connection: nobody was outside, somebody was
 
     def fileno(self) -> int:
         """Descriptor that is readable while somebody waits outside."""
@@ -50,14 +53,13 @@ class Entrance:
             except OSError:  # gone again, or out of descriptors: looked at in the next tick
                 return None
             accepted.setblocking(False)
-            self._accepted += 1
             try:
-                peer = peer_of(accepted, self._accepted)
+                peer = peer_of(accepted, next(self._numbers))
             except OSError:
                 accepted.close()
                 continue
             if self._admits(accepted, peer):
-                return Connection(accepted, accepted.fileno(), peer)
+                return Connection(accepted, accepted.fileno(), peer, self.door)
             reply = Reply(ok=False, message=f"you are not in the group of {self.path}: refused")
             with accepted, contextlib.suppress(OSError):
                 accepted.send(msgspec.json.encode(reply))

@@ -18,6 +18,11 @@ class Answer:
     checks: Sequence[Check] = ()
 
 
+def owner_of(request: Request, peer: Peer, connection: int = 0) -> Owner:
+    """Who asks: the process as the kernel knows it, and for whom by its own words."""
+    return Owner(peer.uid, peer.pid, connection, request.on_behalf_of or "")
+
+
 @dataclass(slots=True)
 class Permission:
     """Permission to yield to hands: one lease at a time, which ends with its time or with its
@@ -34,7 +39,7 @@ class Permission:
     def arm(self, request: Request, peer: Peer, time_s: float) -> Answer:
         """Arm an arm that is not armed. A person who has armed it, and who wants it longer, says so
         with another `arm`; a program says `renew`."""
-        owner = Owner(peer.uid, peer.pid, 0 if request.detached else peer.connection)
+        owner = owner_of(request, peer, 0 if request.detached else peer.connection)
         duration_s = request.lease_s or (PERSON_S if request.detached else PROGRAM_S)
         held = self._held(time_s)
         if held is not None:
@@ -49,7 +54,7 @@ class Permission:
     def renew(self, request: Request, peer: Peer, time_s: float) -> Answer:
         """Prolong what this connection holds. Never arms: a program that renews every moment must
         not undo somebody else's `disarm`, or a fault."""
-        owner = Owner(peer.uid, peer.pid, peer.connection)
+        owner = owner_of(request, peer, peer.connection)
         held = self._held(time_s)
         refusal = held.refusal(owner, time_s) if held else "not armed any more: `arm` it anew"
         duration_s = request.lease_s or PROGRAM_S
@@ -93,4 +98,5 @@ class Permission:
             pid=lease.owner.pid,
             detached=lease.owner.connection == 0,
             left_s=lease.left_s(time_s),
+            on_behalf_of=lease.owner.on_behalf_of,
         )

@@ -9,21 +9,22 @@ from msgspec.structs import replace
 
 from daemon.config.motion import limits_of
 from daemon.modes.table import Event, ModeMachine
-from daemon.protocol.lease import Owner, in_words
+from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Reply, Request, Status
 from daemon.protocol.socket_path import Peer
 from daemon.service.journal import LogLimit
 from daemon.service.notify import Notifier
-from daemon.service.permission import Answer, Permission
+from daemon.service.permission import Answer, Permission, owner_of
 from daemon.service.set_up import SetUp
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process, snapshot_of, status_of
+from daemon.service.trend_line import TrendLine
 from daemon.service.upload import TrajectoryUpload
 from daemon.tick.felt import felt_now
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import state_of
 from drivers.boot.boot_up import DriveBoot
-from errors import TrajectoryError
+from errors import ModelError, TrajectoryError
 
 # Keyed so that mypy names a new command that `handle` forgets.
 EVENT_OF_COMMAND: dict[
@@ -61,6 +62,9 @@ def _misplaced(request: Request) -> list[str]:
         "detached": ("arm",),
         "joint": ("gain",),
         "gain": ("gain",),
+        "name": ("payload",),
+        "mass": ("payload",),
+        "com": ("payload",),
     }
     return [
         f"`{field}` belongs to {' and '.join(commands)}"
@@ -83,6 +87,7 @@ class Service:
     notifier: Notifier
     boot: DriveBoot
     on_fault: Callable[[str], None] = lambda text: None
+    trends: TrendLine | None = None
     ending: bool = False  # the arm is being brought to rest for good
     dock: TrajectoryUpload = field(init=False)
     permission: Permission = field(init=False)
@@ -110,7 +115,9 @@ class Service:
         if record is None:
             return
         if self.control.readers and record.decision is not None:
-            self.control.publish(state_of(record))
+            self.control.publish(state_of(record, self.permission.permit(record.time_s)))
+        if self.trends is not None:
+            self.trends.put(record, self.loop.tick.estimator)
         for notice in record.notices:
             if notice.kind == "fault" or self._limit.admit(notice.text, self.loop.time_s):
                 self._tell(notice.kind, notice.text)
@@ -141,7 +148,7 @@ class Service:
             return self._reply(request, misplaced)
         if self.ending and request.command not in AT_THE_END:
             return self._reply(request, ["the daemon is ending"])
-        who = str(Owner(peer.uid, peer.pid))
+        who = str(owner_of(request, peer))
         match request.command:
             case "status":
                 reply = replace(self._reply(request), status=self._status())
@@ -152,6 +159,8 @@ class Service:
                 reply = self._load(request, peer)
             case "gain":
                 reply = self._gain(request, who)
+            case "payload":
+                reply = self._payload(request, who)
             case "arm":
                 reply = self._arm(request, peer)
             case "renew":
@@ -195,9 +204,10 @@ class Service:
 
     def _status(self) -> Status:
         permit = self.permission.permit(self.loop.time_s)
-        return status_of(
+        status = status_of(
             self.process, self.loop, self.boot.identities, permit, len(self.control.readers)
         )
+        return replace(status, gears=self.trends.warnings) if self.trends else status
 
     def _load(self, request: Request, peer: Peer) -> Reply:
         try:
@@ -208,6 +218,14 @@ class Service:
         except TrajectoryError as error:
             return replace(self._reply(request, [str(error)]), row=error.row)
         return self._reply(request)
+
+    def _payload(self, request: Request, who: str) -> Reply:
+        try:
+            payload = self.process.payloads.asked_for(request)
+        except ModelError as error:
+            return self._reply(request, [str(error)])
+        reasons = self.process.payloads.too_heavy(payload) or self.loop.tick.carry(payload, who)
+        return self._reply(request, reasons, str(payload) if payload else "none")
 
     def _gain(self, request: Request, who: str) -> Reply:
         joint, gain = request.joint, request.gain

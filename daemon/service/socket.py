@@ -1,8 +1,9 @@
-"""Control socket: the daemon's only door, polled by the tick and never waited for.
+"""Control socket, and the view socket beside it: polled by the tick and never waited for.
 
 AF_UNIX with message boundaries (SOCK_SEQPACKET): one JSON message is one packet. Whoever may
 connect is decided by the socket file's group; who did connect is known from the kernel, which is
-asked once more.
+asked once more. Which commands a door takes is said by `daemon/protocol/doors.py`; inside, all
+connections stand in the same lines.
 
 **`stop` and `disarm` come first.** Every `poll` takes what everybody has said and lets in everybody
 who waits outside; a stop among these is served on the spot, whatever else is waiting. All other
@@ -20,6 +21,7 @@ connections lock nobody out. Nor can one user hold all the places of readers.
 
 import contextlib
 import errno
+import itertools
 import math
 import select
 import socket
@@ -31,6 +33,8 @@ from typing import Final, Self
 
 import msgspec
 
+from daemon.protocol.doors import MAX_CONNECTIONS, Door, view_socket_path
+from daemon.protocol.doors import refusal as refusal_at
 from daemon.protocol.messages import (
     AWAITED,
     COMMANDS,
@@ -43,7 +47,7 @@ from daemon.protocol.messages import (
 )
 from daemon.protocol.socket_path import Peer
 from daemon.protocol.strict_json import StrictDecoder
-from daemon.service.connections import MAX_CONNECTIONS, Connection, Connections
+from daemon.service.connections import Connection, Connections
 from daemon.service.entrance import MOST_OUTSIDE, Entrance
 from errors import ContactdError
 
@@ -64,16 +68,25 @@ Listener = Callable[[Peer], None]
 
 
 class ControlSocket:
-    """Listens at `path` from construction to `close`; belongs to the one thread that polls it.
+    """Listens at `path`, and for those who only look at `view_socket_path(path)`, from construction
+    to `close`; belongs to the one thread that polls it.
 
-    Raises ControlError if another daemon serves `path`, or the file cannot be made.
+    Raises ControlError if another daemon serves `path`, or a file cannot be made.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._entrance = Entrance(path)
+        with contextlib.ExitStack() as opened:
+            numbers = itertools.count(1)
+            self._entrances: dict[int, Entrance] = {}  # by descriptor, those who command first
+            for door, place in ((Door.CONTROL, path), (Door.VIEW, view_socket_path(path))):
+                entrance = Entrance(place, door, numbers)
+                opened.callback(entrance.close)
+                self._entrances[entrance.fileno()] = entrance
+            opened.pop_all()
         self._epoll = select.epoll()
-        self._epoll.register(self._entrance, select.EPOLLIN)
+        for file in self._entrances:
+            self._epoll.register(file, select.EPOLLIN)
         self._connections = Connections()
         self._poll = 0
         self._served_in: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)
@@ -81,7 +94,6 @@ class ControlSocket:
         self._stopped_at: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)  # each, by a moment
         self._began, self._began_before = 0, 0  # moments: this poll, and the one before
         self._last_words = LAST_WORDS
-        self._outside_silent_at = self._outside_looked = 0  # as of a connection
         self.spare = 0  # the number of a connection that never has to make room
         self.on_close: Listener = lambda _: None  # told of all that end, perhaps twice
         self._buffer = bytearray(MAX_REQUEST_BYTES)
@@ -124,12 +136,15 @@ class ControlSocket:
         self._last_words = LAST_WORDS
         if events := self._epoll.poll(0, MAX_CONNECTIONS + 1):
             until_s = time.monotonic() + entrance_s  # with what those inside have said
-            entrance = self._entrance.fileno()
+            called = set()
             for file, what in events:
-                if file != entrance:
+                if file in self._entrances:
+                    called.add(file)
+                else:
                     self._look_at(self._connections.all[file], handle, what)
-            if any(file == entrance for file, _ in events):
-                self._let_in(handle, until_s)
+            for file, entrance in self._entrances.items():
+                if file in called:
+                    self._let_in(entrance, handle, until_s)
         self._serve_in_turn(handle, turns_s)
 
     def _next_moment(self) -> int:
@@ -190,29 +205,30 @@ class ControlSocket:
         for connection in list(self._connections.all.values()):
             self._drop(connection)
         self._epoll.close()
-        self._entrance.close()
+        for entrance in self._entrances.values():
+            entrance.close()
 
-    def _let_in(self, handle: Handler, until_s: float) -> None:
+    def _let_in(self, entrance: Entrance, handle: Handler, until_s: float) -> None:
         """Let in those who wait outside, and hear at once what each has to say."""
-        if self._outside_looked < self._poll - 1:
-            self._outside_silent_at = self._began_before
-        self._outside_looked = self._poll
+        if entrance.looked < self._poll - 1:
+            entrance.silent_at = self._began_before
+        entrance.looked = self._poll
         for _ in range(MOST_OUTSIDE):
-            connection = self._entrance.next()
+            connection = entrance.next()
             if connection is None:
-                self._outside_silent_at = self._next_moment()
+                entrance.silent_at = self._next_moment()
                 return
-            connection.silent_at, connection.looked = self._outside_silent_at, self._poll
-            if self._connections.full:
-                self._make_room(handle)
+            connection.silent_at, connection.looked = entrance.silent_at, self._poll
+            if self._connections.full(entrance.door):
+                self._make_room(handle, entrance.door)
             self._connections.add(connection)
             self._epoll.register(connection.file, select.EPOLLIN)
             self._hear_all(connection, handle)
             if time.monotonic() >= until_s:
                 return
 
-    def _make_room(self, handle: Handler) -> None:
-        while self._connections.full:
+    def _make_room(self, handle: Handler, door: Door) -> None:
+        while self._connections.full(door):
             connection = self._connections.makes_room(self.spare)
             if not connection.said and self._hear(connection, handle):
                 continue
@@ -292,7 +308,7 @@ class ControlSocket:
             return False
         return (
             request.command in OUTDATED_BY
-            and request == Request(request.command)
+            and request == Request(request.command, on_behalf_of=request.on_behalf_of)
             and self._served_in[request.command] != self._poll
         )
 
@@ -310,9 +326,10 @@ class ControlSocket:
                 message=f'not a request: {error}; expected {{"command": ...}} with one of '
                 + ", ".join(COMMANDS),
             )
-        refusal = self._outdated(request, after, connection)
+        refusal = refusal_at(connection.door, request.command)
+        refusal = refusal or self._outdated(request, after, connection)
         if request.command == "subscribe":
-            refusal = self._connections.refuse_reader(connection)
+            refusal = refusal or self._connections.refuse_reader(connection)
         if refusal:
             return Reply(ok=False, message=f"{request.command}: {refusal}")
         try:

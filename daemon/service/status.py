@@ -5,16 +5,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 
+from msgspec.structs import replace
+
 from daemon.config.load import Robot
 from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import SENSING, Mode
-from daemon.protocol.messages import STATE_FORMAT, Grant, Permit, Snapshot, Status, Trajectory
+from daemon.protocol.messages import (
+    STATE_FORMAT,
+    Grant,
+    Learned,
+    Permit,
+    Snapshot,
+    Status,
+    Trajectory,
+)
+from daemon.service.payloads import Payloads
 from daemon.tick.controller import Controller
 from daemon.tick.felt import felt_now
+from daemon.tick.load_watch import in_words
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
 from daemon.tick.tick import Tick
 from drivers.boot.identity import DriveIdentity
+from drivers.can.bus_load import bus_load
 from errors import ControlError
 
 
@@ -27,8 +40,10 @@ class Process:
     realtime: list[Grant]
     serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
     place: str = field(init=False)  # of config.yaml; the file system is asked only once
+    payloads: Payloads = field(init=False)
 
     def __post_init__(self) -> None:
+        self.payloads = Payloads(self.robot)
         self.place = str(self.robot.place())
 
 
@@ -78,6 +93,11 @@ def status_of(
         sensing=last.sensing.tolist() if last else None,
         sensing_since_s=last.sensing_since_s.tolist() if last else None,
         lost=tick.losses.share.tolist(),
+        learned=_learned(tick),
+        hand=process.payloads.hand,
+        payload=tick.payload,
+        payloads=list(process.payloads.named.values()),
+        recognised=_recognised(tick),
     )
 
 
@@ -99,6 +119,19 @@ def _advice(tick: Tick, unproved: Sequence[str]) -> str:
     return "\n".join(dict.fromkeys(advice))
 
 
+def _learned(tick: Tick) -> Learned | None:
+    if not tick.estimator.settings.learning:
+        return None
+    friction, _ = tick.estimator.learned()
+    coulomb, viscous = (friction - 1.0).tolist()
+    return Learned(coulomb=coulomb, viscous=viscous)
+
+
+def _recognised(tick: Tick) -> str:
+    found = tick.loads.found
+    return f"{in_words(found)}: {tick.loads.advice}" if found else ""
+
+
 def _trajectory(controller: Controller) -> Trajectory:
     place, state = controller.next_place(), controller.machine.trajectory
     end = place.path.duration
@@ -112,20 +145,26 @@ def _trajectory(controller: Controller) -> Trajectory:
 
 def snapshot_of(robot: Robot, tick: Tick) -> Snapshot:
     """Snapshot for a reader, beside the States. Raises ControlError before the first sample."""
-    c = robot.configuration
     last = tick.last
     if last is None or last.decision is None:
         raise ControlError("the drives have not sent all their samples yet; try again")
+    return replace(context_of(robot), tick=last.number, memory=tick.estimator.memory())
+
+
+def context_of(robot: Robot) -> Snapshot:
+    """Snapshot of the arm before its first tick, which knows no memory of the estimator."""
+    c = robot.configuration
     return Snapshot(
         format=STATE_FORMAT,
         joints=c.joint_names,
         half_gap=[joint.half_gap for joint in c.joints],
         thresholds=[joint.thresholds.contact for joint in c.joints],
         period_s=c.period_s,
-        tick=last.number,
-        memory=tick.estimator.memory(),
+        tick=-1,
+        memory={},
         configuration=robot.text,
         urdf=robot.urdf,
         identified=robot.identified_text,
         program=f"contactd {version('contactd')}",
+        bus_load=bus_load(c.joint_drives, c.period_s, c.bus.bitrate),
     )

@@ -54,6 +54,7 @@ class ControlInput:
     recent: bool = True  # every sample came in this tick, or just before
     struck: bool = False  # a collision began in this tick
     sure: bool = True  # every joint senses, and what is felt did not just begin anew
+    load: str = ""  # the load at the hand that explains all that is felt, in words
     play: Vector | float = 0.0  # how far links may fall down and up in their gaps, (2, n) [rad]
 
 
@@ -189,7 +190,8 @@ class Controller:
             ]
         joints, limits = self._tuning.joints, self.motion.limits
         if event is Event.START and observed is not None:
-            return self._pressed(observed) or not_startable(joints, observed.q, limits, place)
+            pressed = self._pressed(observed) or self._carried(observed)
+            return pressed or not_startable(joints, observed.q, limits, place)
         if event is Event.ENABLE and observed is not None:
             return not_energisable(joints, self._tuning.ends, limits, observed)
         return []
@@ -197,6 +199,13 @@ class Controller:
     def _pressed(self, observed: ControlInput) -> list[str]:
         """Reason against `start`: a collision that lasts. Links that are not trusted show none."""
         return [f"{observed.hit}: free it first"] if observed.hit and not self.motion.blind else []
+
+    def _carried(self, observed: ControlInput) -> list[str]:
+        """Reason against `start`: a load that the model does not count, at which an arm that is
+        armed would halt at once."""
+        if not (self.machine.armed and observed.touched and observed.load):
+            return []
+        return [f"{observed.touched}: {observed.load}, tell it first (`contactctl payload`)"]
 
     # --- one tick ---------------------------------------------------------------------------
 
@@ -245,8 +254,19 @@ class Controller:
         if hit and counts and (event := self._able(reactions.to_collision(armed))):
             if not (retracting and event in (Event.RETRACT, Event.RELEASE)):
                 self._apply(event, hit, time_s)
+        elif observed.touched and observed.load:
+            self._carry(reactions.to_contact(armed), observed, time_s)
         elif observed.touched and attentive and (event := self._able(reactions.to_contact(armed))):
             self._apply(event, observed.touched, time_s)
+
+    def _carry(self, reaction: Event | None, observed: ControlInput, time_s: float) -> None:
+        """Hold what looks like a load instead of being led by it, or backing away from it. While
+        the arm holds, nothing happens; other reactions are as for any contact."""
+        if reaction in (Event.TOUCH, Event.RETRACT):
+            reaction = Event.HALT
+        carries = self.machine.mode in ATTENTIVE or self.machine.mode in GUIDED
+        if carries and (event := self._able(reaction)):
+            self._apply(event, f"{observed.touched}: {observed.load}", time_s)
 
     def _able(self, event: Event | None) -> Event | None:
         """Event of a contact as far as the arm can follow it: where it must not let go it halts,

@@ -16,6 +16,7 @@ from daemon.protocol.messages import Notice
 from daemon.tick.controller import Decision
 from drivers.answers import Samples
 from estimator.estimate import Estimate
+from estimator.payload import Payload
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,5 +55,7 @@ class TickRecord:
     moving: bool  # a trajectory runs, or goes on after this contact
     quiet_s: float  # since the last tick with a non-zero thresholded residual
     unproved: tuple[str, ...]  # joints that were told to stop and not seen to stand
+    payload: Payload | None  # that the model counts
+    recognised: Payload | None  # that nobody told; nothing is learned meanwhile
     silenced: bool  # the last stage of a stop: the drives hear nothing of us
     notices: tuple[Notice, ...]  # news of this tick, and of the requests before it

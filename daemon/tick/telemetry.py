@@ -4,7 +4,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from daemon.protocol.messages import Contact, Notice, PerJoint, SideName, State, Timing
+from daemon.protocol.messages import Contact, Notice, PerJoint, Permit, SideName, State, Timing
 from daemon.tick.record import TickRecord
 from drivers.cia402 import DriveState
 from estimator import contact as estimator_contact
@@ -30,12 +30,13 @@ ESTIMATED: Final = {
     "residual": "residual",
     "threshold": "threshold",
     "thresholded": "thresholded",
+    "level_share": "level_share",
 }
 
 
-def state_of(record: TickRecord) -> State:
-    """State that is published of a tick. Raises RuntimeError before the first complete
-    samples."""
+def state_of(record: TickRecord, permit: Permit | None = None) -> State:
+    """State that is published of a tick, with the permit that was in force in it. Raises
+    RuntimeError before the first complete samples."""
     samples, decision, wakeup = record.samples, record.decision, record.wakeup
     if record.estimate is None or decision is None:
         raise RuntimeError("no complete samples yet")
@@ -63,6 +64,9 @@ def state_of(record: TickRecord) -> State:
         unproved=list(record.unproved),
         silenced=record.silenced,
         notices=list(record.notices),
+        permit=permit,
+        payload=record.payload,
+        recognised=record.recognised,
         timing=Timing(
             wall_s=wakeup.wall_s,
             monotonic_s=wakeup.monotonic_s,

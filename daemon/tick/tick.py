@@ -12,11 +12,12 @@ from arrays import Vector
 from daemon.faults.detector import FaultDetector
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition, Response
-from daemon.modes.table import ENERGISED, SENSING, Mode
+from daemon.modes.table import ENERGISED, GUIDED, SENSING, YIELDING, Change, Mode, refusal
 from daemon.motion.limits import all_finite
 from daemon.protocol.messages import Notice
 from daemon.tick.arming_checks import ArmingChecks, ArmingResult
 from daemon.tick.controller import ControlInput, Controller, Decision
+from daemon.tick.load_watch import LoadWatch
 from daemon.tick.record import ON_TIME, TickRecord, Wakeup
 from daemon.tick.sample_losses import SampleLosses
 from daemon.tick.sensing import Sensing, SensingNews
@@ -26,6 +27,7 @@ from drivers.cia402 import DriveState, PowerTarget
 from drivers.drives import Drives
 from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
+from estimator.payload import Payload
 
 STOP_PROVED = "stop proved: every drive was seen to stand"
 _ON = DriveState.OPERATION_ENABLED
@@ -65,6 +67,9 @@ class Tick:
         self.losses = SampleLosses(drives.names, period_s)
         self._reported: frozenset[Finding] = frozenset()
         self._standstill = np.zeros(len(drives.names))
+        self.payload: Payload | None = None
+        """What the model counts at the hand, from the next tick on."""
+        self.loads = LoadWatch(estimator)
 
     def begin(self, time_s: float) -> None:
         """Send SYNC: the drives sample now."""
@@ -75,6 +80,7 @@ class Tick:
     def finish(self, deadline: float, wakeup: Wakeup = ON_TIME) -> None:
         """Take the samples that arrive until `deadline` (the drives' clock), decide, command."""
         before, time_s, machine = self.last, self._time_s, self.controller.machine
+        recognised = self.loads.found
         samples, mode = self.drives.collect(deadline), machine.mode
         complete = all(samples.fresh.tolist())
         interval_s = time_s - before.time_s if before else self._period_s
@@ -102,6 +108,7 @@ class Tick:
             # What friction held until now is not an external torque.
             self.estimator.reset()
         news = estimate if mode in SENSING else None
+        loads = self.loads.step(machine.mode, estimate, self._sensing)
         self.last = TickRecord(
             number=self.number,
             time_s=time_s,
@@ -119,9 +126,14 @@ class Tick:
             moving=machine.moving,
             quiet_s=self.controller.quiet.quiet_s,
             unproved=(unproved := self.drives.unproved()),
+            payload=self.payload,
+            recognised=recognised,
             silenced=self.drives.silenced,
             notices=self._notices(
-                findings, news, unproved, self.losses.step(samples.fresh, complete=complete)
+                findings,
+                news,
+                unproved,
+                (*self.losses.step(samples.fresh, complete=complete), *loads),
             ),
         )
 
@@ -188,7 +200,7 @@ class Tick:
         *,
         complete: bool,
     ) -> ControlInput:
-        touched = hit = ""
+        touched = hit = load = ""
         # Both count as long as they last: a contact that began while the arm was stopping still
         # makes it yield, and what was run into is not over because the arm stands.
         if any(estimate.thresholded.tolist()):
@@ -198,6 +210,7 @@ class Tick:
             if any(joints):
                 i = joints.index(True)
                 touched = f"{names[i]} feels {residual[i]:+.2f} Nm"
+                load = self.loads.explains(estimate)
             joints = detector.hit().tolist()
             if any(joints):
                 i = joints.index(True)
@@ -212,6 +225,7 @@ class Tick:
             thresholded=estimate.thresholded,
             touched=touched,
             hit=hit,
+            load=load,
             struck=any(one.level == "collision" for one in estimate.contacts),
             sure=self._sensing.sure,
             operating=tuple([state is _ON for state in samples.states]),
@@ -227,13 +241,13 @@ class Tick:
         findings: tuple[Finding, ...],
         sensed: Estimate | None,
         unproved: Sequence[str],
-        losses: Sequence[Notice],
+        others: Sequence[Notice],
     ) -> tuple[Notice, ...]:
-        """News of this tick, with those of `losses`. A finding is reported once until the latch is
+        """News of this tick, with `others`. A finding is reported once until the latch is
         reset; contacts are those of `sensed`, None where a brake may carry the arm and nothing is
         sensed."""
         notices = list(self._sensing_news.step(self._time_s, self._sensing, findings))
-        notices += losses
+        notices += others
         if findings or self._reported:
             notices += [
                 Notice(kind="fault", text=str(finding))
@@ -256,6 +270,19 @@ class Tick:
         return tuple(notices)
 
     # --- asked between two ticks ------------------------------------------------------------
+
+    def carry(self, payload: Payload | None, who: str) -> list[str]:
+        """Let the model count what the hand carries, None for nothing, from the next tick on;
+        returns why not."""
+        machine = self.controller.machine
+        if machine.mode in GUIDED or machine.mode in YIELDING:
+            return [f"{refusal(machine.mode, 'payload')}: let go of it first"]
+        self.estimator.carry(payload)
+        self.payload = payload
+        self.loads.told()
+        text = f"payload {payload}" if payload else "payload none"
+        machine.changes.append(Change(text, f"by {who}"))
+        return []
 
     def unproved(self) -> tuple[str, ...]:
         """Joints that are to stand and were not seen to: all, until the next tick tells them."""

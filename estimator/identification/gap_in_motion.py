@@ -19,9 +19,15 @@ _RARE = 0.03  # share of the time in motion; a border met more rarely is not bel
 
 
 def from_motion(
-    name: str, time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector
+    name: str,
+    time_s: Vector,
+    q: Vector,
+    theta: Vector,
+    theta_dot: Vector,
+    enough: int = CROSSINGS,
 ) -> GapResult:
-    """phi = c + c' t +- alpha - skew * velocity, of the samples at which phi rests."""
+    """phi = c + c' t +- alpha - skew * velocity, of the samples at which phi rests; the half-gap
+    where there were `enough` crossings."""
     period = float(np.median(np.diff(time_s)))
     phi = q - theta
     speed = smoothed(theta_dot, 3)
@@ -60,7 +66,7 @@ def from_motion(
         return replace(answer, reason=about)
     if scatter > CLEAR * alpha:
         return answer
-    if crossings < CROSSINGS:
+    if crossings < enough:
         return replace(answer, verdict=GapVerdict.FEW)
     return replace(answer, verdict=GapVerdict.CLEAR, half_gap=alpha, confidence=1.96 * errors[2])
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
 from errors import LogError
+from estimator.alarms import excess
 
 BLOCK_S = 1.0
 """The largest |r| of each such block is one draw of an extreme-value distribution."""
@@ -75,12 +76,11 @@ def identify_levels(
     """
     if not (np.isfinite(residual).all() and np.isfinite(raised).all()):
         raise LogError("a residual in the log is not a number")
-    excess = np.maximum(np.abs(residual) - raised, 0.0)
     per_block = max(1, round(BLOCK_S / period_s))
     around = round(FROZEN_AROUND_S / period_s)
     frozen = np.convolve(touched, np.ones(2 * around + 1), mode="same") > 0.5
-    count = len(excess) // per_block
-    maxima = excess[: count * per_block].reshape(count, per_block, -1).max(axis=1)
+    count = len(residual) // per_block
+    maxima = excess(residual, raised)[: count * per_block].reshape(count, per_block, -1).max(axis=1)
     open_blocks = ~frozen[: count * per_block].reshape(count, per_block).any(axis=1)
     if open_blocks.any():
         gross = maxima > _GROSS * np.maximum(np.median(maxima[open_blocks], axis=0), 1e-9)

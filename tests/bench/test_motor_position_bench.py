@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.motor_position import Job, Tally, ratio, recall, rows_of, run, tally, targets, trend
-from bench.rigs.arm_without_bus import Recording
+from bench.rigs.arm_without_bus import Recording, Subject
 from bench.rigs.lockstep import ROMEO
 from bench.study.estimates import Estimates
 from daemon.config.load import load_robot
@@ -126,18 +126,20 @@ def test_targets_are_those_of_the_project_and_the_worst_arm_counts(counted: Tall
 
 
 def test_sensors_are_as_wrong_as_is_said(monkeypatch) -> None:
-    seen: dict = {}
+    seen: list[Subject] = []
 
-    def subject(*_: object, **changes: float) -> None:
-        seen.update(changes)
+    def recordings(subject: Subject, *_: object) -> None:
+        seen.append(subject)
         raise RuntimeError
 
-    monkeypatch.setattr("bench.study.population.subject", subject)
+    monkeypatch.setattr("bench.motor_position.recordings", recordings)
     with pytest.raises(RuntimeError):
-        run(Job(ROMEO, "smooth", 8, 4.0))
-    assert {name: abs(value) for name, value in seen.items()} == {
-        "link_latency_ms": 1.0, "velocity_scale_error": 0.002, "velocity_bias": 0.001,
-    }  # fmt: skip
+        run(Job(ROMEO, "lugre", 8, 4.0))
+    settings = seen[0].settings
+    assert settings.link_latency_ms == 1.0
+    assert abs(settings.velocity_scale_error) == 0.002
+    assert abs(settings.velocity_bias) == 0.001
+    assert settings.stribeck > 1.0
 
 
 def test_only_wide_gaps_must_be_recognised(counted: Tally) -> None:

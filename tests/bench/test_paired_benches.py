@@ -12,8 +12,11 @@ from click.testing import CliRunner
 
 from bench import contact_free, estimator, loop, recordings
 from bench.recordings import Shares
+from bench.rigs.lockstep import SINGLE_JOINT
 from bench.study import before as the_code_before
+from bench.study import recording_answers
 from bench.study.before import ROOT
+from bench.workers.replay import made
 
 
 @contextmanager
@@ -38,7 +41,7 @@ def names(report: dict[str, Any]) -> list[str]:
 
 def test_recordings(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recordings, "code_before", todays_code)
-    report = reported(recordings.main, "--minutes", "0.03", "--rounds", "1")
+    report = reported(recordings.main, "--minutes", "0.03", "--rounds", "1", "--no-many")
     for arm in ("romeo_left_arm", "desk_arm"):
         of = report["data"]["replay"][arm]
         assert of.keys() == {"today", "before", "faster"}
@@ -47,8 +50,21 @@ def test_recordings(monkeypatch: pytest.MonkeyPatch) -> None:
             assert 0.0 < of[side]["decode_us"] < of[side]["replay_us"]
             assert of[side]["states_per_s"] > 0
     assert names(report) == [
-        f"replay speed over before's, {arm}" for arm in ("romeo_left_arm", "desk_arm")
+        *(f"replay speed over before's, {arm}" for arm in ("romeo_left_arm", "desk_arm")),
+        "replay, times real time",
+        "200 levels from the cache",
+        "plot as a page",
+        "page",
+        "200 levels over replay before",
     ]
+
+
+def test_memory_is_measured_of_the_command(tmp_path: Path) -> None:
+    path = made(tmp_path / "made.mcap", SINGLE_JOINT, 1.0, seed=1)
+    snapshot, states = recording_answers.messages_of(path)
+    again = tmp_path / "again.mcap"
+    recording_answers.write(again, [(snapshot, states)] * 2)
+    assert recording_answers.peak_mb(["replay", again], tmp_path) > 20.0
 
 
 def test_lockstep_beside_a_code_before() -> None:

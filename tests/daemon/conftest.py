@@ -85,6 +85,7 @@ def state_at(tick: int, **changes: object) -> State:
         residual=residual,
         threshold=THRESHOLDS,
         thresholded=excess,
+        level_share=[1.0] * n,
         touched_link="",
         beside={"classical": [3.0 * r for r in residual]},
         flags=[],

@@ -30,10 +30,10 @@ def shown(
 
 
 def needed(seconds: float, size: float) -> float:
-    """2.7 root mean squares over 5 minutes, after 10 s in which they were a whole level."""
+    """2.9 root mean squares over 5 minutes, after 10 s in which they were a whole level."""
     faded = np.exp(-seconds / 300.0)
-    squares = 10.0 / 2.7**2 * faded + 300.0 * size**2 * (1.0 - faded)
-    return float(2.7 * np.sqrt(squares / (10.0 * faded + 300.0 * (1.0 - faded))))
+    squares = 10.0 / 2.9**2 * faded + 300.0 * size**2 * (1.0 - faded)
+    return float(2.9 * np.sqrt(squares / (10.0 * faded + 300.0 * (1.0 - faded))))
 
 
 @pytest.mark.parametrize("size", [0.05, 0.15, 0.3, -0.3])
@@ -51,25 +51,34 @@ def test_it_is_never_less_than_a_fifth_nor_more_than_all_of_it() -> None:
     learning = shown(3600.0, 0.0)
     assert learning.level(0) == 0.2
     shown(1200.0, 0.9, learning, level=2.0, friction=1.0)
-    assert 2.7 * np.sqrt(learning.squares_s[0] / learning.moved_s[0]) > 1.5
+    assert 2.9 * np.sqrt(learning.squares_s[0] / learning.moved_s[0]) > 1.5
     assert learning.level(0) == 1.0
     assert shown(1.0, 1.9, level=2.0).level(0) == 1.0
     assert shown(0.0, 0.0).level(0) <= 1.0
 
 
-def test_a_peak_raises_it_a_little_at_once_more_when_it_is_over_and_fades_slowly() -> None:
+def test_a_peak_raises_it_a_little_when_it_is_over() -> None:
     learning = shown(1800.0, 0.0)
     shown(DT, 0.6, learning)
-    assert learning.level(0) == pytest.approx(1.35 * 0.2)
     shown(0.29, 0.0, learning)
-    assert learning.level(0) == pytest.approx(1.35 * 0.2)
+    assert learning.level(0) == 0.2
     shown(0.05, 0.0, learning)
-    assert learning.level(0) == pytest.approx(1.4 * 0.6, rel=1e-3)
+    assert learning.level(0) == pytest.approx(1.1 * 0.2, rel=1e-3)
+
+
+def test_peaks_that_return_raise_it_to_what_they_need_which_fades_slowly() -> None:
+    """A tenth for each of them, so that a few pushes below the level do not make it deaf."""
+    learning, level = shown(1800.0, 0.0), 0.2
+    for _ in range(30):
+        shown(0.5, 0.0, shown(DT, 0.6, learning))
+        assert learning.level(0) <= 1.1 * level + 1e-9
+        level = learning.level(0)
+    assert level == pytest.approx(1.5 * 0.6, rel=2e-3)
     for minutes in (5, 10):
         shown(300.0, 0.0, learning)
-        assert learning.level(0) == pytest.approx(1.4 * 0.6 * np.exp(-minutes / 10), rel=2e-3)
+        assert learning.level(0) == pytest.approx(level * np.exp(-minutes / 10), rel=2e-3)
     shown(DT, 0.2, learning)  # a smaller one is no matter
-    assert learning.level(0) == pytest.approx(1.4 * 0.6 * np.exp(-1.0), rel=2e-3)
+    assert learning.level(0) == pytest.approx(level * np.exp(-1.0), rel=2e-3)
 
 
 def test_a_peak_that_ends_in_a_contact_is_none_of_the_arm() -> None:
@@ -78,6 +87,10 @@ def test_a_peak_that_ends_in_a_contact_is_none_of_the_arm() -> None:
     shown(DT, 0.6, shown(0.2, 0.6, learning, raised=0.3))
     shown(DT, 1.01, learning)
     assert (learning.peak_seen[0], learning.crossing_seen[0]) == (0.0, 0.0)
+    squares = learning.squares_s[0]
+    shown(0.2, 0.9, learning)  # as it ends
+    assert learning.peak_seen[0] == 0.0
+    assert learning.squares_s[0] == squares
     shown(1.0, 0.0, learning)
     assert learning.level(0) == before
     assert learning.peak[0] < 1e-3
@@ -99,10 +112,11 @@ def test_what_is_loud_for_long_may_be_a_person_and_does_not_count() -> None:
     for name in names:
         np.testing.assert_array_equal(getattr(lasting, name), getattr(first, name), name)
     brief = shown(0.5, 0.9, shown(1800.0, 0.1))
-    assert lasting.level(0) < brief.level(0)
     assert (brief.peak_seen[0], lasting.peak_seen[0]) == (pytest.approx(0.9), 0.0)
     shown(0.35, 0.1, brief)
-    assert brief.peak[0] == pytest.approx(0.9, rel=1e-3)
+    shown(0.35, 0.1, lasting)
+    assert brief.peak[0] > 0.19
+    assert lasting.peak[0] < 0.11
     before = {name: float(getattr(lasting, name)[0]) for name in names}
     shown(DT, 0.4, lasting)
     assert lasting.squares_s[0] < before["squares_s"] + DT * 0.16

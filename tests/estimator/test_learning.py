@@ -1,4 +1,4 @@
-"""Learning of friction and gain: what is learned, what is not, and that nothing spoils it."""
+"""Learning of friction: what is learned, what is not, and that nothing spoils it."""
 
 from typing import Any
 
@@ -44,10 +44,9 @@ class Joint:
             self.k += 1
             theta_dot = speed * np.sin(0.9 * DT * self.k)
             rubs, drags = np.tanh(theta_dot / 0.02) * DT, 0.6 * theta_dot * DT
-            motor = (2.0 + np.cos(0.7 * DT * self.k)) * DT + coulomb * rubs + viscous * drags
             e = push * DT - (coulomb - 1.0) * rubs - (viscous - 1.0) * drags
             self.raw = POLE * self.raw + SHARE * (e + noise * DT * rng.normal())
-            self.learning.step(0, rubs, drags, motor, DT, POLE, SHARE)
+            self.learning.step(0, rubs, drags, DT, POLE, SHARE)
             corrected = self.raw - self.learning.correction[0]
             moving = touched and abs(theta_dot) > 0.05
             self.learning.learn(0, self.raw, LEVEL, LEVEL, 0.0, 0.0, moving, DT)
@@ -71,38 +70,50 @@ def test_it_follows_a_gear_that_warms_up() -> None:
     assert joint.learning.friction(0) == pytest.approx(0.9, abs=0.03)
 
 
-@pytest.mark.parametrize("push", [0.2, 0.38, -0.38])
-def test_what_is_constant_is_not_taken_for_friction(push: float) -> None:
-    """Below the level from which on nothing is learned at all."""
-    joint = Joint()
-    joint.swing(60.0)
-    assert joint.swing(600.0, push=push) == pytest.approx(push, rel=0.05)
-
-
 @pytest.mark.parametrize("noise", [0.0, 0.1])
-@pytest.mark.parametrize("push", [0.39, 0.4, 0.41])
-def test_of_what_is_almost_too_large_to_learn_from_little_is_taken(
-    push: float, noise: float
-) -> None:
-    """It is learned from in one direction of the motion and not in the other, where it looks like
-    friction: of all of it, no more than a fourth of the level."""
+@pytest.mark.parametrize("push", [0.2, 0.38, -0.38, 0.4, 0.6])
+def test_what_is_constant_is_not_taken_for_friction(push: float, noise: float) -> None:
+    """Below and beyond half of the level; the push itself comes as a surprise, and then no more."""
     joint = Joint()
     joint.swing(60.0, noise=noise)
     for _ in range(6):
-        joint.swing(59.0, push=push, noise=noise)
-        taken = push - joint.swing(1.0, push=push)
-        assert abs(taken) < 0.25 * LEVEL
+        joint.swing(99.0, push=push, noise=noise)
+        assert joint.swing(1.0, push=push) == pytest.approx(push, rel=0.05)
+
+
+@pytest.mark.parametrize("push", [0.2, 0.38])
+def test_of_a_hand_that_comes_and_goes_little_is_taken(push: float) -> None:
+    """Every twelve seconds for five, at whatever the joint does then."""
+    joint = Joint()
+    joint.swing(60.0)
+    for _ in range(50):
+        taken = push - joint.swing(5.0, push=push)
+        assert abs(taken) < 0.1 * push
+        joint.swing(7.0)
+
+
+def test_masses_that_are_off_do_not_hide_friction_that_is() -> None:
+    """What they make of the residual follows the pose, over seconds."""
+    joint = Joint()
+    for k in range(600):
+        joint.swing(0.5, coulomb=1.2, viscous=0.8, push=0.15 * np.sin(0.23 * k))
+    assert joint.learning.friction(0) == pytest.approx(1.2, abs=0.05)
+    assert 1.0 - joint.learning.shares[0, 1] == pytest.approx(0.8, abs=0.15)
 
 
 def test_nothing_is_learned_from_what_may_be_a_touch() -> None:
     joint = Joint()
     joint.swing(60.0)
     shares = np.array(joint.learning.shares)
-    joint.swing(20.0, push=0.5)  # beyond half of the level
-    assert np.abs(np.asarray(joint.learning.shares) - shares).max() < 0.01
+    joint.swing(20.0, push=0.9)  # beyond the level
+    np.testing.assert_allclose(joint.learning.shares[:, 1:], shares[:, 1:], atol=0.005)
     shares = np.array(joint.learning.shares)
-    joint.swing(0.25, coulomb=2.0)  # not for a while after it either
-    np.testing.assert_array_equal(joint.learning.shares, shares)
+    assert joint.learning.shares[0, 0] == pytest.approx(0.9, abs=0.05)
+    joint.swing(0.15, push=0.1)
+    joint.swing(0.25, coulomb=1.3, push=0.1)  # not for a while after it either
+    np.testing.assert_array_equal(joint.learning.shares[:, 1:], shares[:, 1:])
+    joint.swing(20.0, coulomb=1.3, push=0.1)
+    assert joint.learning.friction(0) > 1.2
 
 
 @pytest.mark.parametrize("how", [{"touched": False}, {"speed": 0.04}])
@@ -116,7 +127,7 @@ def test_shares_are_bounded() -> None:
     joint = Joint()
     for step in range(1, 40):  # so slowly that it is never beyond half of the level
         joint.swing(60.0, coulomb=1.0 + 0.05 * step)
-    assert np.abs(joint.learning.shares).max() == pytest.approx(0.7)
+    assert np.abs(joint.learning.shares)[0, 1:].max() == pytest.approx(0.7)
 
 
 def test_what_is_unknown_shrinks_and_is_nothing_at_rest() -> None:
@@ -125,7 +136,7 @@ def test_what_is_unknown_shrinks_and_is_nothing_at_rest() -> None:
     before = float(joint.learning.unknown[0])
     assert 0.4 < before < 0.9
     joint.swing(np.pi / 0.9 * 40)
-    assert float(joint.learning.unknown[0]) < 0.25 * before
+    assert float(joint.learning.unknown[0]) < 0.3 * before
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
@@ -133,7 +144,7 @@ def test_what_is_no_number_is_not_learned(bad: float) -> None:
     joint = Joint()
     joint.swing(30.0, coulomb=1.2)
     learning = joint.learning
-    learning.step(0, bad, bad, bad, DT, POLE, SHARE)
+    learning.step(0, bad, bad, DT, POLE, SHARE)
     learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, True, DT)
     learning.reset(0)
     joint.raw = 0.0
@@ -144,13 +155,31 @@ def test_what_is_no_number_is_not_learned(bad: float) -> None:
 def test_what_is_too_large_to_be_solved_is_forgotten() -> None:
     joint = Joint()
     learning = joint.learning
-    learning.step(0, 1e200, 1e200, 0.0, DT, POLE, SHARE)
+    learning.step(0, 1e200, 1e200, DT, POLE, SHARE)
     learning.quiet_s[0] = 1.0
     learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, True, DT)
     learning.reset(0)
     assert learning.error(0) == pytest.approx(0.65)
     joint.swing(60.0, coulomb=1.2)
     assert learning.friction(0) == pytest.approx(1.2, abs=0.02)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_known_stays_a_covariance(seed: int) -> None:
+    """Symmetric to the last bit and positive, whatever it was shown."""
+    rng, learning = np.random.default_rng(seed), Learning(np.array([LEVEL]), DT)
+    size = 10.0 ** rng.uniform(-3.0, 2.0)
+    for k in range(30_000):
+        if k % 500 == 0:
+            rubs, drags, e = DT * size * rng.normal(size=3)
+            level, moving = rng.choice([0.01, 1e9]), rng.random() < 0.8
+        learning.step(0, rubs, drags, DT, POLE, SHARE)
+        learning.learn(0, SHARE * e, level, LEVEL, 0.0, 0.0, moving, DT)
+    P = np.array(learning.covariance[0])
+    np.testing.assert_array_equal(P, P.T)
+    assert (np.linalg.eigvalsh(P) > 0.0).all()
+    spread = np.array([0.4 * LEVEL, 0.4, 0.4])
+    assert (np.diag(P) <= 1.01 * spread**2).all()
 
 
 def test_what_is_unknown_counts_as_friction_does() -> None:
@@ -169,7 +198,7 @@ def test_compiled_and_plain_are_the_same_to_the_last_bit() -> None:
         joint = Joint(modules["learning"].Learning(np.array([LEVEL]), DT))
         joint.swing(5.0, coulomb=1.3, viscous=0.7, noise=0.1)
         names = (
-            *("information", "evidence", "columns", "shares", "coulomb_left", "viscous_left"),
+            *("covariance", "columns", "shares", "coulomb_left", "viscous_left"),
             *("unknown", "squares_s", "moved_s", "peak", "crossing_peak", "quiet_s", "loud_s"),
         )
         state = {name: np.asarray(getattr(joint.learning, name)) for name in names}

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bench.rigs.lockstep import ROMEO, lockstep_rig
 from errors import ConfigurationError
-from simulator.hand import Guide, Hand, Hold, Push, Release, read_script
+from simulator.hand import Give, Guide, Hand, Hold, Push, Release, read_script
 
 NAMES = ("a", "b")
 Q = np.array([0.1, -0.2])
@@ -167,3 +168,31 @@ def test_hand_meets_arm(master: Callable[..., Any]) -> None:
     assert one.events[0].at_s == pytest.approx(began + 0.02 + 0.2, abs=0.011)
     assert one.arm.plant.q[2] == pytest.approx(0.3, abs=0.03)
     assert np.abs(one.arm.plant.q_dot).max() < 0.5
+
+
+def test_it_gives_something_and_takes_it_away(tmp_path: Path) -> None:
+    script = tmp_path / "cup.yaml"
+    script.write_text(
+        "- {at_s: 2, act: give, mass: 0}\n- {at_s: 1, act: give, mass: 0.3, com: [0.1, 0, 0]}\n"
+    )
+    acts = read_script(script)
+    assert acts[0] == Give(at_s=1.0, mass=0.3, com=(0.1, 0.0, 0.0))
+    given: list[Give] = []
+    one = Hand(acts, NAMES, np.ones(2), given.append)
+    one.begin(100.0)
+    assert one.update(101.0, Q) == ["begin give 0.3 kg"]
+    assert given == [acts[0]]
+    assert not one.touching
+    assert one.update(102.0, Q) == ["begin take what it carries"]
+    assert given == list(acts)
+    assert one.done
+
+
+def test_an_arm_carries_what_its_hand_is_given() -> None:
+    cup = Give(at_s=0.2, mass=0.3, com=(0.07, 0.0, 0.0))
+    with lockstep_rig(ROMEO, hand=(cup,)) as rig:
+        mass = rig.arm.plant.parameters.model.inertias[7].mass
+        rig.enable()
+        rig.run(2.0)
+        assert rig.arm.hand.began
+        assert rig.arm.plant.parameters.model.inertias[7].mass == pytest.approx(mass + 0.3)

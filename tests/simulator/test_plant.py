@@ -185,3 +185,28 @@ def test_limp_arm_comes_to_rest_at_all_poses(romeo: ArmDescription, friction: st
         assert np.abs(plant.q_dot).max() < 1.0
         assert (plant.q > parameters.lower - 0.05).all()
         assert (plant.q < parameters.upper + 0.05).all()
+
+
+def test_what_the_hand_is_given_weighs_and_can_be_taken_away(romeo: ArmDescription) -> None:
+    plant = Plant(still(true_parameters(romeo, SimulationSettings())), STEP)
+    place, q = np.array([0.08, 0.01, -0.02]), np.full(7, 0.2)
+
+    def acceleration() -> np.ndarray:
+        out = np.zeros(7)
+        plant.masses.links.accelerate(q, np.zeros(7), np.zeros(7), out)
+        return out
+
+    before = acceleration()
+    for mass in (0.9, 0.4):  # in place of the first
+        plant.carry(mass, place)
+    loaded = plant.parameters.model
+    nominal = Plant(true_parameters(romeo, SimulationSettings()), STEP)
+    expected = nominal.parameters.model.copy()
+    expected.inertias[7] += pin.Inertia(0.4, place, np.zeros((3, 3)))
+    zero = np.zeros(7)
+    theirs = pin.aba(expected, expected.createData(), q, zero, zero)
+    np.testing.assert_allclose(acceleration(), theirs, rtol=1e-9, atol=1e-9)
+    assert loaded.inertias[7].mass == pytest.approx(expected.inertias[7].mass)
+    assert np.abs(acceleration() - before).max() > 0.1
+    plant.carry(0.0, place)
+    np.testing.assert_array_equal(acceleration(), before)

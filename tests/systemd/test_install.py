@@ -33,7 +33,7 @@ def installed(tmp_path: Path) -> Path:
     assert make("install-files", tmp_path).returncode == 0
     environment = tmp_path / "opt/contactd"
     (environment / "bin").mkdir()
-    for name in ("bin/contactd", "bin/contactctl", "pyvenv.cfg"):
+    for name in ("bin/contactd", "bin/contactctl", "bin/contactd-web", "pyvenv.cfg"):
         (environment / name).touch()
     return tmp_path
 

@@ -10,30 +10,6 @@ from bench.study import scores
 from bench.study.scores import Detection, Errors, Trial
 
 
-@pytest.mark.parametrize(
-    ("residual", "count"),
-    [
-        ([0, 0, 0], 0),
-        ([1, 1, 1], 0),  # at the threshold is not beyond
-        ([2, 2, 2], 1),
-        ([2, 0, -2], 2),
-        ([0, 2, -2, 0, 3], 2),  # straight to the other side is one stretch
-    ],
-)
-def test_an_alarm_is_a_stretch_beyond_the_threshold(residual: list[float], count: int) -> None:
-    columns = np.array([residual, np.zeros(len(residual))], dtype=float).T
-    assert scores.alarms(columns, np.ones(2)).tolist() == [count, 0]
-
-
-def test_the_quiet_threshold_raises_no_alarm_and_no_lower_one_is_quiet() -> None:
-    rng = np.random.default_rng(1)
-    residual, raised = rng.normal(size=(500, 3)), rng.uniform(0, 0.5, (500, 3))
-    quiet = scores.quiet_threshold(residual, raised)
-    assert not scores.alarms(residual, quiet + raised + 1e-12).any()
-    assert (scores.alarms(residual, 0.999 * quiet + raised) > 0).all()
-    assert scores.quiet_threshold(residual, raised + 10.0).tolist() == [0, 0, 0]
-
-
 def test_a_perfect_residual_is_half_there_after_ln_2_over_K() -> None:
     shown = scores.filtered(np.ones((2000, 1)), 25.0, 0.001)[:, 0]
     assert 1e-3 * np.argmax(shown > 0.5) == pytest.approx(math.log(2) / 25.0, abs=1e-3)
@@ -50,6 +26,8 @@ def trial(residual: list[float], raised: float = 0.0, travelled_from: int = 9) -
         before=np.zeros(1),
         raised=np.full((1, len(residual)), raised),
         travelled=ticks >= travelled_from,
+        hidden=0.0,
+        moving=True,
     )
 
 

@@ -56,6 +56,7 @@ def filled(layout: Layout, estimates: list[Estimate]) -> Columns:
         return np.array([getattr(estimate, name) for estimate in estimates])
 
     vectors = ("q", "q_dot", "theta", "phi", "phi_sigma", "tau_M", "threshold", "thresholded")
+    vectors += ("level_share",)
     links = {name: link for link, name in enumerate(layout.joints)} | {"": -1}
     made = EstimateRows(
         **{name: rows(name) for name in vectors},

@@ -156,7 +156,7 @@ def test_history_is_bounded_and_right(make_state: MakeState) -> None:
 
 @pytest.mark.parametrize("armed", [True, False])
 def test_status_report(fake_daemon: Any, armed: bool) -> None:
-    permit = Permit(uid=0, pid=7, detached=True, left_s=552.0)
+    permit = Permit(uid=0, pid=7, detached=True, left_s=552.0, on_behalf_of="anna")
     status = msgspec.structs.replace(
         fake_daemon.status(),
         armed=armed,
@@ -177,7 +177,7 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
     assert "failed  residual        LWristYaw feels +0.30 Nm" in report
     assert "passed  samples         all fresh in this tick" in report
     assert ("not armed" in report) is not armed
-    assert ("armed by root (pid 7) for another 9 min 12 s" in report) is armed
+    assert ("armed by root (pid 7) on behalf of anna for another 9 min 12 s" in report) is armed
     (joint,) = [line for line in lines if line.startswith(" LWristPitch")]
     assert "0.20" in joint
     assert "operation enabled" in joint

@@ -15,17 +15,16 @@ from mcap.writer import Writer
 
 from daemon.clients.client import Client
 from daemon.clients.recorder import CHUNK_BYTES, read_log, record, viewer_schema
-from daemon.clients.replay import replay
+from daemon.clients.replay import SAME_ESTIMATOR, replay
 from daemon.clients.trajectory_recorder import record_trajectory
 from daemon.protocol.messages import STATE_FORMAT, Contact, Notice, Snapshot, State
 from errors import ControlError, LogError, UnreachableError
 from tests.examples import scaled
 
 MakeState = Callable[..., State]
-FORMAT_1 = Path(__file__).with_name("format_1.mcap")
-"""Twenty ticks of configs/single_joint in lockstep, recorded when format 1 was made."""
-FORMAT_2 = Path(__file__).with_name("format_2.mcap")
-"""Fifty ticks of it, the last half pushed, by the last contactd of format 2."""
+FORMATS = {version: Path(__file__).with_name(f"format_{version}.mcap") for version in range(1, 6)}
+"""Some ticks of configs/single_joint in lockstep, recorded by a contactd of that format, of 4 by
+the last that did not write `level_share`. In 2 the joint is pushed. They never change."""
 
 
 @pytest.fixture
@@ -300,7 +299,8 @@ def test_flipped_bit_never_changes_what_is_read(
 def test_not_mcap(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "other.mcap"
     path.write_bytes(content)
-    assert broken(path) == ([], f"{path} is not an MCAP file")
+    said = "is not an MCAP file" if content else "is empty"
+    assert broken(path) == ([], f"{path} {said}")
 
 
 def test_not_ours(tmp_path: Path) -> None:
@@ -349,21 +349,28 @@ def test_of_another_format(tmp_path: Path, version: int | None, said: str) -> No
     assert said in error
 
 
-def test_a_recording_of_format_1_is_read(tmp_path: Path) -> None:
-    """As it was written when format 1 was made; this file never changes."""
-    messages = list(read_log(FORMAT_1))
-    assert isinstance(messages[0], Snapshot)
-    assert messages[0].format == 1
-    assert [message.tick for message in messages[1:]] == list(range(40, 60))
+@pytest.mark.parametrize(("version", "states"), [(1, 20), (2, 50), (3, 90), (4, 90), (5, 90)])
+def test_a_recording_of_each_format_is_read(version: int, states: int) -> None:
+    snapshot, *found = read_log(FORMATS[version])
+    assert isinstance(snapshot, Snapshot)
+    assert (snapshot.format, len(found)) == (version, states)
+    first = snapshot.tick + 1
+    assert [message.tick for message in found] == list(range(first, first + states))
+    assert version != 2 or any(state.thresholded[0] for state in found)
 
 
-def test_a_recording_of_format_2_is_read_and_not_replayed() -> None:
-    """Its estimator did not learn yet; this file never changes."""
-    snapshot, *states = read_log(FORMAT_2)
-    assert (snapshot.format, len(states)) == (2, 50)
-    assert any(state.thresholded[0] for state in states)
-    with pytest.raises(LogError, match="computed something else: replay it with that version"):
-        replay(FORMAT_2)
+def test_every_format_has_its_recording() -> None:
+    assert list(FORMATS) == list(range(1, STATE_FORMAT + 1))
+
+
+@pytest.mark.parametrize("version", FORMATS)
+def test_only_recordings_of_the_present_estimator_are_replayed(version: int) -> None:
+    found = replay(FORMATS[version])
+    if version >= SAME_ESTIMATOR:
+        assert (found.identical, found.older) == (True, "")
+    else:
+        assert (found.identical, found.states) == (False, 0)
+        assert "computed something else: replay it with that version" in found.older
 
 
 def test_cannot_read(tmp_path: Path) -> None:

@@ -9,13 +9,15 @@ import msgspec
 import pytest
 from mcap.writer import Writer
 
-from bench.rigs.lockstep import SINGLE_JOINT
-from bench.workers.replay import made
+from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
+from bench.workers.replay import LockstepClient, made
 from daemon.clients import replay as replaying
-from daemon.clients.recorder import CHUNK_BYTES, PROFILE, read_log
+from daemon.clients.recorder import CHUNK_BYTES, PROFILE, read_log, record
 from daemon.clients.replay import Replay, replay
+from daemon.modes.table import Event
 from daemon.protocol.messages import Snapshot, State
 from errors import LogError
+from estimator.payload import Payload
 
 Messages = list[Snapshot | State]
 SECONDS = 3.0
@@ -154,3 +156,36 @@ def _of_two_joints(messages: Messages) -> list[State]:
         state, **{name: twice(getattr(state, name)) for name in state.__struct_fields__}
     )
     return [change(message) for message in messages if isinstance(message, State)]
+
+
+@pytest.mark.usefixtures("_batch")
+def test_a_payload_told_taken_off_and_recorded_from_the_middle_on_is_replayed(
+    tmp_path: Path,
+) -> None:
+    """Also by a recording that begins while one is carried."""
+    cup, jug = (Payload(mass=m, com=[0.02, 0.01, -0.3]) for m in (0.2, 0.9))
+    with lockstep_rig(SINGLE_JOINT) as rig:
+        rig.enable()
+        rig.request(Event.START)
+        rig.tick.carry(jug, "the test")
+        rig.run(0.5)
+        asked: list[tuple[int, Payload | None]] = [
+            (5, cup), (6, None), (70, jug), (71, jug), (150, None), (151, cup),
+        ]  # fmt: skip
+        begun = rig.ticks
+
+        def stop() -> bool:
+            while asked and rig.ticks - begun >= asked[0][0]:
+                assert not rig.tick.carry(asked.pop(0)[1], "the test")
+            return rig.ticks - begun >= 250
+
+        path = tmp_path / "carried.mcap"
+        record(lambda: LockstepClient(rig), path, stop=stop)  # type: ignore[arg-type, return-value]
+    result = replay(path)
+    assert (result.identical, result.states) == (True, 250)
+    messages = list(read_log(path))
+    forgotten = [
+        changed(m, payload=None) if isinstance(m, State) and m.tick > begun + 160 else m
+        for m in messages
+    ]
+    assert not replay(written(tmp_path / "other.mcap", forgotten)).identical

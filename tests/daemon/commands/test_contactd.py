@@ -1,5 +1,7 @@
 """Exit statuses of `contactd`, by what ends it."""
 
+from pathlib import Path
+
 import click
 import pytest
 from click.testing import CliRunner
@@ -30,3 +32,12 @@ def test_how_a_start_ends(
     lines = result.stderr.splitlines() or [""]
     assert lines[0].startswith(first)
     assert lines[-1] == last
+
+
+def test_a_demo_is_recorded_to_no_file_that_exists(tmp_path: Path) -> None:
+    there = tmp_path / "there.mcap"
+    there.write_text("precious")
+    result = CliRunner().invoke(main, ["demo", "--record", str(there)])
+    assert result.exit_code == 65
+    assert "never overwritten" in result.stderr
+    assert there.read_text() == "precious"

@@ -112,5 +112,5 @@ def test_a_recording_without_samples_is_in_the_way_by_its_name(arm: Commissioned
     with holding(arm) as served:
         served.until(lambda: record(lambda: Client(served.path), second, stop=lambda: True))
         said = refused(served, *FRICTION)
-    assert f"{first.name} is not an MCAP file; " in said
+    assert f"{first.name} is empty; " in said
     assert f"{second.name}: there are no samples in it: delete them and run this again" in said

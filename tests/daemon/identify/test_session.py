@@ -64,7 +64,7 @@ def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
     assert (arm.folder / "identified.yaml").read_bytes() == before
     assert [path.name for path in arm.folder.glob(".identified*")] == []
     (part,) = (arm.folder / "identify").glob("*.part01.mcap")
-    assert recorded(part).duration_s > 0.5 * MOTION_S
+    assert recorded(part).duration_s > MOTION_S - 0.5
 
 
 def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
@@ -111,8 +111,7 @@ def test_friction_goes_on_from_where_it_was_stopped(
     stopped(served, "friction", "--seconds", "20", after_s=5.0 + APPROACH_S)
     (part,) = (arm.folder / "identify").glob("friction*.mcap")
     already = recorded(part).duration_s - APPROACH_S
-    # Ctrl-C is heard, and a motion's end seen, when the machine has time for it.
-    assert 4.4 < already < 15.0
+    assert 4.4 < already < 8.0
     typed = TypedCommand(served, "friction", "--seconds", "20")
     status, said = typed.ends()
     assert status == 0, said
@@ -121,7 +120,7 @@ def test_friction_goes_on_from_where_it_was_stopped(
     assert typed.ticks_in_motion < 2300
     first, second = sorted((arm.folder / "identify").glob("friction-*.mcap"))
     assert recorded(first).duration_s == pytest.approx(already + APPROACH_S)
-    assert recorded(second).duration_s == pytest.approx(typed.ticks_in_motion / 100, abs=4.0)
+    assert recorded(second).duration_s == pytest.approx(typed.ticks_in_motion / 100, abs=0.6)
 
 
 def test_a_hand_goes_on_with_the_borders_that_it_met_before(

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.protocol.messages import Header, Request, printable
+from daemon.protocol.messages import Header, Request, on_behalf_of, printable
+from daemon.service.socket import SHORT_BYTES
 
 
 def load(name: str) -> bytes:
@@ -52,3 +53,17 @@ def test_what_is_made_printable_is_taken(text: str) -> None:
     header = Header(name=printable(text), joints=[])
     packet = msgspec.json.encode(Request("load", header=header))
     assert msgspec.json.decode(packet, type=Request).header == header
+
+
+@pytest.mark.parametrize("text", ["", 65 * "x", "a\nb", "a\x1b[2J", 'a"b', "a\\b", "Zoë", "動き"])
+def test_only_short_plain_text_says_on_whose_behalf(text: str) -> None:
+    packet = json.dumps({"command": "stop", "on_behalf_of": text}).encode()
+    with pytest.raises(msgspec.ValidationError, match=r"\$\.on_behalf_of"):
+        msgspec.json.decode(packet, type=Request)
+
+
+@given(st.text(st.characters(), min_size=1))
+def test_whatever_it_is_can_be_said_plainly_and_a_stop_stays_short(text: str) -> None:
+    packet = msgspec.json.encode(Request("disarm", on_behalf_of=on_behalf_of(text)))
+    assert msgspec.json.decode(packet, type=Request).on_behalf_of == on_behalf_of(text)
+    assert len(packet) <= SHORT_BYTES

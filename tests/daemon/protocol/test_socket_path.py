@@ -8,11 +8,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from daemon.protocol import socket_path
+from daemon.protocol.doors import DOORS, Door, view_socket_path
 from daemon.protocol.messages import Reply
 from daemon.protocol.socket_path import default_socket_path
 from daemon.service.socket import ControlSocket
@@ -79,7 +80,8 @@ def test_group_is_set_where_it_exists(tmp_path: Path, monkeypatch: pytest.Monkey
     if os.getuid() != 0:
         pytest.skip("only root may give a file to any group")
     other = next(g for g in grp.getgrall() if g.gr_gid != os.getgid())
-    monkeypatch.setattr(socket_path, "GROUP", other.gr_name)
+    rule = replace(DOORS[Door.CONTROL], group=other.gr_name)
+    monkeypatch.setitem(DOORS, Door.CONTROL, rule)
     with ControlSocket(tmp_path / "control") as control:
         assert control.path.stat().st_gid == other.gr_gid
 
@@ -104,9 +106,11 @@ def test_stale_socket_is_replaced(tmp_path: Path) -> None:
 def test_socket_file_of_a_successor_is_left(tmp_path: Path) -> None:
     first = ControlSocket(tmp_path / "control")
     first.path.rename(tmp_path / "moved")
+    view_socket_path(first.path).rename(tmp_path / "moved-view")
     with ControlSocket(tmp_path / "control") as second:
         first.close()
         assert second.path.is_socket()
+        assert view_socket_path(second.path).is_socket()
 
 
 @pytest.mark.parametrize("kind", ["file", "directory", "link"])

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -16,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 
 from daemon.commands.contactd import main
-from daemon.protocol import socket_path
+from daemon.protocol.doors import DOORS, Door
 from daemon.service import black_box
 from daemon.service.black_box import BlackBox, follow, ring_path, save, save_left_over, write_log
 from drivers.can.frame_ring import FrameRing, Recorded
@@ -274,7 +275,8 @@ def test_the_ring_is_open_to_the_group_of_the_socket(path, logs, monkeypatch):
     if os.getuid() != 0:
         pytest.skip("only root may give a file to any group")
     other = next(g for g in grp.getgrall() if g.gr_gid != os.getgid())
-    monkeypatch.setattr(socket_path, "GROUP", other.gr_name)
+    rule = replace(DOORS[Door.CONTROL], group=other.gr_name)
+    monkeypatch.setitem(DOORS, Door.CONTROL, rule)
     with BlackBox(path, logs, 10.0):
         assert path.stat().st_gid == other.gr_gid
         assert path.stat().st_mode & 0o777 == 0o640

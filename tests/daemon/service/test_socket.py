@@ -449,7 +449,7 @@ def test_the_last_word_of_who_makes_room_is_heard(control: ControlSocket, dial: 
         dial()
     control.poll(handler)
     assert control.connections == 256
-    epoll, control._epoll = control._epoll, Unready(control._epoll, control._entrance.fileno())
+    epoll, control._epoll = control._epoll, Unready(control._epoll, next(iter(control._entrances)))
     person.send(b'{"command": "stop"}')
     dial()
     control.poll(handler)

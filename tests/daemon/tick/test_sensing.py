@@ -22,7 +22,8 @@ def estimate(sensing: str, flags: Flag) -> Estimate:
     zero = np.zeros(len(sensing))
     return Estimate(
         q=zero, q_dot=zero, theta=zero, phi=zero, phi_sigma=zero, side=zero.astype(np.int8),
-        tau_M=zero, residual=zero, beside={}, threshold=zero, thresholded=zero, contacts=(),
+        tau_M=zero, residual=zero, beside={}, threshold=zero, thresholded=zero,
+            level_share=zero, contacts=(),
         touched_link="", flags=flags, sensing=np.array([each == "." for each in sensing]),
     )  # fmt: skip
 

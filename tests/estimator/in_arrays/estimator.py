@@ -323,6 +323,7 @@ class Estimator:
             beside={name: residuals[row] for row, name in self._beside},
             threshold=threshold,
             thresholded=thresholded,
+            level_share=np.ones(len(q)),
             contacts=contacts,
             touched_link=self._touched_link(residuals[0], threshold)
             if np.count_nonzero(thresholded)

@@ -1,0 +1,161 @@
+"""Measurements of the commands that answer from recordings: time, memory, workers.
+
+Recordings are made of one that was recorded: cut into many, or put one after another.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from daemon.clients.recorder import CHUNK_BYTES, PROFILE
+from daemon.recordings.html import page_of
+from daemon.recordings.view import read_view
+from daemon.recordings.whatif import Answer, Question, ask
+
+LEVELS: Final = 200
+FILES: Final = 100
+FILE_TICKS: Final = 6000
+_PEAK: Final = """
+import sys
+from daemon.commands.contactd import main
+try:
+    main(sys.argv[1:])
+finally:
+    status = open("/proc/self/status").read()
+    print(status.partition("VmHWM:")[2].split()[0], file=sys.stderr)
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Times of one recording [s]; CPU time where it is said."""
+
+    whatif_cpu_s: float
+    """200 levels, read anew"""
+    cached_s: float
+    """the same from the cache"""
+    plot_s: float
+    page_mb: float
+
+
+def messages_of(path: Path) -> tuple[bytes, list[bytes]]:
+    """Snapshot and States of a recording, as they were written."""
+    snapshot, states = b"", []
+    with path.open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
+            if channel.topic == "/state":
+                states.append(message.data)
+            elif not snapshot:
+                snapshot = message.data
+    return snapshot, states
+
+
+def write(path: Path, parts: Sequence[tuple[bytes, Sequence[bytes]]]) -> None:
+    """A recording of these snapshots, each with its States."""
+    with path.open("wb") as stream:
+        log = Writer(stream, chunk_size=CHUNK_BYTES)
+        log.start(profile=PROFILE)
+        schema = log.register_schema("any", "jsonschema", b'{"type": "object"}')
+        topics = {
+            name: log.register_channel(name, "json", schema) for name in ("/snapshot", "/state")
+        }
+        for snapshot, states in parts:
+            log.add_message(topics["/snapshot"], 0, snapshot, 0)
+            for state in states:
+                log.add_message(topics["/state"], 0, state, 0)
+        log.finish()  # type: ignore[no-untyped-call]
+
+
+def times(path: Path, joint: str, folder: Path) -> Times:
+    """Times of a recording, each with a new cache."""
+    question = Question(levels={joint: tuple(np.linspace(0.1, 4.0, LEVELS).tolist())})
+    cache = Path(tempfile.mkdtemp(dir=folder))
+    cpu_s = time.process_time()
+    first = _answered(ask(path, question, cache=cache))
+    cpu_s = time.process_time() - cpu_s
+    begun = time.perf_counter()
+    second = _answered(ask(path, question, cache=cache))
+    cached_s = time.perf_counter() - begun
+    assert first == second
+    begun = time.perf_counter()
+    page = page_of(read_view(path)).encode()
+    plot_s = time.perf_counter() - begun
+    return Times(cpu_s, cached_s, plot_s, len(page) / 1e6)
+
+
+def _answered(answer: Answer) -> Answer:
+    assert not answer.failed, answer.failed
+    return answer
+
+
+def peak_mb(arguments: Sequence[object], folder: Path) -> float:
+    """Most memory that `contactd ...` had at any time [MB], in a process of its own with a new
+    cache. The process says so itself: what the kernel tells a parent counts the parent's, too."""
+    cache = tempfile.mkdtemp(dir=folder)
+    process = subprocess.run(
+        [sys.executable, "-c", _PEAK, *map(str, arguments)],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, "XDG_CACHE_HOME": cache},
+        check=False,
+    )
+    shutil.rmtree(cache)
+    assert process.returncode in (0, 1), process.stderr
+    return int(process.stderr.split()[-1]) / 1024.0
+
+
+def growth_mb(short: Path, long: Path, joint: str, folder: Path) -> dict[str, float]:
+    """How much more memory each command takes of the longer recording [MB]."""
+    page = folder / "page.html"
+    commands: dict[str, list[object]] = {
+        "replay": ["replay"],
+        "plot": ["plot", "-o", page],
+        "whatif": ["whatif", "--threshold", f"{joint}=0.1:4:0.02"],
+    }
+    return {
+        name: peak_mb([*command, long], folder) - peak_mb([*command, short], folder)
+        for name, command in commands.items()
+    }
+
+
+def cut(path: Path, folder: Path) -> None:
+    """Write FILES recordings of FILE_TICKS each, no two the same."""
+    snapshot, states = messages_of(path)
+    room = max(len(states) - FILE_TICKS, 1)
+    for k in range(FILES):
+        begin = (k * 599) % room
+        write(folder / f"{k:03}.mcap", [(snapshot, states[begin : begin + FILE_TICKS])])
+
+
+def worker_speed(folder: Path, joint: str, scratch: Path, rounds: int) -> list[float]:
+    """How many times as fast `contactd whatif` is with two workers as with one, on all recordings
+    of a folder, each time with a new cache, in turns."""
+
+    def wall_s(workers: int) -> float:
+        cache = tempfile.mkdtemp(dir=scratch)
+        levels = f"{joint}=0.1:4:0.02"
+        command = ["whatif", str(folder), "--threshold", levels, "--workers", str(workers)]
+        begun = time.perf_counter()
+        subprocess.run(
+            [sys.executable, "-m", "daemon.commands.contactd", *command],
+            stdout=subprocess.DEVNULL,
+            env={**os.environ, "XDG_CACHE_HOME": cache},
+            check=True,
+        )
+        took = time.perf_counter() - begun
+        shutil.rmtree(cache)
+        return took
+
+    return [wall_s(1) / wall_s(2) for _ in range(rounds)]

@@ -1,0 +1,58 @@
+"""`contactd plot`: a recording as a page or a picture, and what a joint showed at a time."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from daemon.clients.replay import batches
+from daemon.commands.progress import reading
+from daemon.new_file import refuse_suffix
+from daemon.recordings.contents import contents_of
+from daemon.recordings.html import page_of
+from daemon.recordings.view import View, read_view, said_at
+from errors import LogError
+
+SUFFIXES = (".html", ".png", ".svg")
+
+
+def plot_recording(
+    file: Path, joints: Sequence[str], around: str, window_s: float, output: Path | None
+) -> None:
+    """Draw `file` to `output`, by default a page beside the working directory's other files, and
+    print where it is. Raises LogError."""
+    target = output or Path(file.stem).with_suffix(".html")
+    refuse_suffix(target, SUFFIXES)
+    with reading(file) as progress:
+        view = read_view(file, joints, around, window_s, progress)
+    for line in said_at(view):
+        click.echo(line)
+    _write(view, target, every_joint=bool(joints))
+    click.echo(f"plotted: {target}")
+    if view.broken:
+        click.echo(f"contactd: {view.broken}", err=True)
+
+
+def _write(view: View, target: Path, *, every_joint: bool) -> None:
+    if target.suffix.lower() == ".html":
+        try:
+            target.write_text(page_of(view), encoding="utf-8")
+        except OSError as error:
+            raise LogError(f"cannot write {target}: {error.strerror or error}") from error
+        return
+    from daemon.recordings.picture import draw  # noqa: PLC0415 - loads matplotlib
+
+    draw(view, target, every_joint=every_joint)
+
+
+def newest_fault(around: str) -> tuple[Path, str]:
+    """The recording of the newest log of the black box, and where to look: at its fault, unless
+    something else was asked or it knows none. Raises LogError."""
+    from daemon.recordings.recomputed import as_recording, last_fault  # noqa: PLC0415 - slow
+
+    log = last_fault()
+    file = as_recording(log)
+    click.echo(f"{log}: the estimator begins anew on its frames, thresholds are higher than then")
+    if not around and contents_of(batches(file)).faults:
+        around = "fault"
+    return file, around

@@ -1,0 +1,55 @@
+"""Doors of the daemon: two sockets, the group of each, and the commands that it takes. Pure.
+
+Whoever may use the control socket commands the arm. The view socket is for those who look, and who
+may stop what they see: a web page, a display, a logger. It lets nothing move.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Final
+
+from daemon.protocol.messages import COMMANDS, Command
+
+
+class Door(StrEnum):
+    """Door of the daemon."""
+
+    CONTROL = "control"
+    VIEW = "view"
+
+
+@dataclass(frozen=True, slots=True)
+class DoorRule:
+    """Group that may use a door, commands that it takes, and connections that it may hold."""
+
+    group: str
+    commands: frozenset[str]
+    connections: int
+
+
+MAX_CONNECTIONS: Final = 256  # silent ones cost nothing, loud ones wait for their turn
+
+DOORS: Final[dict[Door, DoorRule]] = {
+    Door.CONTROL: DoorRule("contact", frozenset(COMMANDS), MAX_CONNECTIONS),
+    # Never so many that those who command the arm find no place.
+    Door.VIEW: DoorRule(
+        "contact-view", frozenset[Command]({"subscribe", "status", "stop", "disarm"}), 64
+    ),
+}
+GROUPS: Final = frozenset(rule.group for rule in DOORS.values())
+
+
+def refusal(door: Door, command: str) -> str:
+    """Reason why `door` does not take `command`; empty if it does."""
+    taken = DOORS[door].commands
+    if command in taken:
+        return ""
+    return f"the {door} socket takes only {', '.join(sorted(taken))}"
+
+
+def view_socket_path(control: Path) -> Path:
+    """Path of the view socket beside a control socket: `contactd-view.sock` for `control` and for
+    `contactd.sock`, `NAME-view.sock` for `NAME.sock`."""
+    name = "contactd" if control.name == "control" else control.stem
+    return control.with_name(f"{name}-view.sock")

@@ -1,0 +1,1 @@
+"""Answers from recordings: contents, plots, what-ifs, other formats. No daemon is asked."""

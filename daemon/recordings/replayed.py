@@ -1,0 +1,161 @@
+"""Rows of a recording as its samples give them with other settings: the estimator runs again.
+
+It goes on from the recorded memory, with all that was learned until then, or begins anew, as after
+switching on. What the arm did is what it did: it moved as it was reacted to then.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from msgspec.structs import replace
+
+from daemon.assembly import build_estimator
+from daemon.clients.columns import Layout
+from daemon.clients.replay import SAME_ESTIMATOR, batches
+from daemon.config.schema import Configuration
+from daemon.modes.table import SENSING, Mode
+from daemon.protocol.messages import Snapshot, State
+from daemon.recordings.rows import Rows, RowsHeader
+from daemon.recordings.settings import Change, changed_configuration
+from errors import LogError, ModelError
+from estimator.estimator import Estimator
+
+_SENSING = frozenset(mode.value for mode in SENSING)
+
+
+@dataclass(slots=True)
+class ReplayedRows:
+    """Rows of a recording with changed settings. Raises ContactdError where they do not fit."""
+
+    path: Path
+    changes: Sequence[Change]
+    fresh: bool
+    _configuration: Configuration | None = None
+    _estimator: Estimator | None = None
+    _layout: Layout = field(default_factory=lambda: Layout((), ()))
+    _begun_s: float | None = None
+    _tick: int = -1
+    _mode: str = ""
+
+    def header(self, recorded: RowsHeader) -> RowsHeader:
+        """That of the recorded rows, with the changed settings."""
+        c = self._settings()
+        return replace(
+            recorded,
+            contact=[joint.thresholds.contact for joint in c.joints],
+            debounce=c.estimator.debounce,
+            learned=c.estimator.learning,
+            shares_known=True,
+            residual=c.estimator.residual.name,
+            beside=[variant.name for variant in c.estimator.beside],
+        )
+
+    def parts(
+        self, residual: str = "", progress: Callable[[float], None] = lambda share: None
+    ) -> Iterator[Rows]:
+        """Rows of every batch, with the residual of that name, by default the one that decides.
+        What follows a gap is left out until the next snapshot. A recording that breaks off ends
+        there."""
+        rows = 0
+        try:
+            for batch in batches(self.path, progress):
+                if isinstance(batch, Snapshot):
+                    self._restart(batch)
+                    continue
+                if self._begun_s is None:
+                    self._begun_s = batch[0].time_s
+                for states in _stretches(batch):
+                    if part := self._step(states, residual):
+                        rows += len(states)
+                        yield part
+        except LogError:
+            if not rows:
+                raise
+
+    def _settings(self) -> Configuration:
+        if self._configuration is None:
+            for batch in batches(self.path):
+                if isinstance(batch, Snapshot):
+                    self._configuration = changed_configuration(batch, self.changes)
+                    break
+        assert self._configuration is not None
+        return self._configuration
+
+    def _restart(self, snapshot: Snapshot) -> None:
+        c = self._configuration = changed_configuration(snapshot, self.changes)
+        self._estimator = build_estimator(c, snapshot.urdf)
+        self._layout = Layout(
+            tuple(c.joint_names), tuple(variant.name for variant in c.estimator.beside)
+        )
+        if not self.fresh:
+            self._restore(self._estimator, snapshot)
+        self._tick, self._mode = snapshot.tick, ""
+
+    def _restore(self, estimator: Estimator, snapshot: Snapshot) -> None:
+        if not snapshot.memory:
+            raise LogError(
+                "is made of frames, without the estimator's memory; --fresh begins without"
+            )
+        if snapshot.format < SAME_ESTIMATOR:
+            raise LogError(
+                f"is of format {snapshot.format}: its estimator's memory is another's; --fresh "
+                "begins without"
+            )
+        try:
+            estimator.restore(snapshot.memory)
+        except (ModelError, LookupError, TypeError, ValueError, OverflowError) as error:
+            raise LogError(
+                f"its estimator's memory does not fit these settings ({error}): --fresh begins "
+                "without"
+            ) from error
+
+    def _step(self, states: Sequence[State], residual: str) -> Rows | None:
+        """Rows of States without a gap; None where the estimator does not know how it began."""
+        follows = states[0].tick == self._tick + 1
+        if not follows and not self.fresh:
+            self._estimator = None
+        if self._estimator is None:
+            return None
+        if not follows:
+            self._estimator.restart()
+        modes = [self._mode, *(state.mode for state in states)]
+        changes = enumerate(pairwise(modes))
+        resets = {k for k, of in changes if of == (Mode.ENABLING, Mode.HOLDING)}
+        made = self._estimator.run(self._layout.samples(states), resets)
+        begun = self._mode != ""
+        self._tick, self._mode = states[-1].tick, str(states[-1].mode)
+        c = self._configuration
+        assert c is not None
+        if residual in ("", c.estimator.residual.name):
+            values = made.residual
+        elif residual in made.beside:
+            values = made.beside[residual]
+        else:
+            known = ", ".join([c.estimator.residual.name, *made.beside])
+            raise LogError(f"has no residual {residual!r}; there are: {known}")
+        n = len(self._layout.joints)
+        reports = [
+            (state.sensing or [True] * n) if state.mode in _SENSING else [False] * n
+            for state in states
+        ]
+        assert self._begun_s is not None
+        return Rows(
+            time_s=np.array([state.time_s for state in states]) - self._begun_s,
+            follows=follows and begun,
+            reports=np.array(reports, dtype=np.bool_),
+            residual=values,
+            threshold=made.threshold,
+            level_share=made.level_share,
+        )
+
+
+def _stretches(states: list[State]) -> Iterator[list[State]]:
+    """The States, divided where ticks are missing."""
+    begin = 0
+    for k in range(1, len(states) + 1):
+        if k == len(states) or states[k].tick != states[k - 1].tick + 1:
+            yield states[begin:k]
+            begin = k

@@ -1,0 +1,302 @@
+"""What-ifs about one recording: its contacts at other levels, by another residual, or with other
+settings.
+
+Residual, threshold and the share that learning left of it are recorded, so other levels need no
+estimator. Other settings do: the samples are replayed with them. Everything here is a pure function
+of a recording and a question, and both can be sent to another process or machine.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from arrays import Matrix, Vector
+from daemon.recordings.labels import ANY, Label
+from daemon.recordings.rows import CachedRows, Rows, RowsHeader, content_digest
+from daemon.recordings.settings import Change
+from errors import ContactdError, LogError
+from estimator.alarms import critical_level
+from estimator.level_sweep import Debounce, Sweep, Window, levels_passed
+
+ARM: Final = "the arm"
+MOST_CONTACTS: Final = 500  # listed of one recording
+
+
+class Question(msgspec.Struct, frozen=True, kw_only=True):
+    """What is asked of every recording."""
+
+    levels: dict[str, tuple[float, ...]] = {}  # of these joints, ascending [Nm]
+    residual: str = ""  # by name; empty: the one that decided
+    changes: tuple[Change, ...] = ()
+    fresh: bool = False  # the estimator begins anew, as after switching on
+    until_reaction: bool = False  # what comes after it is left out
+
+
+class Curve(msgspec.Struct, kw_only=True):
+    """Counts at each level of one joint, or of the arm."""
+
+    levels: list[float]  # [Nm]; of the arm the number of each step
+    contacts: list[int]
+    false: list[int]  # those that begin outside of every label
+    beyond_s: list[float]  # time in which one lasts
+    labels: int = 0
+    found: list[int] = []  # labels with a contact in them
+    delays_s: list[list[float]] = []  # of the found ones, for each level
+
+    def __add__(self, other: "Curve") -> "Curve":
+        """Both recordings together. Raises ValueError for other levels."""
+        if self.levels != other.levels:
+            raise ValueError("curves over other levels")
+
+        def added(name: str) -> list[int]:
+            pairs = zip(getattr(self, name), getattr(other, name), strict=True)
+            return [a + b for a, b in pairs]
+
+        return Curve(
+            levels=self.levels,
+            contacts=added("contacts"),
+            false=added("false"),
+            beyond_s=added("beyond_s"),  # type: ignore[arg-type]
+            labels=self.labels + other.labels,
+            found=added("found"),
+            delays_s=added("delays_s"),  # type: ignore[arg-type]
+        )
+
+
+class Found(msgspec.Struct, frozen=True):
+    """One contact at the levels in force."""
+
+    time_s: float
+    joint: str
+    torque: float  # residual when it began [Nm]
+    threshold: float  # in force then [Nm]
+
+
+class Answer(msgspec.Struct, kw_only=True):
+    """Answer of one recording, or the reason why there is none."""
+
+    file: str
+    failed: str = ""
+    broken: str = ""  # reason why the recording ends early: what came before counts
+    duration_s: float = 0.0
+    watched_s: float = 0.0  # in which contacts are reported, and counted here
+    outside_s: float = 0.0  # of that, outside of every label
+    reaction_s: float | None = None
+    shares_known: bool = True
+    recorded: list[Found] = []  # contacts as recorded
+    contacts: list[Found] = []  # the same with other settings, or by another residual
+    curves: dict[str, Curve] = {}
+
+
+@dataclass(slots=True)
+class _Joint:
+    """Sweep of one joint."""
+
+    column: int
+    levels: Vector
+    sweep: Sweep
+
+
+def ask(
+    file: Path,
+    question: Question,
+    labels: tuple[Label, ...] = (),
+    cache: Path | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Answer:
+    """Answer of a recording. Never raises ContactdError: `failed` says why there is none."""
+    try:
+        recorded = CachedRows(file, content_digest(file), cache, progress)
+        return _Asked(file, question, labels, recorded).answer(progress)
+    except ContactdError as error:
+        text = str(error)
+        return Answer(file=str(file), failed=text if str(file) in text else f"{file} {text}")
+
+
+class _Asked:
+    """A question to one recording."""
+
+    def __init__(
+        self, file: Path, question: Question, labels: tuple[Label, ...], recorded: CachedRows
+    ) -> None:
+        self.file, self.question, self.recorded = file, question, recorded
+        header = recorded.header
+        self.labels = labels
+        for label in labels:
+            _refuse_unknown(label.joint, header, but=ANY)
+        for joint in question.levels:
+            _refuse_unknown(joint, header)
+        self.end_s = np.inf
+        if question.until_reaction and header.reaction_s is not None:
+            self.end_s = header.reaction_s
+        self.touches = [Window(label.start_s, label.end_s) for label in labels]
+
+    def answer(self, progress: Callable[[float], None]) -> Answer:
+        """All of it."""
+        header, question = self.recorded.header, self.question
+        answer = Answer(
+            file=str(self.file),
+            broken=header.broken,
+            duration_s=header.duration_s,
+            reaction_s=header.reaction_s,
+            shares_known=header.shares_known or not header.learned,
+        )
+        parts = self.recorded.parts(question.residual)
+        if question.changes or question.fresh:
+            from daemon.recordings.replayed import ReplayedRows  # noqa: PLC0415 - pinocchio
+
+            answer.recorded = _contacts(self._cut(self.recorded.parts()), header)
+            replayed = ReplayedRows(self.file, question.changes, fresh=question.fresh)
+            parts = replayed.parts(question.residual, progress)
+            header = replayed.header(header)
+            answer.shares_known = True
+        elif question.residual:
+            answer.recorded = _contacts(self._cut(self.recorded.parts()), header)
+        self._count(answer, parts, header)
+        if not (question.changes or question.fresh or question.residual):
+            answer.recorded = answer.contacts
+        return answer
+
+    def _cut(self, parts: Iterator[Rows]) -> Iterator[Rows]:
+        """Rows before the end that was asked for."""
+        for rows in parts:
+            whole = int(np.searchsorted(rows.time_s, self.end_s, side="right"))
+            if whole:
+                yield _first(rows, whole)
+            if whole < len(rows.time_s):
+                return
+
+    def _count(self, answer: Answer, parts: Iterator[Rows], header: RowsHeader) -> None:
+        """One pass over the rows: contacts at the levels in force, and all curves."""
+        n = len(header.joints)
+        contact = np.array(header.contact)
+        joints = [self._joint(header, name) for name in self.question.levels]
+        count = {len(joint.levels) for joint in joints}
+        arm = Sweep(count.pop(), self.touches) if len(count) == 1 else None
+        debounce, in_force = Debounce(n, header.debounce), Debounce(n, header.debounce)
+        found = _Contacts(header)
+        period_s = header.duration_s / max(header.rows - 1 - len(header.stretches), 1)
+        for rows in self._cut(parts):
+            if not rows.follows:
+                for one in (debounce, in_force, found, *(j.sweep for j in joints), arm):
+                    if one is not None:
+                        one.forget()
+            critical = critical_level(rows.residual, rows.threshold, contact, rows.level_share)
+            critical[~rows.reports] = 0.0
+            passed = debounce.add(critical, rows.residual)
+            beyond = in_force.add(_beyond(rows), rows.residual)
+            found.add(rows, beyond)
+            watched = rows.reports.any(axis=1)
+            answer.watched_s += period_s * int(np.count_nonzero(watched))
+            for window in self.touches:
+                touched = (rows.time_s >= window.begin_s) & (rows.time_s <= window.end_s)
+                watched &= ~touched
+            answer.outside_s += period_s * int(np.count_nonzero(watched))
+            if not joints:
+                continue
+            others = np.where((beyond != 0.0).any(axis=1, where=self._others(joints, n)), 1, 0)
+            most = others * (arm.count if arm else 0)
+            for joint in joints:
+                k = levels_passed(passed[:, joint.column], joint.levels)
+                joint.sweep.add(rows.time_s, k)
+                most = np.maximum(most, np.abs(k))
+            if arm is not None:
+                arm.add(rows.time_s, most)
+        answer.contacts = found.found
+        answer.curves = {
+            header.joints[j.column]: _curve(j.sweep, j.levels.tolist(), period_s) for j in joints
+        }
+        if arm is not None:
+            answer.curves[ARM] = _curve(arm, list(range(1, arm.count + 1)), period_s)
+
+    def _joint(self, header: RowsHeader, name: str) -> _Joint:
+        windows = [
+            window
+            for window, label in zip(self.touches, self.labels, strict=True)
+            if label.joint in (name, ANY)
+        ]
+        levels = np.array(self.question.levels[name])
+        sweep = Sweep(len(levels), windows, self.touches)
+        return _Joint(header.joints.index(name), levels, sweep)
+
+    @staticmethod
+    def _others(joints: list[_Joint], n: int) -> NDArray[np.bool_]:
+        """Joints (n,) whose level is not swept."""
+        others = np.ones(n, dtype=np.bool_)
+        others[[joint.column for joint in joints]] = False
+        return others
+
+
+def _beyond(rows: Rows) -> Matrix:
+    """What of each |r| lies beyond its threshold in force (ticks, n) [Nm]."""
+    beyond: Matrix = np.where(rows.reports, np.abs(rows.residual) - rows.threshold, 0.0)
+    return np.maximum(beyond, 0.0)
+
+
+class _Contacts:
+    """Contacts at the levels in force, one after another."""
+
+    def __init__(self, header: RowsHeader) -> None:
+        self._joints = header.joints
+        self._before = np.zeros(len(header.joints))
+        self.found: list[Found] = []
+
+    def forget(self) -> None:
+        """Begin anew, after a gap."""
+        self._before[:] = 0.0
+
+    def add(self, rows: Rows, beyond: Matrix) -> None:
+        """Take rows and what lies beyond their thresholds, debounced and signed."""
+        before = np.vstack([self._before, beyond[:-1]])
+        self._before = beyond[-1]
+        for k, i in np.argwhere((beyond != 0.0) & (beyond * before <= 0.0)).tolist():
+            if len(self.found) < MOST_CONTACTS:
+                self.found.append(
+                    Found(
+                        float(rows.time_s[k]),
+                        self._joints[i],
+                        float(rows.residual[k, i]),
+                        float(rows.threshold[k, i]),
+                    )
+                )
+
+
+def _contacts(parts: Iterator[Rows], header: RowsHeader) -> list[Found]:
+    """Contacts of all rows at the levels in force."""
+    debounce, found = Debounce(len(header.joints), header.debounce), _Contacts(header)
+    for rows in parts:
+        if not rows.follows:
+            debounce.forget()
+            found.forget()
+        found.add(rows, debounce.add(_beyond(rows), rows.residual))
+    return found.found
+
+
+def _first(rows: Rows, count: int) -> Rows:
+    if count == len(rows.time_s):
+        return rows
+    names = ("time_s", "reports", "residual", "threshold", "level_share")
+    return replace(rows, **{name: getattr(rows, name)[:count] for name in names})
+
+
+def _curve(sweep: Sweep, levels: list[float], period_s: float) -> Curve:
+    known = np.isfinite(sweep.delays_s)
+    return Curve(
+        levels=levels,
+        contacts=sweep.contacts.tolist(),
+        false=sweep.false.tolist(),
+        beyond_s=(period_s * sweep.beyond).tolist(),
+        labels=len(sweep.windows),
+        found=np.count_nonzero(known, axis=0).tolist(),
+        delays_s=[sweep.delays_s[known[:, k], k].tolist() for k in range(sweep.count)],
+    )
+
+
+def _refuse_unknown(joint: str, header: RowsHeader, but: str = "") -> None:
+    if joint not in header.joints and joint != but:
+        raise LogError(f"has no joint {joint!r}; there are: {', '.join(header.joints)}")

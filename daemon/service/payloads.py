@@ -1,0 +1,57 @@
+"""Payloads that may be announced: by mass and place, or by their names in the configuration."""
+
+from dataclasses import dataclass, field
+
+from daemon.config.load import Robot
+from daemon.config.schema import NO_PAYLOAD
+from daemon.config.worst_loads import Carrying
+from daemon.protocol.messages import Request
+from errors import ModelError
+from estimator.model import Model
+from estimator.payload import Payload
+
+
+@dataclass(slots=True)
+class Payloads:
+    """Payloads of one arm. Made before the loop runs, as it looks at many poses."""
+
+    robot: Robot
+    named: dict[str, Payload] = field(init=False)
+    hand: str = field(init=False)
+    """name of the link in whose frame they are"""
+    _tool_place: list[float] = field(init=False)
+    _carrying: Carrying = field(init=False)
+
+    def __post_init__(self) -> None:
+        c = self.robot.configuration
+        model = Model(self.robot.urdf, c.joint_names)
+        self.hand, self._tool_place = model.hand, model.tool_place.tolist()
+        self._carrying = Carrying(c, self.robot.urdf)
+        self.named = {
+            name: Payload.of(entry.mass, entry.com or self._tool_place, name)
+            for name, entry in c.payloads.items()
+        }
+
+    def asked_for(self, request: Request) -> Payload | None:
+        """Payload of a request, None for nothing. Raises ModelError for one that cannot be."""
+        if request.name is not None:
+            if request.mass is not None or request.com is not None:
+                raise ModelError("it takes a `name`, or a `mass` with its `com`")
+            if request.name == NO_PAYLOAD:
+                return None
+            if request.name not in self.named:
+                known = f"there are: {', '.join(self.named)}" if self.named else "there is none"
+                raise ModelError(
+                    f"no payload {request.name!r} under `payloads` in the configuration; {known}"
+                )
+            return self.named[request.name]
+        if request.mass is None:
+            raise ModelError("it takes a `name`, or a `mass` with its `com`")
+        if request.mass == 0.0:
+            return None
+        com = self._tool_place if request.com is None else request.com
+        return Payload.of(request.mass, com)
+
+    def too_heavy(self, payload: Payload | None) -> list[str]:
+        """Reasons why the motors cannot carry it, joint by joint."""
+        return [] if payload is None else self._carrying.too_heavy(payload)

@@ -1,0 +1,153 @@
+"""Day record: what one arm showed of its gears on one day (UTC), as a file of its own.
+
+Sums are kept, not means, so that a day that is begun again goes on. A file is written whole under
+another name and then renamed; one that cannot be read is set aside, and said.
+"""
+
+import contextlib
+import math
+import os
+import re
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+import msgspec
+
+from errors import LogError
+from regular_file import read_text
+
+DAYS_KEPT: Final = 800
+_NAME: Final = re.compile(r"^\d{4}-\d\d-\d\d\.json$")
+_DAMAGED: Final = ".damaged"
+
+
+class Sum(msgspec.Struct, forbid_unknown_fields=True):
+    """Weighted sum of a quantity: mean and spread of what was put in."""
+
+    weight: float = 0.0
+    first: float = 0.0
+    second: float = 0.0
+
+    def put(self, value: float, weight: float = 1.0) -> None:
+        """Put a value in; nothing where it is no number."""
+        if math.isfinite(value) and weight > 0.0:
+            self.weight += weight
+            self.first += weight * value
+            self.second += weight * value * value
+
+    @property
+    def mean(self) -> float:
+        """Mean; NaN without a value."""
+        return self.first / self.weight if self.weight > 0.0 else math.nan
+
+
+class JointDay(msgspec.Struct, forbid_unknown_fields=True):
+    """One joint on one day. Weights are seconds in motion, of gap and skew looks at two minutes."""
+
+    moved_s: float = 0.0
+    friction: Sum = msgspec.field(default_factory=Sum)  # learned, over that of the configuration
+    half_gap: Sum = msgspec.field(default_factory=Sum)  # seen where the gap was crossed [rad]
+    skew_ms: Sum = msgspec.field(default_factory=Sum)  # of the link's encoder behind the motor's
+    forth: Sum = msgspec.field(default_factory=Sum)  # residual in motion of positive velocity [Nm]
+    back: Sum = msgspec.field(default_factory=Sum)  # ... of negative velocity
+    bound_s: float = 0.0  # in which what was learned of it was at its bound
+
+    @property
+    def remainder(self) -> float:
+        """What is left of gravity: the residual that does not turn with the motion [Nm]; NaN where
+        the joint did not move both ways."""
+        return 0.5 * (self.forth.mean + self.back.mean)
+
+
+class Day(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
+    """One arm on one day."""
+
+    version: Literal[1] = 1
+    arm: str
+    date: str  # UTC, 2026-11-23
+    identified: dict[str, str] = {}  # joint -> date of its friction or gap in identified.yaml
+    joints: dict[str, JointDay] = msgspec.field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Days:
+    """Days of an arm, in order, and the files that could not be read."""
+
+    days: tuple[Day, ...]
+    damaged: tuple[str, ...]
+
+
+def folder_of(state: Path, arm: str) -> Path:
+    """Folder of the records of an arm in the state directory."""
+    slug = re.sub(r"[^A-Za-z0-9]+", "-", arm).strip("-").lower() or "arm"
+    return state / "trends" / slug
+
+
+def read_day(path: Path) -> Day | None:
+    """Record in a file; None where it is none. Raises OSError where it cannot be opened."""
+    try:
+        day = msgspec.json.decode(read_text(path), type=Day)
+    except (msgspec.DecodeError, UnicodeDecodeError, ValueError):
+        return None
+    return day if f"{day.date}.json" == path.name else None
+
+
+def read_days(folder: Path, *, set_aside: bool = False) -> Days:
+    """All records of a folder; set_aside: damaged ones get another name. Raises LogError where the
+    folder cannot be read; one that is not there has no records."""
+    days, damaged = [], []
+    try:
+        names = sorted(os.listdir(folder))
+    except FileNotFoundError:
+        return Days((), ())
+    except OSError as error:
+        raise LogError(f"{folder}: {error.strerror}") from error
+    for name in names:
+        path = folder / name
+        if name.endswith(_DAMAGED):
+            damaged.append(str(path))
+        elif _NAME.match(name):
+            try:
+                day = read_day(path)
+            except OSError as error:
+                raise LogError(f"{path}: {error.strerror}") from error
+            if day is not None:
+                days.append(day)
+            else:
+                damaged.append(str(aside(path) if set_aside else path))
+    return Days(tuple(days), tuple(damaged))
+
+
+def aside(path: Path) -> Path:
+    """Give a damaged file another name; returns it."""
+    for k in range(100):
+        other = path.with_name(f"{path.name}{f'.{k}' if k else ''}{_DAMAGED}")
+        if not other.exists():
+            path.rename(other)
+            return other
+    path.unlink()
+    return path
+
+
+def write_day(folder: Path, day: Day) -> None:
+    """Write a record, whole or not at all, and forget the oldest. Raises LogError."""
+    path = folder / f"{day.date}.json"
+    partial = ""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, prefix=".", delete=False) as stream:
+            partial = stream.name
+            stream.write(msgspec.json.encode(day))
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.chmod(partial, 0o640)
+        os.replace(partial, path)
+        kept = sorted(name for name in os.listdir(folder) if _NAME.match(name))
+        for old in kept[:-DAYS_KEPT]:
+            (folder / old).unlink(missing_ok=True)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            os.unlink(partial)
+        raise LogError(f"{path}: {error.strerror}") from error

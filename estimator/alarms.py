@@ -1,0 +1,58 @@
+"""Alarms: where a residual is beyond its level, and which levels would have been quiet. Pure.
+
+A residual alarms where |r| is beyond its threshold in force. What that has beyond the configured
+level, near rest or while something is unknown, is its raise. Where learning has sunk the level, the
+share k of the configured one that was in force is known, too, and the level at which an alarm
+begins follows for every tick:
+
+    k(L) L = min(max(k C, k_least L), L)      L: another configured level instead of C
+    alarm at L    if    |r| - (threshold - k C) > k(L) L
+
+as what was needed, k C, does not depend on what is configured.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arrays import Matrix, Vector
+from estimator.thresholds import LEAST_SHARE
+
+
+def count_alarms(residual: Matrix, threshold: Matrix | Vector) -> NDArray[np.int64]:
+    """Number of times (n,) that each joint goes beyond its threshold: stretches, not ticks."""
+    beyond = np.abs(residual) > threshold
+    begins = beyond & ~np.vstack((np.zeros_like(beyond[:1]), beyond[:-1]))
+    return np.asarray(np.count_nonzero(begins, axis=0))
+
+
+def excess(residual: Matrix, raised: Matrix) -> Matrix:
+    """What of |r| the raise does not explain (ticks, n) [Nm]: the lowest level without an alarm."""
+    beyond: Matrix = np.maximum(np.abs(residual) - raised, 0.0)
+    return beyond
+
+
+def quiet_threshold(residual: Matrix, raised: Matrix) -> Vector:
+    """The lowest threshold (n,) that, with its raise, is never exceeded [Nm]."""
+    lowest: Vector = np.max(excess(residual, raised), axis=0)
+    return lowest
+
+
+def critical_level(
+    residual: Matrix, threshold: Matrix, configured: Vector, share: Matrix | None = None
+) -> Matrix:
+    """Configured level (ticks, n) [Nm] below which each tick alarms; 0 where none would.
+
+    residual and threshold in force (ticks, n), configured levels (n,) [Nm]; share: k (ticks, n), 1
+    where it is left out, which is right where nothing is learned.
+    """
+    if share is None:
+        return excess(residual, threshold - configured)
+    needed = share * configured
+    beyond = excess(residual, threshold - needed)
+    sunk = (share < 1.0) & (beyond > needed)
+    return np.where(sunk, beyond / LEAST_SHARE, beyond)
+
+
+def per_hour(count: float, seconds: float) -> float:
+    """Rate of so many events in so many seconds; NaN in no time."""
+    return 3600.0 * count / seconds if seconds > 0.0 else float("nan")

@@ -1,0 +1,43 @@
+"""Payload: a point mass at the hand, which the model counts from when it is announced."""
+
+from collections.abc import Sequence
+from typing import Annotated, Self
+
+import msgspec
+from msgspec import Meta
+
+from errors import ModelError
+
+HEAVIEST_KG = 100.0
+FURTHEST_M = 2.0
+"""[m] from the origin of the hand's frame, along each axis"""
+
+Mass = Annotated[float, Meta(gt=0, le=HEAVIEST_KG)]
+Place = Annotated[float, Meta(ge=-FURTHEST_M, le=FURTHEST_M)]
+
+
+class Payload(msgspec.Struct, frozen=True, kw_only=True):
+    """Mass at the hand, taken for a point. Bounds are checked where it is decoded, and by `of`."""
+
+    mass: Mass  # [kg]
+    # its centre in the frame of the hand, the URDF's last link [m]
+    com: Annotated[list[Place], Meta(min_length=3, max_length=3)]
+    name: str = ""  # in the configuration
+
+    @classmethod
+    def of(cls, mass: float, com: Sequence[float], name: str = "") -> Self:
+        """Payload of these. Raises ModelError for a mass that is none, or a place that is nowhere
+        near the hand."""
+        if not 0.0 < mass <= HEAVIEST_KG:  # nor NaN
+            raise ModelError(f"{mass:g} kg is no payload: more than 0, at most {HEAVIEST_KG:g} kg")
+        if len(com) != 3 or not all(abs(x) <= FURTHEST_M for x in com):
+            where = " ".join(f"{x:g}" for x in com)
+            raise ModelError(
+                f"({where}) m is no place of a payload: three numbers, each within "
+                f"{FURTHEST_M:g} m of the origin of the hand's frame"
+            )
+        return cls(mass=mass, com=list(com), name=name)
+
+    def __str__(self) -> str:
+        name = f"{self.name}: " if self.name else ""
+        return f"{name}{self.mass:.3g} kg at ({' '.join(f'{x:.3f}' for x in self.com)}) m"

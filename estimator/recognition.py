@@ -1,0 +1,189 @@
+"""Recognition of a load in the residuals: a point mass at the hand that the model does not count.
+
+A mass m at c in the hand's frame puts on the joints, in every pose and at every moment,
+
+    tau = m (a(q) + B(q) c)            a, B: `Model.payload_torques`, gravity less acceleration
+
+so the residuals of some seconds in motion are linear in m and m c. A load is recognised where one
+such pair explains what all joints show, where each second shows the same mass by itself, and where
+the joints that carry it have moved. What a hand does changes, in force or direction. What cannot
+be told from a load is a pull of constant force, straight down, at the hand, for as long as that.
+
+Ticks in which no joint moves do not count, as friction may hide anything then. Means are taken over
+a quarter of a second of motion, or more where it is slow: a tick adds some vectors, and only the
+last one of each makes a fit of four unknowns. Beside it, the load that the model's errors look like
+while nothing touches is followed, and taken off.
+
+Nothing here changes a threshold or the model. Time is counted in ticks; no I/O.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from arrays import Matrix, Vector
+from estimator.contact import dead_band
+from estimator.model import Model
+from estimator.payload import HEAVIEST_KG, Payload
+
+_BLOCK_S: Final = 0.25
+# Blocks in motion that a load is found in, seven seconds; of each part that by itself must show the
+# same mass; and in a row in which all is so.
+_BLOCKS, _PART, _AGAIN = 28, 4, 4
+# Standard deviation of the mean of a block, of the level in force: of a joint that moves, and of
+# one that stands, where friction may hide most of it.
+_NOISE, _AT_REST = 0.4, 1.0
+_MOVES: Final = 0.012  # [rad/s]
+_WAY: Final = 0.25  # [rad] that joints which clearly carry it must have moved, together
+_LEAST_KG, _SURE = 0.08, 5.0  # mass, and that over its standard deviation
+# Deviation of the place from the tool point along each axis [m]: expected, and at most.
+_PLACE, _AT_HAND = 0.03, 0.2
+# What the fit may leave, of all that there is to explain: at most; and where it is more than so
+# many standard deviations.
+_LEFT, _LEFT_CLEAR, _LEFT_NOISE = 0.3, 0.03, 0.6
+# Deviation of the parts from the mass, root mean square: of the mass, or [kg]; and at most.
+_SPREAD, _SPREAD_KG, _WORST = 0.05, 0.015, 2.0
+# The load that the model's errors look like: fades over so many blocks, weighs so much less, as
+# they are alike, and is expected to be so much [kg, kg m].
+_FADES, _ALIKE, _ERRORS = 480.0, 0.3, (0.05, 0.005, 0.005, 0.005)
+# What was recognised is forgotten when it did not explain what is felt for so long [s].
+_FORGOTTEN_S: Final = 0.5
+
+
+class Recognition:
+    """Recognition for one arm; `found` is the load that was recognised, None without one."""
+
+    def __init__(self, model: Model, period_s: float) -> None:
+        n = self._n = model.n
+        self.found: Payload | None = None
+        self._model, self._period_s = model, period_s
+        self._ticks = round(_BLOCK_S / period_s)
+        self._patience = round(_FORGOTTEN_S / period_s)
+        # Sums over the block of now: q, |q_dot|, residual, threshold.
+        self._sum = np.zeros((4, n))
+        self._count = self._unexplained = self._again = 0
+        self._touched = False
+        self._before: np.ndarray | None = None  # velocity of the tool at the end of the last block
+        # Of the last blocks in motion, the newest last: columns and residuals over their deviation.
+        self._columns = np.zeros((_BLOCKS, n, 4))
+        self._shown, self._way = np.zeros((2, _BLOCKS, n))
+        self._filled = 0
+        self._prior = np.diag(np.array(_ERRORS) ** -2.0)
+        self._information, self._evidence = np.zeros((4, 4)), np.zeros(4)
+
+    def forget(self) -> None:
+        """Begin anew: what is carried, or felt, is another now. What the model's errors look like
+        is kept."""
+        self.found = None
+        self._filled = self._again = self._unexplained = 0
+        self.pause()
+
+    def pause(self) -> None:
+        """Leave out the block of now, in which something is not known."""
+        self._sum[:] = 0.0
+        self._count, self._touched, self._before = 0, False, None
+
+    def left(self, q: Vector, residual: Vector, threshold: Vector) -> Vector:
+        """Thresholded residual (n,) [Nm] of what the load that was found does not explain at q."""
+        if self.found is None:
+            return dead_band(residual, threshold)
+        by_mass, by_place = self._model.payload_torques(q, self._model.down)
+        torque = self.found.mass * (by_mass + by_place @ self.found.com)
+        return dead_band(residual - torque, threshold)
+
+    def step(
+        self, q: Vector, q_dot: Vector, residual: Vector, threshold: Vector, *, touched: bool
+    ) -> None:
+        """Take the estimate of one tick, (n,) each; touched: a residual is beyond its threshold."""
+        self._touched = self._touched or touched
+        speed = np.abs(q_dot)
+        if speed.max() > _MOVES:
+            total = self._sum
+            total[0] += q
+            total[1] += speed
+            total[2] += residual
+            total[3] += threshold
+            self._count += 1
+        if self.found is not None:
+            lost = self.left(q, residual, threshold).any()
+            self._unexplained = self._unexplained + 1 if lost else 0
+            if self._unexplained >= self._patience:
+                self.forget()
+        if self._count >= self._ticks and self._sum[1].max() * self._period_s > _WAY / _BLOCKS:
+            self._end_block(q, q_dot)
+
+    def _end_block(self, q: Vector, q_dot: Vector) -> None:
+        """Make the block that ends now one of the last ones, and look for a load in them."""
+        touched, count = self._touched, self._count
+        mean = self._sum / count
+        velocity: np.ndarray = self._model.tool_jacobian(q) @ q_dot
+        before = velocity if self._before is None else self._before
+        way = count * self._period_s * mean[1]
+        self.pause()
+        self._before = velocity
+        acceleration = (velocity - before) / (count * self._period_s)
+        by_mass, by_place = self._model.payload_torques(mean[0], self._model.down - acceleration)
+        columns = np.column_stack((by_mass + by_place @ self._model.tool_place, by_place))
+        weight = 1.0 / (np.where(mean[1] > _MOVES, _NOISE, _AT_REST) * mean[3])
+        columns *= weight[:, np.newaxis]
+        shown = weight * mean[2]
+        errors = np.linalg.solve(self._prior + self._information, self._evidence)
+        if not touched and self.found is None:
+            self._take_errors(columns, shown, mean[1] > _MOVES)
+        for kept, new in (
+            (self._columns, columns),
+            (self._shown, shown - columns @ errors),
+            (self._way, way),
+        ):
+            kept[:-1] = kept[1:]
+            kept[-1] = new
+        self._filled = min(self._filled + 1, _BLOCKS)
+        if self._filled == _BLOCKS and self.found is None:
+            load = self._fit()
+            self._again = self._again + 1 if load is not None else 0
+            if self._again >= _AGAIN:
+                self.found, self._unexplained = load, 0
+
+    def _take_errors(self, columns: Matrix, shown: Vector, moving: Vector) -> None:
+        """Put a block in which nothing touches to those before."""
+        moved = columns[moving]
+        self._information += _ALIKE * (moved.T @ moved) - self._information / _FADES
+        self._evidence += _ALIKE * (moved.T @ shown[moving]) - self._evidence / _FADES
+
+    def _fit(self) -> Payload | None:
+        """The load that the last blocks show, None where they show none."""
+        x, y = self._columns.reshape(-1, 4), self._shown.reshape(-1)
+        power = float(y @ y)
+        information, evidence = x.T @ x, x.T @ y
+        # A place near the tool point is expected; how near in kg m depends on the mass.
+        mass = _LEAST_KG
+        fitted: np.ndarray = np.zeros(4)
+        for _ in range(3):
+            expected = np.array([0.0, *[(_PLACE * max(mass, _LEAST_KG)) ** -2.0] * 3])
+            fitted = np.linalg.solve(information + np.diag(expected + 1e-9), evidence)
+            mass = float(fitted[0])
+        if not _LEAST_KG < mass < HEAVIEST_KG:
+            return None
+        left = y - x @ fitted
+        noise = max(_LEFT_NOISE**2 * len(y), _LEFT_CLEAR * power)
+        if left @ left > min(_LEFT * power, noise):
+            return None
+        # What a kg there shows: by parts, the mass alone.
+        per_kg = self._columns @ (fitted / mass)
+        parts = _BLOCKS // _PART
+        known = np.sum((per_kg**2).reshape(parts, -1), axis=1)
+        off = np.sum((per_kg * self._shown).reshape(parts, -1), axis=1) / (known + 1e-12) - mass
+        spread = float(np.sqrt(known @ off**2 / (known.sum() + 1e-12)))
+        allowed = max(_SPREAD * mass, _SPREAD_KG)
+        carries = mass * np.abs(per_kg) > 1.0
+        if (
+            mass * np.sqrt(known.sum()) < _SURE
+            or spread > allowed
+            or np.abs(off).max() > _WORST * allowed
+            or np.sum(self._way * carries) < _WAY
+        ):
+            return None
+        off_tool = fitted[1:] / mass
+        if np.abs(off_tool).max() > _AT_HAND:
+            return None
+        return Payload(mass=mass, com=(self._model.tool_place + off_tool).tolist())

@@ -1,0 +1,25 @@
+// What arming still needs: the daemon's checks, those that fail first.
+
+import { at, make, say } from "./dom.js";
+
+/** Draw the checks of a Status; `armed`: it is, whatever they say now. */
+export function drawArming({ checks }, armed) {
+  const failed = checks.filter((check) => !check.passed);
+  say(at("arming-note"), note(failed.length, checks.length, armed));
+  const line = (check) =>
+    make("li", { class: check.passed ? "passed" : "failed" },
+      make("span", { class: "sign" }, check.passed ? "✓" : "✖"),
+      make("span", {}, make("strong", {}, check.name), ` ${check.text.replaceAll("`", "")}`));
+  const passed = checks.filter((check) => check.passed);
+  const open = at("checks").querySelector("details")?.open ?? false;
+  const rest = make("li", { class: "rest" },
+    make("details", { open }, make("summary", {}, `${passed.length} passed`),
+      make("ul", {}, ...passed.map(line))));
+  at("checks").replaceChildren(...failed.map(line), ...(passed.length ? [rest] : []));
+}
+
+function note(failed, all, armed) {
+  if (armed) return failed ? "It is armed. Were it not, this would stand against it:" : "It is armed.";
+  if (failed) return `${failed} of ${all} checks fail: arming would be refused.`;
+  return `All ${all} checks pass. Arm with contactctl; a browser cannot.`;
+}

@@ -1,0 +1,128 @@
+// What is always in sight: mode and cause, permission with its countdown, fault, connection, tabs.
+
+import { at, make, say, show } from "./dom.js";
+import { MODES, duration, next } from "./words.js";
+
+export class Header {
+  #words = null; #advice = null; #left_s = NaN; #left_at = 0; #stale = true; #tick = null;
+
+  /** Take words of the arm's last State. */
+  words(words) {
+    this.#words = words;
+    this.#draw();
+  }
+
+  /** Take what the daemon was asked for: what to do. */
+  advice(advice) {
+    this.#advice = advice;
+    document.title = advice.name;
+    say(at("name"), advice.name);
+    this.#draw();
+  }
+
+  /** Take the newest tick, and the lease left after it [s]. */
+  tick(tick, left_s) {
+    this.#tick = tick;
+    this.#left_s = left_s;
+    this.#left_at = performance.now();
+    this.#drawPermit();
+  }
+
+  /** Say whether figures are live, and for how long they have not been [ms]. */
+  age(age_ms, stale, why) {
+    const changed = stale !== this.#stale;
+    this.#stale = stale;
+    if (changed) {
+      document.body.classList.toggle("stale", stale);
+      this.#draw();
+    }
+    show(at("connection"), stale);
+    if (!stale) return;
+    const since = Number.isFinite(age_ms) ? ` for ${duration(age_ms / 1e3)}` : "";
+    const old = this.#words ? " What you see is old." : "";
+    say(at("connection"), `No connection${since}.${old} ${why ? `${sentence(why)} ` : ""}Connecting again.`);
+  }
+
+  #draw() {
+    const words = this.#words;
+    if (words === null) return;
+    const [sign, name, meaning] = MODES[words.mode] ?? ["?", words.mode, ""];
+    const mode = at("mode");
+    mode.dataset.mode = this.#stale ? "old" : words.mode;
+    say(mode, this.#stale ? `was ${name}` : `${sign} ${name}`);
+    mode.title = meaning;
+    say(at("cause"), `${this.#stale ? "Cause then" : "Cause"}: ${words.cause}`);
+    this.#drawPermit();
+    this.#drawLoad(words.load);
+    this.#drawFault(words);
+  }
+
+  #drawPermit() {
+    const words = this.#words;
+    if (words === null) return;
+    const permit = at("permit");
+    const by = words.owner ? ` by ${words.owner}` : "";
+    const armed = this.#tick ? this.#tick.armed : words.armed;
+    permit.dataset.armed = armed && !this.#stale;
+    if (this.#stale) {
+      say(permit, armed ? `was armed${by}` : "was not armed");
+      return;
+    }
+    const hint = this.#tick ? next(words.mode, this.#tick.moving, this.#tick.quiet_s) : "";
+    const after = hint ? ` · ${hint}` : "";
+    if (!armed) {
+      say(permit, `not armed${after}`);
+      return;
+    }
+    const left = Number.isNaN(this.#left_s) ? "" : ` for another ${duration(this.#left_s)}`;
+    const while_ = words.until_told || Number.isNaN(this.#left_s) ? "" : ", unless renewed";
+    say(permit, `ARMED${by}${left}${while_}${after}`);
+  }
+
+  #drawLoad(load) {
+    show(at("load"), Boolean(load));
+    if (!load) return;
+    const what = load.announced ? "The arm counts a load" : "There seems to be a load that nobody announced";
+    say(at("load"), `${this.#stale ? "Then: " : ""}${what}: ${load.text}.`);
+  }
+
+  #drawFault(words) {
+    const faulted = words.mode === "faulted";
+    const doubts = [];
+    if (words.unproved.length) doubts.push(`Not seen to stand: ${words.unproved.join(", ")}.`);
+    if (words.silenced) doubts.push("The drives hear nothing of contactd until it is reset.");
+    show(at("fault"), faulted);
+    if (faulted) {
+      say(at("fault-cause"), `${this.#stale ? "It was a fault" : "Fault"}: ${words.cause}`);
+      say(at("fault-advice"), [...doubts, this.#todo()].filter(Boolean).join(" "));
+    }
+    const hint = faulted ? "" : this.#todo();
+    show(at("hint"), hint !== "" && !this.#stale);
+    say(at("hint"), hint);
+  }
+
+  #todo() {
+    const advice = this.#advice?.advice.replaceAll("`", "") ?? "";
+    return advice ? `What to do: ${advice.replaceAll("\n", "; ")}.` : "";
+  }
+}
+
+/** Tabs of several arms, each with its mode; links, so that a reload shows the same arm. */
+export function drawTabs(names, shown, summary) {
+  const tabs = at("tabs");
+  show(tabs, names.length > 1);
+  if (names.length < 2) return;
+  const links = names.map((name, i) => {
+    const mode = summary?.modes[i] ?? "";
+    const [sign, word] = MODES[mode] ?? ["✖", "no connection"];
+    const armed = summary?.armed[i] ? ", armed" : "";
+    const state = make("span", { "data-mode": mode || "gone" }, `${sign} ${word}${armed}`);
+    const current = i === shown ? "page" : undefined;
+    return make("a", { href: `?arm=${i}`, "aria-current": current }, name, " ", state);
+  });
+  tabs.replaceChildren(...links);
+}
+
+function sentence(text) {
+  return `${text[0].toUpperCase()}${text.slice(1)}.`;
+}

@@ -1,0 +1,151 @@
+// The page of one arm: its stream, drawn by the parts.
+
+import { drawArming } from "./arming.js";
+import { Commands } from "./commands.js";
+import { at, say, show } from "./dom.js";
+import { Events } from "./events.js";
+import { Header, drawTabs } from "./header.js";
+import { Joints } from "./joints.js";
+import { Loop } from "./loop.js";
+import { RecordingsPanel } from "./recordings.js";
+import { STALE_MS, Stream } from "./stream.js";
+
+const CURVES_EVERY_MS = 66;
+const CORNER_EVERY_MS = 500;
+const STANDS = new Set(["off", "holding", "faulted"]);
+
+const arm = Number(new URLSearchParams(location.search).get("arm") ?? 0);
+const header = new Header();
+const joints = new Joints(at("joints"));
+const events = new Events();
+const loop = new Loop();
+const commands = new Commands(arm);
+const recordings = new RecordingsPanel(arm);
+
+let hello = null, summary = null, advice = null, said = null, armed = false, scene = null;
+let newest = null; // {tick, frame}: the newest that is live
+let drawn = null, curves_ms = 0, corner_ms = 0, why = "", gone = false;
+
+const url = new URL(`live/${arm}`, location.href);
+url.protocol = url.protocol.replace("http", "ws");
+const stream = new Stream(url, { frame: takeFrame, message: takeMessage, problem: lose });
+
+function takeMessage(message) {
+  switch (message.kind) {
+    case "hello": return begin(message);
+    case "words": return takeWords(message);
+    case "advice":
+      header.advice(message);
+      advice = message;
+      drawArming(advice, armed);
+      return joints.learned(message.learned);
+    case "summary":
+      summary = message;
+      return drawTabs(hello?.arms ?? [], arm, summary);
+    case "events": return events.take(message);
+    case "gone":
+      return lose(message.why);
+    default: return undefined; // of a newer server
+  }
+}
+
+/** What is known to be gone is old at once; what is silent, after a second. */
+function lose(text) {
+  why = text;
+  gone = true;
+}
+
+const isOld = () => gone || stream.age_ms > STALE_MS;
+
+function begin(message) {
+  hello = message;
+  newest = drawn = null;
+  why = "";
+  gone = hello.joints.length === 0;
+  say(at("name"), hello.arms[arm] ?? "no such arm");
+  drawTabs(hello.arms, arm, summary);
+  commands.allow(hello.may_command);
+  recordings.allow(hello.may_record);
+  if (hello.joints.length === 0) return;
+  loop.begin(hello);
+  joints.begin(hello);
+  scene?.begin(hello.joints);
+}
+
+function takeWords(words) {
+  if (advice !== null && words.armed !== armed) drawArming(advice, words.armed);
+  armed = words.armed;
+  said = words;
+  header.words(words);
+  joints.words(words);
+  scene?.words(words);
+  commands.seen(STANDS.has(words.mode) && words.unproved.length === 0, words.mode);
+}
+
+function takeFrame(frame) {
+  if (hello === null || hello.joints.length === 0) return;
+  for (const tick of frame.ticks) {
+    joints.add(tick);
+    if (!frame.past) loop.add(tick);
+  }
+  if (!frame.past) newest = { tick: frame.ticks.at(-1), frame };
+}
+
+function draw(now) {
+  requestAnimationFrame(draw);
+  const age_ms = stream.age_ms;
+  const stale = isOld();
+  header.age(age_ms, stale, why);
+  if (newest === null || newest === drawn || stale) return;
+  drawn = newest;
+  const { tick, frame } = newest;
+  header.tick(tick, frame.left_s);
+  const curves = now - curves_ms >= CURVES_EVERY_MS;
+  if (curves) curves_ms = now;
+  joints.draw(tick, curves);
+  scene?.draw(tick);
+  if (now - corner_ms >= CORNER_EVERY_MS) {
+    corner_ms = now;
+    loop.draw(tick, frame, age_ms);
+  }
+  if (performance.getEntriesByName("live").length === 0) performance.mark("live");
+  document.documentElement.dataset.tick = tick.tick;
+}
+requestAnimationFrame(draw);
+// A page in the background draws nothing; what it says is marked as old all the same.
+setInterval(() => header.age(stream.age_ms, isOld(), why), 200);
+
+// --- the arm in three dimensions: only where there is WebGL, and loaded after all else --------------
+
+function webgl(careful) {
+  const options = { failIfMajorPerformanceCaveat: careful };
+  return document.createElement("canvas").getContext("webgl2", options) !== null;
+}
+
+async function openScene() {
+  show(at("scene-toggle"), false);
+  try {
+    const { Scene } = await import("./scene.js");
+    scene = new Scene(at("scene"), `arms/${arm}/urdf`, (text) => say(at("scene-note"), text));
+    if (hello?.joints.length) await scene.begin(hello.joints);
+    if (said !== null) scene.words(said);
+  } catch (error) {
+    say(at("scene-note"), `The arm cannot be drawn: ${error.message}.`);
+  }
+}
+
+const asked = new URLSearchParams(location.search).get("scene");
+if (asked === "off" || !webgl(false)) {
+  show(at("scene"), false);
+  say(at("scene-note"), asked === "off" ? "Switched off." : "This browser draws nothing in three dimensions (no WebGL).");
+} else if (asked === "on" || webgl(true)) {
+  requestIdleCallback?.(openScene) ?? setTimeout(openScene, 200);
+} else {
+  say(at("scene-note"), "This computer would draw it slowly, without help of its graphics.");
+  say(at("scene-toggle"), "Draw it all the same");
+  show(at("scene-toggle"), true);
+  at("scene-toggle").addEventListener("click", () => {
+    say(at("scene-note"), "");
+    openScene();
+  });
+}

@@ -1,0 +1,64 @@
+// Recordings: begin, end, download, delete. The page's server writes them.
+
+import { post } from "./commands.js";
+import { at, make, say, show } from "./dom.js";
+import { duration, size } from "./words.js";
+
+const EVERY_MS = 2000;
+
+export class RecordingsPanel {
+  #arm; #shown = null;
+
+  constructor(arm) {
+    this.#arm = arm;
+    at("record").addEventListener("click", () => this.#toggle());
+    setInterval(() => this.#look(), EVERY_MS);
+  }
+
+  /** Let people record, or not. */
+  allow(may) {
+    show(at("recordings-section"), may);
+    if (may) this.#look();
+  }
+
+  async #look() {
+    if (at("recordings-section").hidden || document.hidden) return;
+    try {
+      const response = await fetch("recordings", { cache: "no-store" });
+      if (response.ok) this.#draw(await response.json());
+    } catch {
+      // The stream says that there is no connection.
+    }
+  }
+
+  async #toggle() {
+    const running = this.#shown?.running;
+    await this.#do(running ? "recordings/end" : `arms/${this.#arm}/record`, running ? "end" : "record");
+  }
+
+  async #do(path, command) {
+    try {
+      this.#draw(await post(path, command));
+    } catch (error) {
+      say(at("record-note"), error.message);
+    }
+  }
+
+  #draw(found) {
+    this.#shown = found;
+    const running = found.running !== "";
+    say(at("record"), running ? "■ End recording" : "● Record");
+    const now = `${duration(found.seconds)}, ${size(found.bytes)}`;
+    say(at("record-note"), running ? `Recording ${found.running}: ${now}` : found.said || `Room for ${size(found.room_bytes)}.`);
+    at("recordings").replaceChildren(...found.files.map((file) => {
+      const remove = make("button", { type: "button", "aria-label": `Delete ${file.name}` }, "Delete");
+      remove.addEventListener("click", () => {
+        if (remove.textContent === "Delete") remove.textContent = "Really delete?";
+        else this.#do(`recordings/${file.name}/delete`, "delete");
+      });
+      return make("li", {},
+        make("a", { href: `recordings/${file.name}`, download: file.name }, file.name),
+        ` ${size(file.bytes)} `, remove);
+    }));
+  }
+}

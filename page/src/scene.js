@@ -1,0 +1,270 @@
+// The arm in three dimensions: from its URDF, capsules where that has no shapes, the touched link lit, an
+// arc with a head around each joint that feels a torque.
+
+import {
+  AmbientLight, CapsuleGeometry, Color, ConeGeometry, DirectionalLight, GridHelper, Group, Mesh,
+  MeshStandardMaterial, PerspectiveCamera, Quaternion, Scene as Space, SphereGeometry, TorusGeometry,
+  Vector3, WebGLRenderer, Box3,
+} from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import URDFLoader from "urdf-loader";
+
+const EVERY_MS = 33;
+const FRAME_EVERY_MS = 500;
+const LEAST_LINK = 0.02; // m: shorter ones are balls
+const UP = new Vector3(0, 1, 0);
+const ARC = 1.6 * Math.PI; // of the torque's arrow
+
+export class Scene {
+  #host; #url; #say; #renderer; #space = new Space(); #camera; #controls; #robot = null;
+  #joints = []; #touched = ""; #carried = null; #load = null; #drawn_ms = 0; #size = 1; #names;
+  #seen = new Box3(); #framed_ms = 0; #turned = false;
+
+  constructor(host, url, say) {
+    this.#host = host;
+    this.#url = url;
+    this.#say = say;
+    this.#renderer = new WebGLRenderer({ antialias: true, alpha: true });
+    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    host.replaceChildren(this.#renderer.domElement);
+    this.#camera = new PerspectiveCamera(40, 1, 0.01, 100);
+    this.#controls = new OrbitControls(this.#camera, this.#renderer.domElement);
+    this.#controls.addEventListener("start", () => (this.#turned = true));
+    this.#controls.addEventListener("change", () => this.#now());
+    this.#controls.enableZoom = false; // the wheel scrolls the page
+    this.#light();
+    new ResizeObserver(() => this.#resize()).observe(host);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#recolour());
+  }
+
+  /** Build the arm, anew after the daemon came back: it may be another one. */
+  async begin(names) {
+    this.#names = names;
+    const description = await readXml(this.#url);
+    if (description === null) return this.#say("The arm's description cannot be read.");
+    const loader = new URDFLoader();
+    // Meshes are files on the robot's computer, which this page is not served.
+    loader.loadMeshCb = (path, manager, done) => done(new Group());
+    try {
+      this.#build(loader.parse(description));
+      this.#say("");
+    } catch (error) {
+      this.#say(`The arm's description cannot be drawn: ${error.message}.`);
+    }
+    return undefined;
+  }
+
+  words(words) {
+    this.#touched = words.touched;
+    this.#carried = words.load ?? null;
+    this.#carry();
+  }
+
+  /** Draw the pose, and what is felt, of a tick. */
+  draw(tick) {
+    const now = performance.now();
+    if (this.#robot === null || now - this.#drawn_ms < EVERY_MS || this.#host.clientWidth === 0) return;
+    if (now - this.#framed_ms > FRAME_EVERY_MS) this.#frame(now);
+    const names = this.#names;
+    names.forEach((name, i) => this.#robot.setJointValue(name, tick.link_position[i]));
+    for (const joint of this.#joints) {
+      const i = names.indexOf(joint.name);
+      if (i < 0) continue;
+      const [residual, level] = [tick.residual[i], tick.threshold[i]];
+      joint.light(joint.name === this.#touched, Math.abs(residual) > level);
+      joint.feel(Math.abs(residual) > level ? residual / level : 0);
+    }
+    this.#drawn_ms = now;
+    this.#renderer.render(this.#space, this.#camera);
+    this.#host.dataset.lit = this.#touched;
+    this.#host.dataset.arrows = this.#joints.filter((joint) => joint.arrow.visible).length;
+  }
+
+  /** Hang a load at its place in the last link's frame, or take it off. */
+  #carry() {
+    this.#load?.removeFromParent();
+    this.#load = null;
+    const hand = this.#joints.at(-1)?.joint.children.find((child) => child.isURDFLink);
+    if (this.#carried === null || hand === undefined) return;
+    // As large as so much water would be, twice.
+    const radius = 2 * Math.cbrt((3 * this.#carried.mass) / (4e3 * Math.PI));
+    const material = new MeshStandardMaterial({ color: 0x9a6bd0, wireframe: !this.#carried.announced });
+    this.#load = new Mesh(new SphereGeometry(radius, 16, 12), material);
+    this.#load.position.set(...this.#carried.com);
+    hand.add(this.#load);
+  }
+
+  #now() {
+    if (this.#robot !== null) this.#renderer.render(this.#space, this.#camera);
+  }
+
+  #light() {
+    this.#space.add(new AmbientLight(0xffffff, 1.6));
+    for (const [x, y, z, strength] of [[2, 4, 3, 2.2], [-3, 2, -2, 0.8]]) {
+      const light = new DirectionalLight(0xffffff, strength);
+      light.position.set(x, y, z);
+      this.#space.add(light);
+    }
+  }
+
+  #build(robot) {
+    if (this.#robot !== null) this.#space.remove(this.#robot, this.grid);
+    robot.rotation.x = -Math.PI / 2; // URDF has z upwards, three.js y
+    robot.updateMatrixWorld(true);
+    this.#robot = robot;
+    this.#space.add(robot);
+    this.#size = reach(robot);
+    this.#joints = Object.values(robot.joints)
+      .filter((joint) => joint.jointType !== "fixed")
+      .map((joint) => new Joint(joint, this.#size));
+    clothe(robot, this.#size, this.#joints);
+    this.grid = new GridHelper(2 * this.#size, 12, 0x888888, 0x888888);
+    this.grid.material.transparent = true;
+    this.grid.material.opacity = 0.25;
+    this.#space.add(this.grid);
+    this.#carry();
+    this.#seen.makeEmpty();
+    this.#framed_ms = -Infinity;
+    this.#recolour();
+    this.#resize();
+  }
+
+  /** Have all of the arm in the picture, wherever it has been; whoever turns it has it as it is. */
+  #frame(now) {
+    this.#framed_ms = now;
+    const box = new Box3().setFromObject(this.#robot).union(this.#seen);
+    if (this.#turned || this.#seen.containsBox(box)) return;
+    this.#seen.copy(box).expandByScalar(0.05 * this.#size);
+    const middle = this.#seen.getCenter(new Vector3());
+    const radius = 0.5 * this.#seen.getSize(new Vector3()).length();
+    const far = (0.72 * radius) / Math.sin((0.5 * this.#camera.fov * Math.PI) / 180);
+    this.#camera.position.set(1, 0.5, 0.8).setLength(far).add(middle);
+    this.#controls.target.copy(middle);
+    this.#controls.update();
+    this.grid.position.y = this.#seen.min.y;
+  }
+
+  #resize() {
+    const { clientWidth: width, clientHeight: height } = this.#host;
+    if (!width || !height) return;
+    this.#camera.aspect = width / height;
+    this.#camera.updateProjectionMatrix();
+    this.#renderer.setSize(width, height);
+    this.#now();
+  }
+
+  #recolour() {
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => new Color(style.getPropertyValue(name).trim());
+    for (const joint of this.#joints) {
+      joint.colours = { plain: colour("--link"), felt: colour("--felt"), touched: colour("--touched") };
+      joint.paint();
+    }
+    this.#now();
+  }
+}
+
+/** XML document at `url`, null where there is none. Parsed on the way: texts are trusted by no sink. */
+function readXml(url) {
+  return new Promise((resolve) => {
+    const request = new XMLHttpRequest();
+    request.open("GET", url);
+    request.responseType = "document";
+    request.onloadend = () => resolve(request.status === 200 ? request.responseXML : null);
+    request.send();
+  });
+}
+
+/** What is drawn of one joint: the shapes of its link, and its torque's arrow. */
+class Joint {
+  #lit = ""; shapes = []; colours = null;
+
+  constructor(joint, size) {
+    this.name = joint.urdfName ?? joint.name;
+    this.joint = joint;
+    this.material = new MeshStandardMaterial({ roughness: 0.55, metalness: 0.1 });
+    this.mark = new MeshStandardMaterial({ roughness: 0.4 });
+    this.arrow = arrow(0.09 * size, this.mark);
+    this.arrow.quaternion.setFromUnitVectors(new Vector3(0, 0, 1), joint.axis.clone().normalize());
+    this.arrow.visible = false;
+    joint.add(this.arrow);
+  }
+
+  light(touched, felt) {
+    const lit = touched ? "touched" : felt ? "felt" : "plain";
+    if (lit === this.#lit) return;
+    this.#lit = lit;
+    this.paint();
+  }
+
+  paint() {
+    if (this.colours === null) return;
+    this.material.color.copy(this.colours[this.#lit || "plain"]);
+    this.material.emissive.copy(this.colours.touched).multiplyScalar(this.#lit === "touched" ? 0.45 : 0);
+    this.mark.color.copy(this.colours.felt);
+  }
+
+  /** Show a torque as a share of its level, with its sign; 0 for none. */
+  feel(share) {
+    this.arrow.visible = share !== 0;
+    if (share === 0) return;
+    const scale = Math.min(1 + 0.25 * (Math.abs(share) - 1), 2);
+    this.arrow.scale.set(scale, scale, scale * Math.sign(share));
+  }
+}
+
+/** Arc with a head around the z axis, by the right hand. */
+function arrow(radius, material) {
+  const group = new Group();
+  group.add(new Mesh(new TorusGeometry(radius, 0.11 * radius, 8, 40, ARC), material));
+  const head = new Mesh(new ConeGeometry(0.32 * radius, 0.7 * radius, 14), material);
+  head.position.set(radius * Math.cos(ARC), radius * Math.sin(ARC), 0);
+  head.rotation.z = ARC;
+  group.add(head);
+  return group;
+}
+
+/** Give every link without shapes a capsule to each joint on it; the last one as far as its mass. */
+function clothe(robot, size, joints) {
+  const radius = 0.035 * size;
+  for (const link of Object.values(robot.links)) {
+    const owner = joints.find((one) => one.joint.children.includes(link));
+    const material = owner?.material ?? new MeshStandardMaterial({ color: 0x8a8f98, roughness: 0.7 });
+    let dressed = false;
+    for (const visual of link.children.filter((child) => child.isURDFVisual)) {
+      visual.traverse((part) => {
+        if (!part.isMesh) return;
+        part.material = material;
+        dressed = true;
+      });
+    }
+    if (dressed) continue;
+    const ends = link.children.filter((child) => child.isURDFJoint).map((joint) => joint.position.clone());
+    if (ends.length === 0) ends.push(massOf(link));
+    for (const end of ends) link.add(capsule(end, radius, material));
+  }
+}
+
+/** Twice the way to the centre of mass: about the end of a link that carries nothing more. */
+function massOf(link) {
+  const origin = link.urdfNode?.querySelector(":scope > inertial > origin")?.getAttribute("xyz");
+  const numbers = (origin ?? "0 0 0").trim().split(/\s+/).map(Number);
+  return new Vector3(...numbers).multiplyScalar(2);
+}
+
+function capsule(end, radius, material) {
+  const length = end.length();
+  if (length < LEAST_LINK) return new Mesh(new SphereGeometry(1.15 * radius, 20, 14), material);
+  const mesh = new Mesh(new CapsuleGeometry(radius, length, 6, 16), material);
+  mesh.position.copy(end).multiplyScalar(0.5);
+  mesh.quaternion.copy(new Quaternion().setFromUnitVectors(UP, end.clone().normalize()));
+  return mesh;
+}
+
+/** Length of the stretched arm [m]: the largest sum of ways between joints. */
+function reach(robot) {
+  const along = (part) =>
+    Math.max(0, ...part.children.filter((child) => child.isURDFJoint || child.isURDFLink)
+      .map((child) => child.position.length() + along(child)));
+  return Math.max(along(robot), 0.2);
+}

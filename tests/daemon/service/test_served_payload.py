@@ -1,0 +1,144 @@
+"""Payload told to the daemon behind its socket: shown, recorded, replayed, refused."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from daemon.clients.client import Client
+from daemon.config.load import load_robot
+from daemon.config.schema import PayloadEntry
+from daemon.config.worst_loads import Carrying
+from daemon.modes.table import Event, Mode
+from daemon.protocol.messages import Request, State
+from estimator.payload import Payload
+
+CUP = PayloadEntry(mass=0.3, com=(0.2, 0.0, 0.1))
+
+
+def test_it_is_told_shown_and_taken_off(served: ServedDaemon) -> None:
+    assert (
+        served.contactctl("payload").stdout
+        == "none was told since the daemon started; what was told before is forgotten\n"
+    )
+    result = served.contactctl("payload", "0.4", "--com", "0.1", "0", "-0.05")
+    assert (result.exit_code, result.stdout) == (0, "payload: 0.4 kg at (0.100 0.000 -0.050) m\n")
+    shown = "0.4 kg at (0.100 0.000 -0.050) m of bar; forgotten when the daemon ends"
+    assert served.contactctl("payload").stdout == shown + "\n"
+    assert shown in served.contactctl("status").stdout
+    served.run(0.05)
+    state = served.rig.state()
+    assert state.payload == Payload(mass=0.4, com=[0.1, 0.0, -0.05])
+    assert served.contactctl("payload", "none").stdout == "payload: none\n"
+    served.run(0.05)
+    assert served.rig.state().payload is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["cup"], 1, "no payload 'cup' under `payloads` in the configuration; there is none"),
+        (["-1"], 1, "-1 kg is no payload: more than 0, at most 100 kg"),
+        (["nan"], 2, "nan is not a mass"),
+        (["101"], 1, "at most 100 kg"),
+        (["1", "--com", "0", "0", "3"], 1, "(0 0 3) m is no place"),
+        (["cup", "--com", "0", "0", "0"], 2, "'cup' is a name"),
+        (["--com", "0", "0", "0"], 2, "--com belongs to a mass"),
+        (["6"], 1, "too heavy: the motors can hold at most"),
+    ],
+)
+def test_what_cannot_be_carried_is_refused(
+    served: ServedDaemon, arguments: list[str], code: int, words: str
+) -> None:
+    result = served.contactctl("payload", *arguments)
+    assert result.exit_code == code
+    assert words in result.stderr
+    assert served.rig.tick.payload is None
+
+
+def test_its_fields_belong_to_it(served: ServedDaemon, client: Client) -> None:
+    for request, reason in (
+        (Request("arm", mass=1.0), "`mass` belongs to payload"),
+        (Request("payload"), "it takes a `name`, or a `mass` with its `com`"),
+        (Request("payload", name="none", mass=1.0), "it takes a `name`, or a `mass` with its"),
+        (Request("payload", com=[0.0, 0.0, 0.0]), "it takes a `name`, or a `mass` with its `com`"),
+        (Request("payload", mass=1.0, com=[0.0]), "three numbers"),
+    ):
+        reply = served.until(lambda asked=request: client.ask(asked))
+        assert not reply.ok
+        assert reason in reply.reasons[0]
+
+
+def test_it_is_refused_while_somebody_guides_the_arm(served: ServedDaemon) -> None:
+    rig = served.rig
+    rig.enable()
+    served.run(1.0)
+    assert not rig.permit()
+    rig.arm.external_torque[0] = 3.0
+    served.run(0.5)
+    assert rig.mode is Mode.ADMITTANCE
+    result = served.contactctl("payload", "0.1")
+    assert result.exit_code == 1
+    assert "somebody is guiding the arm: let go of it first" in result.stderr
+    rig.arm.external_torque[0] = 0.0
+    served.run(3.0)
+    assert served.contactctl("payload", "0.1").exit_code == 0
+    assert rig.tick.controller.machine.armed
+
+
+def test_a_load_that_is_told_is_no_contact(served: ServedDaemon) -> None:
+    """0.5 kg at 0.2 m shows 1 Nm times the sine of its angle; told, nothing."""
+    rig = served.rig
+    rig.enable()
+    rig.request(Event.START)
+    served.run(6.0)
+    rig.arm.plant.carry(0.5, np.array([0.0, 0.0, -0.2]))
+    place = np.array([0.0, 0.0, -0.2])
+
+    def largest() -> float:
+        found: list[float] = []
+        for _ in range(500):
+            served.tick()
+            found.append(abs(float(rig.estimate.residual[0])))
+        return max(found)
+
+    untold = largest()
+    answer = served.contactctl("payload", "0.5", "--com", *map(str, place))
+    assert answer.exit_code == 0, answer.stderr
+    served.run(0.5)
+    assert largest() < 0.5 * untold
+
+
+def test_names_come_from_the_configuration(tmp_path: Path) -> None:
+    def configure(c):
+        return msgspec.structs.replace(c, payloads={"cup": CUP})
+
+    with served_daemon(tmp_path, configure=configure) as served:
+        assert served.contactctl("payload", "cup").stdout.startswith("payload: cup: 0.3 kg at")
+        assert "  cup: 0.3 kg at (0.200 0.000 0.100) m" in served.contactctl("payload").stdout
+        assert "there are: cup" in served.contactctl("payload", "mug").stderr
+        with Client(served.path) as program:
+            assert served.until(lambda: program.payload(name="cup")).ok
+            assert served.until(lambda: program.payload(0.2, (0.0, 0.0, 0.1))).ok
+            assert served.until(program.payload).message == "payload: none"
+
+
+def test_what_the_motors_can_hold_is_at_the_bound() -> None:
+    """1 kg at 0.2 m and a motor of 12 Nm."""
+    robot = load_robot(SINGLE_JOINT)
+    carrying = Carrying(robot.configuration, robot.urdf)
+    place = (0.0, 0.0, -0.3)
+    reasons = carrying.too_heavy(Payload.of(20.0, place))
+    assert "joint would need up to" in reasons[0]
+    most = (12.0 / (9.81 * np.sin(1.4)) - 0.2) / 0.3
+    assert not carrying.too_heavy(Payload.of(0.999 * most, place))
+    assert carrying.too_heavy(Payload.of(1.001 * most, place))
+
+
+def test_states_without_it_are_read() -> None:
+    assert msgspec.json.decode(msgspec.json.encode({"mass": 1.0, "com": [0.0, 0.0, 0.0]}),
+                               type=Payload).name == ""  # fmt: skip
+    assert State.__struct_fields__.index("payload") > State.__struct_fields__.index("timing")

@@ -1,0 +1,181 @@
+"""The view socket: who looks may stop, and commands nothing else."""
+
+import contextlib
+import json
+import os
+import socket
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from bench.rigs.served_daemon import ServedDaemon
+from daemon.clients.client import Client
+from daemon.protocol.doors import DOORS, Door, refusal, view_socket_path
+from daemon.protocol.messages import COMMANDS, Reply, Request, Snapshot, State
+from daemon.protocol.socket_path import Peer
+from daemon.service.socket import ControlSocket
+from drivers.can.bus_load import bus_load
+
+Dial = Callable[[], socket.socket]
+
+
+class Handler:
+    """Keeps what arrives, and does it."""
+
+    def __init__(self, snapshot: Snapshot | None = None) -> None:
+        self.seen: list[str] = []
+        self.snapshot = snapshot
+
+    def __call__(self, request: Request, peer: Peer) -> Reply:
+        self.seen.append(request.command)
+        return Reply(ok=True, snapshot=self.snapshot)
+
+
+@pytest.fixture
+def look(control: ControlSocket) -> Iterator[Dial]:
+    """Connects to the view socket without blocking; everything is closed at the end."""
+    opened: list[socket.socket] = []
+
+    def connect() -> socket.socket:
+        opened.append(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK))
+        opened[-1].connect(str(view_socket_path(control.path)))
+        return opened[-1]
+
+    yield connect
+    for one in opened:
+        one.close()
+
+
+def ask(client: socket.socket, command: str) -> None:
+    client.send(json.dumps({"command": command}).encode())
+
+
+def said(client: socket.socket) -> Reply:
+    reply: Reply = Reply(**json.loads(client.recv(1 << 20)))
+    return reply
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_it_carries_out_what_its_table_says_and_nothing_else(
+    control: ControlSocket, look: Dial, make_snapshot: Callable[[int], Snapshot], command: str
+) -> None:
+    handler, client = Handler(make_snapshot(0)), look()
+    ask(client, command)
+    control.poll(handler)
+    reply = said(client)
+    assert reply.ok == (command in DOORS[Door.VIEW].commands)
+    assert handler.seen == ([command] if reply.ok else [])
+    if not reply.ok:
+        assert reply.message == f"{command}: {refusal(Door.VIEW, command)}"
+
+
+def test_a_stop_from_who_looks_overtakes_who_commands(
+    control: ControlSocket, dial: Dial, look: Dial
+) -> None:
+    handler, person, onlooker = Handler(), dial(), look()
+    control.poll(handler)
+    for _ in range(6):
+        ask(person, "status")
+    ask(person, "start")
+    onlooker.send(b'{"command": "stop", "on_behalf_of": "%s"}' % (b"x" * 64))
+    for _ in range(4):
+        control.poll(handler)
+    assert handler.seen[0] == "stop"
+    assert "start" not in handler.seen
+    assert said(onlooker).ok
+    *_, last = [said(person) for _ in range(7)]
+    assert "a stop overtook it" in last.message
+
+
+def test_who_looks_never_takes_the_place_of_who_commands(
+    control: ControlSocket, dial: Dial, look: Dial
+) -> None:
+    handler = Handler()
+    people = [dial() for _ in range(10)]
+    control.poll(handler)
+    onlookers = []
+    for _ in range(300):
+        onlookers.append(look())
+        control.poll(handler)
+    assert control.connections == 10 + DOORS[Door.VIEW].connections
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            people.append(dial())
+            control.poll(handler)
+            if len(people) == 256:
+                break
+    control.poll(handler)
+    assert control.connections == 256
+    for person in people:
+        with pytest.raises(BlockingIOError):
+            person.recv(10)
+    assert "make room" in said(onlookers[0]).message
+    ask(last := look(), "stop")  # all places are taken by those who command
+    control.poll(handler)
+    assert said(last).ok
+
+
+def test_both_sockets_are_gone_at_the_end(control: ControlSocket) -> None:
+    paths = control.path, view_socket_path(control.path)
+    assert all(path.is_socket() for path in paths)
+    assert all(path.stat().st_mode & 0o777 == 0o660 for path in paths)
+    control.close()
+    assert not any(path.exists() for path in paths)
+
+
+def test_a_state_says_who_may_yield_and_for_how_long(served: ServedDaemon) -> None:
+    served.rig.enable()
+    with Client(view_socket_path(served.path)) as onlooker, Client(served.path) as owner:
+        _, states = served.until(onlooker.subscribe)
+        request = Request("arm", lease_s=3.0, on_behalf_of="anna")
+        assert served.until(lambda: owner.ask(request)).ok
+        first = until(served, states, lambda state: state.armed)
+        later = until(served, states, lambda state: state.time_s >= first.time_s + 1.0)
+        assert first.permit is not None
+        assert later.permit is not None
+        assert (first.permit.uid, first.permit.pid) == (os.getuid(), os.getpid())
+        assert (first.permit.on_behalf_of, first.permit.detached) == ("anna", False)
+        assert first.permit.left_s == pytest.approx(3.0, abs=0.05)
+        passed_s = later.time_s - first.time_s
+        assert later.permit.left_s == pytest.approx(first.permit.left_s - passed_s, abs=1e-6)
+        stop = Request("stop", on_behalf_of="a phone at 192.0.2.7")
+        assert served.until(lambda: onlooker_s_stop(served, stop)).ok
+        last = until(served, states, lambda state: not state.armed)
+        assert last.permit is None
+        assert f"(pid {os.getpid()}) on behalf of a phone at 192.0.2.7" in last.cause
+
+
+def onlooker_s_stop(served: ServedDaemon, request: Request) -> Reply:
+    with Client(view_socket_path(served.path)) as client:
+        return client.ask(request)
+
+
+def until(served: ServedDaemon, states: Iterator[State], what: Callable[[State], bool]) -> State:
+    """The first State of which `what` holds."""
+
+    def search() -> State:
+        return next(state for state in states if what(state))
+
+    state = served.until(search)
+    assert isinstance(state, State)
+    return state
+
+
+def test_who_looks_is_told_what_was_learned_and_how_full_the_bus_is(served: ServedDaemon) -> None:
+    served.rig.enable()
+    served.run(1.0)
+    estimator = served.rig.tick.estimator
+    memory = estimator.memory()
+    # Nothing was learned from an arm at rest: shares as a minute of work might leave them.
+    shares = [[0.1, 0.03, -0.12] for _ in memory["learning"]["shares"]]
+    memory["learning"]["shares"] = shares
+    estimator.restore(memory)
+    with Client(view_socket_path(served.path)) as onlooker:
+        status = served.until(onlooker.ask_status)
+        snapshot, _ = served.until(onlooker.subscribe)
+    assert status.learned is not None
+    found = [status.learned.viscous, status.learned.coulomb]
+    for values, expected in zip(found, [-0.03, 0.12], strict=True):
+        assert values == pytest.approx([expected] * len(shares), abs=1e-3)
+    c = served.rig.robot.configuration
+    assert snapshot.bus_load == bus_load(c.joint_drives, c.period_s, c.bus.bitrate)

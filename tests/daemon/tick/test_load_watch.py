@@ -1,0 +1,158 @@
+"""Loads that nobody told, in the whole program: said, held, never absorbed, and told at last."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from bench.rigs.lockstep import ROMEO, Rig, lockstep_rig
+from bench.workers.replay import LockstepClient
+from daemon.clients.recorder import read_log, record
+from daemon.clients.replay import replay
+from daemon.config.schema import Configuration, Sinusoid
+from daemon.modes.table import Event, Mode
+from daemon.protocol.messages import State
+from estimator.payload import Payload
+
+SWING = {
+    "LShoulderPitch": Sinusoid(amplitude=0.35, frequency_Hz=0.15),
+    "LElbowRoll": Sinusoid(amplitude=0.6, frequency_Hz=0.12),
+    "LWristRoll": Sinusoid(amplitude=0.6, frequency_Hz=0.1),
+    "LWristPitch": Sinusoid(amplitude=0.3, frequency_Hz=0.17),
+}
+CUP = Payload.of(0.5, [0.07, 0.0, 0.0])
+JUG = Payload.of(1.0, [0.07, 0.0, 0.0])
+
+
+def swinging(c: Configuration) -> Configuration:
+    trajectory = msgspec.structs.replace(c.trajectory, sinusoids=SWING)
+    return msgspec.structs.replace(c, trajectory=trajectory)
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    with lockstep_rig(ROMEO, configure=swinging) as opened:
+        opened.enable()
+        opened.request(Event.START)
+        opened.run(10.0)
+        yield opened
+
+
+def give(rig: Rig, payload: Payload | None) -> None:
+    rig.arm.plant.carry(payload.mass if payload else 0.0, np.array(CUP.com))
+
+
+def friction(rig: Rig) -> list[list[float]]:
+    """What was learned of each joint's friction."""
+    return [shares[1:] for shares in rig.tick.estimator.memory()["learning"]["shares"]]
+
+
+def news(rig: Rig, seconds: float) -> list[str]:
+    found: list[str] = []
+    rig.run(seconds, lambda: found.extend(n.text for n in rig.last.notices if n.kind == "mode"))
+    return found
+
+
+def believe(rig: Rig, payload: Payload) -> None:
+    """As if it had been recognised just now."""
+    rig.tick.loads._recognition.found = payload
+
+
+def test_a_cup_that_nobody_told_is_said_once_and_nothing_is_learned(
+    rig: Rig, tmp_path: Path
+) -> None:
+    rig.run(20.0)
+    give(rig, CUP)
+    said: list[str] = []
+
+    def stop() -> bool:
+        said.extend(n.text for n in rig.last.notices if n.kind == "mode")
+        return rig.ticks >= 4700
+
+    path = tmp_path / "cup.mcap"
+    record(lambda: LockstepClient(rig), path, stop=stop)  # type: ignore[arg-type, return-value]
+    loads = [text for text in said if "looks like a load" in text]
+    assert len(loads) == 1
+    assert "kg at the hand: `contactctl payload 0." in loads[0]
+    found = rig.last.recognised
+    assert found is not None
+    assert found.mass == pytest.approx(CUP.mass, rel=0.15)
+    assert rig.mode is Mode.TRACKING  # nobody armed it
+    assert rig.last.payload is None  # the model is as it was
+    learning = friction(rig)
+    level = rig.tick.estimator.detector.levels.contact_at(0, 0.0)
+    rig.run(5.0)
+    assert friction(rig) == learning
+    assert rig.tick.estimator.detector.levels.contact_at(0, 0.0) == level
+    # It replays with what was recognised in the middle of it.
+    assert replay(path).identical
+    seen = {m.recognised is None for m in read_log(path) if isinstance(m, State)}
+    assert seen == {True, False}
+    # Told: it is no load any more, and learning goes on.
+    assert not rig.tick.carry(found, "the test")
+    assert rig.tick.loads.found is None
+    rig.run(10.0)
+    assert rig.tick.loads.found is None
+    assert friction(rig) != learning
+    assert not [text for text in news(rig, 10.0) if "looks like" in text]
+
+
+def test_an_armed_arm_holds_what_it_carries_and_yields_to_a_change(rig: Rig) -> None:
+    rig.run(20.0)
+    assert not rig.permit()
+    give(rig, CUP)
+    believe(rig, CUP)
+    said = news(rig, 8.0)
+    assert rig.mode is Mode.HOLDING
+    assert any("-> stopping: " in text and "looks like a load of 0.5 kg" in text for text in said)
+    assert not any("admittance" in text for text in said)
+    assert rig.tick.controller.machine.armed
+    # Held, however long; and not started again before it is told.
+    rig.run(3.0)
+    assert rig.mode is Mode.HOLDING
+    if rig.estimate.thresholded.any():
+        (reason,) = rig.tick.controller.refusals(Event.START)
+        assert "looks like a load of 0.5 kg at the hand, tell it first" in reason
+    # A hand beside it, in either direction, is a hand.
+    rig.arm.external_torque[0] = -6.0
+    rig.run(0.5)
+    assert rig.mode is Mode.ADMITTANCE
+    rig.arm.external_torque[0] = 0.0
+    rig.run(1.0)
+    rig.tick.controller.request(Event.STOP, "the test", rig.time_s)
+
+
+def test_it_is_held_in_the_middle_of_being_led_by_it(rig: Rig) -> None:
+    rig.run(20.0)
+    assert not rig.permit()
+    give(rig, JUG)
+    for _ in range(1000):
+        rig.step()
+        if rig.mode is Mode.ADMITTANCE and rig.estimate.thresholded.any():
+            break
+    assert rig.mode is Mode.ADMITTANCE
+    rig.run(0.05)  # the residual shows it
+    believe(rig, JUG)
+    rig.step()
+    assert rig.mode is Mode.STOPPING
+    rig.run(1.0)
+    assert rig.mode is Mode.HOLDING
+    assert rig.tick.controller.machine.paused
+    assert not rig.tick.carry(JUG, "the test")
+    rig.run(0.5)
+    rig.request(Event.START)
+    said = news(rig, 15.0)
+    assert rig.mode is Mode.TRACKING, said
+
+
+def test_it_is_forgotten_with_the_drives(rig: Rig) -> None:
+    give(rig, CUP)
+    believe(rig, CUP)
+    rig.run(0.1)
+    assert rig.last.recognised is not None
+    rig.request(Event.DISABLE)
+    rig.run(3.0)
+    assert rig.mode is Mode.OFF
+    assert rig.last.recognised is None

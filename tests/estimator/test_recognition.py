@@ -1,0 +1,138 @@
+"""Recognition of a load: what is one, what is none, and when it is forgotten."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from estimator.model import Model
+from estimator.recognition import Recognition
+
+T = 0.01
+LEVEL = np.array([0.4, 0.25, 0.2, 0.15, 0.08, 0.08, 0.08])
+OMEGA = 2 * np.pi / np.array([7.0, 5.3, 4.1, 6.1, 3.7, 4.7, 3.1])
+HOME = np.array([0.3, 0.3, 0.0, -0.8, -1.2, 0.0, 0.0])
+PLACE = np.array([0.08, 0.01, -0.02])
+DOWN = np.array([0.0, 0.0, -9.81])
+
+Torque = Callable[[Model, float, np.ndarray], np.ndarray]
+
+
+def motion(t: float, amplitude: float) -> tuple[np.ndarray, np.ndarray]:
+    q = HOME + amplitude * np.sin(OMEGA * t)
+    return q, amplitude * OMEGA * np.cos(OMEGA * t)
+
+
+def run(
+    recognition: Recognition, torque: Torque, model: Model, begin_s: float, seconds: float,
+    amplitude: float = 0.3, noise: float = 0.2,
+) -> float | None:  # fmt: skip
+    """Time at which a load was found [s]; None if none was."""
+    rng = np.random.default_rng(round(10 * begin_s))
+    slow = np.zeros(7)
+    for k in range(round(seconds / T)):
+        t = begin_s + k * T
+        q, q_dot = motion(t, amplitude)
+        slow += 0.02 * (noise * LEVEL * rng.normal(size=7) * 10.0 - slow)
+        residual = torque(model, t, q) + slow
+        touched = bool((np.abs(residual) > LEVEL).any())
+        recognition.step(q, q_dot, residual, LEVEL, touched=touched)
+        if recognition.found is not None:
+            return t
+    return None
+
+
+def load(mass: float, place: np.ndarray = PLACE) -> Torque:
+    def torque(model: Model, t: float, q: np.ndarray) -> np.ndarray:
+        by_mass, by_place = model.payload_torques(q, DOWN)
+        return mass * (by_mass + by_place @ place)
+
+    return torque
+
+
+def pull(force: Callable[[float], np.ndarray]) -> Torque:
+    """A hand that pulls at the tool with a force in the world [N]."""
+
+    def torque(model: Model, t: float, q: np.ndarray) -> np.ndarray:
+        pulled: np.ndarray = model.tool_jacobian(q).T @ force(t)
+        return pulled
+
+    return torque
+
+
+@pytest.mark.parametrize("mass", [0.15, 0.2, 0.5, 2.0])
+def test_a_load_is_recognised_with_its_mass_and_place(romeo: Model, mass: float) -> None:
+    recognition = Recognition(romeo, T)
+    assert run(recognition, load(0.0), romeo, 0.0, 20.0) is None
+    found_s = run(recognition, load(mass), romeo, 20.0, 10.0)
+    assert found_s is not None
+    assert recognition.found is not None
+    assert recognition.found.mass == pytest.approx(mass, abs=max(0.02, 0.05 * mass))
+    np.testing.assert_allclose(recognition.found.com, PLACE, atol=0.015)
+
+
+HANDS: dict[str, Torque] = {
+    "nothing": load(0.0),
+    "below what is worth it": load(0.05),
+    "upwards": load(-0.5),
+    "sideways": pull(lambda t: np.array([6.0, 0.0, 0.0])),
+    "slanting": pull(lambda t: np.array([3.0, 3.0, -5.0])),
+    "down, a third more and less": pull(lambda t: DOWN * (0.6 + 0.2 * np.sin(1.3 * t))),
+    "down, slower": pull(lambda t: DOWN * (0.6 + 0.25 * np.sin(0.5 * t))),
+    "down, growing": pull(lambda t: DOWN * 0.06 * t),
+    "down, now and then": pull(lambda t: DOWN * 0.5 * (t % 4.0 < 3.0)),
+    "one joint": lambda model, t, q: np.array([0.0, 0.0, 0.0, 0.8, 0.0, 0.0, 0.0]),
+    "two joints, for ever": lambda model, t, q: np.array([1.0, -0.6, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    "friction of a joint": lambda model, t, q: 0.6 * np.sign(np.cos(OMEGA * t)),
+    "far from the hand": load(0.4, np.array([-0.25, 0.0, 0.0])),
+}
+
+
+@pytest.mark.parametrize("name", HANDS)
+def test_what_is_no_load_is_none(romeo: Model, name: str) -> None:
+    recognition = Recognition(romeo, T)
+    assert run(recognition, HANDS[name], romeo, 0.0, 25.0) is None
+
+
+def test_an_arm_that_stands_recognises_nothing(romeo: Model) -> None:
+    recognition = Recognition(romeo, T)
+    assert run(recognition, load(0.5), romeo, 0.0, 30.0, amplitude=0.0) is None
+    assert run(recognition, load(0.5), romeo, 0.0, 30.0, amplitude=1e-3) is None
+    assert run(recognition, load(0.5), romeo, 0.0, 10.0) is not None
+
+
+@pytest.mark.parametrize(
+    "after",
+    [load(0.0), load(1.0), load(-0.2), pull(lambda t: np.array([8.0, 0.0, -5.0]))],
+    ids=["gone", "twice", "upwards", "another direction"],
+)
+def test_it_is_forgotten_when_it_explains_what_is_felt_no_more(romeo: Model, after: Torque) -> None:
+    recognition = Recognition(romeo, T)
+    assert run(recognition, load(0.5), romeo, 0.0, 10.0) is not None
+    q, q_dot = motion(10.0, 0.3)
+    same, other = load(0.5)(romeo, 10.0, q), after(romeo, 10.0, q)
+    for _ in range(100):
+        assert not recognition.left(q, same, LEVEL).any()
+        recognition.step(q, q_dot, same, LEVEL, touched=True)
+    assert recognition.found is not None
+    assert recognition.left(q, other, LEVEL).any()  # at once
+    for _ in range(49):
+        recognition.step(q, q_dot, other, LEVEL, touched=True)
+        assert recognition.found is not None
+    recognition.step(q, q_dot, other, LEVEL, touched=True)
+    assert recognition.found is None
+
+
+def test_what_the_models_errors_look_like_is_taken_off(romeo: Model) -> None:
+    """A hand that is 40 g heavier than the model's, and then takes 200 g."""
+    recognition = Recognition(romeo, T)
+    assert run(recognition, load(0.04), romeo, 0.0, 120.0, noise=0.05) is None
+    assert run(recognition, load(0.24), romeo, 120.0, 10.0, noise=0.05) is not None
+    assert recognition.found is not None
+    assert recognition.found.mass == pytest.approx(0.2, abs=0.02)
+
+
+def test_without_one_what_is_left_is_the_thresholded_residual(romeo: Model) -> None:
+    r = np.array([0.5, -0.3, 0.1, 0.0, 0.1, 0.0, -0.2])
+    expected = np.sign(r) * np.maximum(np.abs(r) - LEVEL, 0.0)
+    np.testing.assert_allclose(Recognition(romeo, T).left(HOME, r, LEVEL), expected)
