@@ -41,7 +41,8 @@ cdef class Kernel:
     cdef readonly double[::1] since, q, q_dot, tau_M, threshold
     cdef double[::1] _gaps, _theta, _phi, _sigma, _thresholded, _share
     cdef readonly long long begun, touched_link
-    cdef long long _pressed
+    cdef long long _pressed, _landed
+    cdef long long[::1] _crossing
     cdef public double elapsed_s
     cdef readonly double[::1] payload
     cdef public long long frozen
@@ -68,10 +69,10 @@ cdef class Kernel:
     cdef void _still(self, Py_ssize_t i, double q) noexcept
     @cython.locals(flags="long long", bridged=bint, everything=double)
     cdef long long _advance(self, double dt) noexcept
-    @cython.locals(
-        came=bint, unknown=bint, crossing=bint, side="long long", everything=double, unsure=double
-    )
-    cdef double _joint(self, Py_ssize_t i, double gap, double dt, bint bridged) noexcept
+    @cython.locals(side="long long", in_gap=bint, came_from=bint, everything=double)
+    cdef double _joint(self, Py_ssize_t i, double gap) noexcept
+    @cython.locals(came=bint, unknown=bint, crossing=bint, shaken=bint, unsure=double)
+    cdef double _judge(self, Py_ssize_t i, double gap, double dt, bint bridged) noexcept
     cdef void _put_in_force(
         self, Py_ssize_t i, double unsure, double speed, double dt
     ) noexcept

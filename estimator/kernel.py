@@ -87,6 +87,8 @@ class Kernel:
         self.begun = 0  # contacts that begin in this tick
         self.touched_link = -1  # index of its joint, -1 where none is, or not known
         self._pressed = 0  # joints whose thresholded residual is not zero
+        # Joints that cross their gap in this tick, and how many left theirs.
+        self._crossing, self._landed = np.zeros(n, dtype=np.int64), 0
         self.elapsed_s = 0.0
         # What the last link carries: mass [kg], and where in its joint's frame [m].
         self.payload = np.zeros(4)
@@ -224,7 +226,7 @@ class Kernel:
         factor = self.motor_position.friction[i]
         unknown, rest = self.stiction.unknown_at_rest(i), decay(at_rest * at_rest)
         above = levels.friction_at(i, rest, unknown * rest, factor)
-        above += levels.unsure(i, self.motor_position.side[i] == _SIDE_UNKNOWN, False, 0.0)
+        above += levels.unsure(i, self.motor_position.side[i] == _SIDE_UNKNOWN, False, False, 0.0)
         above += levels.share[i] * (levels.usual(i, speed) - levels.usual(i, 0.0))
         if self.learns:
             viscous = (self._motor_viscous[i] + self._link_viscous[i]) * speed
@@ -255,7 +257,8 @@ class Kernel:
     def _still(self, i: int, q: float) -> None:
         """Joint i without a velocity yet: no residual, the highest threshold."""
         self.motor_position.start(i, q)
-        most = self.levels.friction_at(i, 1.0, 1.0, 1.0) + self.levels.unsure(i, True, True, 0.0)
+        most = self.levels.friction_at(i, 1.0, 1.0, 1.0)
+        most += self.levels.unsure(i, True, True, True, 0.0)
         self._put_in_force(i, most, 0.0, self._period)
         self.q[i], self.q_dot[i], self.tau_M[i] = q, 0.0, 0.0
         self.sensing[i] = 0
@@ -264,6 +267,7 @@ class Kernel:
     def _advance(self, dt: float) -> int:
         """Estimate dt [s] after the one before; returns flags."""
         flags, bridged, everything = 0, False, 0.0
+        self._landed = 0
         for i in range(self.n):
             if self.came[i]:
                 self.alignment.align(i)
@@ -278,7 +282,9 @@ class Kernel:
             bridged = bridged or not self.came[i]
         self._dynamics.at(self.alignment.aligned[0], self.alignment.aligned[1])
         for i in range(self.n):
-            everything += self._joint(i, self._gaps[i], dt, bridged)
+            everything += self._joint(i, self._gaps[i])
+        for i in range(self.n):
+            everything += self._judge(i, self._gaps[i], dt, bridged)
         if everything - everything != 0.0:
             return _INVALID
         for i in range(self.n):
@@ -290,10 +296,9 @@ class Kernel:
             self.touched_link = self.detector.touched_link(self.residual.corrected[0])
         return flags
 
-    def _joint(self, i: int, gap: float, dt: float, bridged: bool) -> float:
-        """From the aligned samples of joint i to its residuals, levels and contacts. gap: since its
-        last sample [s], 0 without one; bridged: samples of some joint are missing. Returns a sum
-        that is finite if everything is."""
+    def _joint(self, i: int, gap: float) -> float:
+        """From the aligned samples of joint i to its residuals. gap: since its last sample [s],
+        0 without one. Returns a sum that is finite if everything is."""
         a, position, levels = self.alignment.aligned, self.motor_position, self.levels
         q, q_dot, current, theta_dot, theta = a[0, i], a[1, i], a[2, i], a[3, i], a[4, i]
         tau_M = self._K_c[i] * current
@@ -312,16 +317,24 @@ class Kernel:
         if gap > 0.0 or not self.going[i]:
             self.interval.end(i)
             levels.end(i)
-        unknown = position.side[i] == _SIDE_UNKNOWN
-        crossing = position.side[i] == _SIDE_GAP or position.side[i] != side
-        unsure = levels.unsure(i, unknown, crossing, gap / self._period)
-        self._put_in_force(i, unsure, abs(theta_dot), dt)
+        in_gap, came_from = position.side[i] == _SIDE_GAP, side == _SIDE_GAP
+        self._crossing[i] = in_gap or position.side[i] != side
+        self._landed += came_from and not in_gap
+        self.tau_M[i] = tau_M
+        everything = q + q_dot + tau_M + position.theta[i] + position.sigma[i]
+        return float(everything + self.residual.sum(i))
+
+    def _judge(self, i: int, gap: float, dt: float, bridged: bool) -> float:
+        """Levels and contacts of joint i, once all joints have their residuals. bridged: samples of
+        some joint are missing. Returns the level of contact [Nm]."""
+        unknown = self.motor_position.side[i] == _SIDE_UNKNOWN
+        crossing, shaken = self._crossing[i] != 0, self._landed > 0
+        unsure = self.levels.unsure(i, unknown, crossing, shaken, gap / self._period)
+        self._put_in_force(i, unsure, abs(self.alignment.aligned[3, i]), dt)
         came = self.came[i] != 0
         waits = bridged or gap > _LATE_PERIODS * self._period
         self.begun += self.detector.step(i, self.residual.corrected[0, i], came, waits)
-        self.tau_M[i] = tau_M
-        everything = q + q_dot + tau_M + position.theta[i] + position.sigma[i]
-        return float(everything + self.threshold[i] + self.residual.sum(i))
+        return float(self.threshold[i])
 
     def _put_in_force(self, i: int, unsure: float, speed: float, dt: float) -> None:
         """Levels of joint i, over dt [s]."""

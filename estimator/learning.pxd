@@ -4,7 +4,7 @@ cimport cython
 
 cdef Py_ssize_t _CONSTANT, _VISCOUS, _COULOMB, _COLUMNS
 cdef double _NOISE, _NOISE_S, _OFF, _REMAINS, _FREEZES, _FROZEN_S
-cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LASTS_S, _LEAST_LEVEL, _GROWS
+cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _LEAST_LEVEL, _GROWS
 
 cdef class Learning:
     cdef double[:, ::1] _variance
@@ -39,7 +39,7 @@ cdef class Learning:
     @cython.locals(fade=double)
     cdef void _drift(self, Py_ssize_t i, Py_ssize_t column, double dt) noexcept
     @cython.locals(variance=double, error=double, gain_k=double, gain_m=double)
-    cdef void _follow(self, Py_ssize_t i, double residual, double dt, bint known) noexcept
+    cdef void _follow(self, Py_ssize_t i, double residual, double doubt, double dt, bint known) noexcept
     @cython.locals(left=double)
     cdef double _left(self, Py_ssize_t i, Py_ssize_t column) noexcept
     cdef void _forget(self, Py_ssize_t i) noexcept

@@ -11,7 +11,8 @@ A Kalman filter follows the shares w, which drift in minutes, and b, which drift
 w1 c + w2 v is taken off the residual; b, the torque of a hand that leans on the arm as well as of
 masses that are off, never is: friction turns with the motion, and a hand does not. While a contact
 is on, and for a moment after the residual was far from what these make of it, only b is followed;
-at rest and inside a gap, nothing. No share goes beyond its bound.
+at rest and inside a gap, nothing. Near rest, where friction may be anything, what shows is believed
+less. No share goes beyond its bound.
 
 What is not known yet raises the levels: `unknown` is the torque that friction, wrong by _OFF,
 would make there, less by what the joint has shown since. What is known sinks them: `level(i)` is
@@ -50,7 +51,7 @@ _OF_RMS, _RMS_S, _AT_FIRST_S = 2.9, 300.0, 10.0
 _OF_PEAK, _PEAK_S, _LASTS_S = 1.5, 600.0, 1.0
 # While a gap is crossed, and the raise for it lasts, _OF_CROSSING peaks count apart: they fade in
 # so many seconds of that, from 1 on. It lasts as long as it is more than that share of the level.
-_OF_CROSSING, _CROSSING_S, _CROSSING = 1.8, 20.0, 0.05
+_OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING = 1.8, 20.0, 0.05, 0.7
 _LEAST_LEVEL = LEAST_SHARE
 # One peak raises the level by no more than this: it may have been a person all the same.
 _GROWS = 1.1
@@ -99,7 +100,7 @@ class Learning:
 
     def crossing_level(self, i: int) -> float:
         """Share of the configured level that joint i needs while it crosses its gap."""
-        return float(min(_OF_CROSSING * self.crossing_peak[i], 1.0))
+        return float(min(max(_OF_CROSSING * self.crossing_peak[i], _LEAST_CROSSING), 1.0))
 
     def friction(self, i: int) -> float:
         """Friction of joint i over what was identified."""
@@ -146,7 +147,7 @@ class Learning:
             if known:
                 self._drift(i, _VISCOUS, dt)
                 self._drift(i, _COULOMB, dt)
-            self._follow(i, residual, dt, known)
+            self._follow(i, residual, friction + raised, dt, known)
 
     def _note(
         self, i: int, size: float, level: float, usual: float, friction: float, raised: float,
@@ -191,11 +192,11 @@ class Learning:
             P[i, k, column] -= fade * P[i, k, column]
         P[i, column, column] += 2.0 * fade * self._variance[column, i]
 
-    def _follow(self, i: int, residual: float, dt: float, known: bool) -> None:
+    def _follow(self, i: int, residual: float, doubt: float, dt: float, known: bool) -> None:
         """Update all shares of joint i by a residual before its correction [Nm]; where it is not
         known that nothing touches, b alone (Schmidt's filter, which considers the others)."""
         P, h, x, w = self.covariance, self.columns, self._x, self.shares
-        variance, error = self._noise[i] / dt, residual
+        variance, error = (self._noise[i] + doubt * doubt * _NOISE_S) / dt, residual
         for k in range(_COLUMNS):
             x[k] = 0.0
             for m in range(_COLUMNS):

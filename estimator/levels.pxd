@@ -4,7 +4,7 @@ cimport cython
 
 from elementary cimport decay
 
-cdef double _MISSING_SHARE, _MISSING_MOST
+cdef double _MISSING_SHARE, _MISSING_MOST, _SHAKEN_SHARE
 
 cdef class Levels:
     cdef double _gain, _at_rest, _unsure, _now
@@ -17,9 +17,9 @@ cdef class Levels:
     ) noexcept
     cpdef void integrate(self, Py_ssize_t i, double dt, double pole, double share) noexcept
     cpdef void end(self, Py_ssize_t i) noexcept
-    @cython.locals(share=double)
+    @cython.locals(share=double, needed=double)
     cpdef double unsure(
-        self, Py_ssize_t i, bint unknown, bint crossing, double periods
+        self, Py_ssize_t i, bint unknown, bint crossing, bint shaken, double periods
     ) noexcept
     @cython.locals(grown=double)
     cpdef double put_in_force(

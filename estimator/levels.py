@@ -25,6 +25,8 @@ from estimator.transmission import Transmission
 # Of the contact level, for each sample that was missing beyond the first, and at most: what the
 # mean of both ends may be wrong by over an interval in which a motor crossed its gap.
 _MISSING_SHARE, _MISSING_MOST = 0.4, 1.2
+# Share of the contact level that the shock needs with which another joint lands in its gear.
+_SHAKEN_SHARE = 0.6
 
 
 class Levels:
@@ -72,14 +74,16 @@ class Levels:
         """Begin the next interval of joint i, with the friction of now."""
         self.begin[i] = self._now
 
-    def unsure(self, i: int, unknown: bool, crossing: bool, periods: float) -> float:
+    def unsure(self, i: int, unknown: bool, crossing: bool, shaken: bool, periods: float) -> float:
         """Torque [Nm] that joint i may pretend while the side of its gap is unknown or it crosses
-        it, and after samples that were missing; periods: since the sample before."""
-        share = 0.0
+        it, while another joint's landing shakes it, and after samples that were missing; periods:
+        since the sample before."""
+        needed = _SHAKEN_SHARE if shaken else 0.0
+        if crossing:
+            needed = max(needed, self.crossing[i] * self._has_gap[i])
+        share = max(needed - self.share[i], 0.0)
         if unknown:
             share += self._unsure * self._has_gap[i]
-        if crossing:
-            share += max(self.crossing[i] - self.share[i], 0.0) * self._has_gap[i]
         missing = max(periods - 2.0, 0.0)
         share += min(missing * _MISSING_SHARE, _MISSING_MOST)
         return float(share * self._contact[i])

@@ -2,7 +2,7 @@
 
 cimport cython
 
-cdef double LINK_REST, _CLEAR, _CLEAR_AT_REST, _RESTS_S, _RESTS_WITHIN, _PULL
+cdef double LINK_REST, _CLEAR, _CLEAR_AT_REST, _RESTS_S, _RESTS_WITHIN, _SKEW_S, _PULL
 cdef long long _LEFT, _GAP, _RIGHT, _UNKNOWN
 
 cdef class MotorPosition:

@@ -39,6 +39,7 @@ class Side(IntEnum):
 # near that is not where it is believed: inside the gap the link would fall.
 _CLEAR, _CLEAR_AT_REST = 1.3, 2.5
 _RESTS_S, _RESTS_WITHIN = 0.3, 0.0005  # [rad]
+_SKEW_S = 0.001  # that link and motor may be sampled apart, known to nobody
 _PULL = 0.2  # share of a border's error that is corrected in one tick
 _LEFT, _GAP, _RIGHT, _UNKNOWN = map(int, Side)
 
@@ -128,7 +129,8 @@ class MotorPosition:
         self.rested_at[i] += (phi - self.rested_at[i]) * dt / _RESTS_S
         self.rested_s[i] += dt
         clearance = _CLEAR_AT_REST if self.rested_s[i] > _RESTS_S else _CLEAR
-        border = alpha - max(self._margin * alpha, clearance * self.sigma[i])
+        doubtful = clearance * self.sigma[i] + _SKEW_S * speed
+        border = alpha - max(self._margin * alpha, doubtful)
         # Inside the gap the border itself counts; to enter it phi must go further.
         if not self.gap[i]:
             border -= self._hysteresis

@@ -55,7 +55,7 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     motor_position: Literal["integrated", "measured"] = "integrated"
     sign_width: Annotated[float, Meta(gt=0, le=1)] = 0.02  # [rad/s], goes to the Transmission
     debounce: Annotated[int, Meta(ge=1, le=100)] = 1  # ticks
-    stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.8  # raises thresholds at rest
+    stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.9  # raises thresholds at rest
     # Of the contact level: raises thresholds of a joint whose side of the gap is unknown.
     unknown_side_share: Annotated[float, Meta(ge=0, le=2)] = 0.25
     # Corrects friction by what the arm shows while it works.

@@ -67,7 +67,23 @@ def test_clear_of_the_border_by_more_than_what_phi_may_be_off() -> None:
         said.append((abs(joint.phi), joint.side == Side.GAP))
     assert {gap for _, gap in said} == {False, True}
     for phi, gap in said:
-        assert gap == (phi < ALPHA - 1.3 * joint.sigma), phi
+        assert gap == (phi < ALPHA - 1.3 * joint.sigma - 1e-4), phi
+
+
+def test_the_faster_it_turns_the_clearer_of_the_border_it_must_be() -> None:
+    """By a millisecond of its way, which its link's sample may be older."""
+    speed, told = 0.8, 0
+    for k in range(60):
+        joint = Joint()
+        joint.settle(2.0)
+        joint.step(w=-k * speed / 60)
+        for _ in range(5):
+            joint.step(w=-speed)
+            from_border = ALPHA - abs(joint.phi) - 1.3 * joint.sigma
+            if abs(from_border - 0.001 * speed) > joint.settings.hysteresis:
+                assert (joint.side == Side.GAP) == (from_border > 0.001 * speed), joint.phi
+            told += bool(0.0 < from_border < 0.001 * speed)
+    assert told > 3
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

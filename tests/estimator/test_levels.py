@@ -118,17 +118,25 @@ def test_it_grows_and_fades_as_the_filter_does() -> None:
     [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.5, 0.2), (3.0, 0.4), (5.0, 1.2), (9.0, 1.2)],
 )
 @pytest.mark.parametrize("unknown", [False, True])
+@pytest.mark.parametrize("shaken", [False, True])
 @pytest.mark.parametrize(
     ("crossing", "share", "needed"),
     [(False, 0.4, 0.0), (True, 0.4, CROSSING - 0.4), (True, 0.6, CROSSING - 0.6), (True, 0.9, 0.0)],
 )
 def test_what_a_joint_may_pretend(
-    periods: float, missing: float, unknown: bool, crossing: bool, share: float, needed: float
+    periods: float,
+    missing: float,
+    unknown: bool,
+    shaken: bool,
+    crossing: bool,
+    share: float,
+    needed: float,
 ) -> None:
-    """Shares of the configured level; a rigid joint has no side to be unsure of."""
-    made = levels(share)
-    for i, of_gap in enumerate((0.5 * unknown + needed, 0.0)):
-        found = made.unsure(i, unknown, crossing, periods)
+    """Shares of the configured level; a rigid joint has no side to be unsure of, and is shaken all
+    the same."""
+    made, shock = levels(share), max(0.6 - share, 0.0) * shaken
+    for i, of_gap in enumerate((0.5 * unknown + max(needed, shock), shock)):
+        found = made.unsure(i, unknown, crossing, shaken, periods)
         assert found == pytest.approx((missing + of_gap) * CONTACT[i])
 
 
@@ -192,7 +200,7 @@ def test_to_ask_for_a_level_changes_nothing() -> None:
     before = [np.array(getattr(made, name)) for name in names]
     made.friction_at(0, 1.0, 1.0, 1.0)
     made.contact_at(0, 0.7)
-    made.unsure(0, True, True, 4.0)
+    made.unsure(0, True, True, True, 4.0)
     for name, values in zip(names, before, strict=True):
         np.testing.assert_array_equal(getattr(made, name), values, name)
 

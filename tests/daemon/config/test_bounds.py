@@ -106,7 +106,7 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
         SINGLE_JOINT, "config.yaml", "motor_coulomb: 0.3, motor_viscous: 0.2, link_coulomb: 0.03",
         "stiction: 1, motor_coulomb: 5, motor_viscous: 0.2, link_coulomb: 5",
         "joints[0] (joint).thresholds",
-        ("18.62 Nm at rest is beyond", "up to 12 Nm", "friction (1.8 of 10 Nm: "),
+        ("19.62 Nm at rest is beyond", "up to 12 Nm", "friction (1.9 of 10 Nm: "),
     ),
     "a rotor": (
         SINGLE_JOINT, "config.yaml", "rotor_inertia: 0.04", "rotor_inertia: 1e6",
@@ -243,7 +243,7 @@ def feels(c: Configuration) -> bool:
     levels = estimator.detector.levels
     in_motion = levels.usual(0, joint.limits.velocity)
     hidden = levels.friction_at(0, 1.0, stiction_range(joint.friction.stiction)[1], 1.0)
-    at_rest = levels.contact_at(0, hidden + levels.unsure(0, True, False, 0.0))
+    at_rest = levels.contact_at(0, hidden + levels.unsure(0, True, False, False, 0.0))
     residual = Residual([Variant()], c.estimator.gain, c.period_s, 1)
     ticks = 0
     impulse = np.zeros(len(ROW))

@@ -74,10 +74,10 @@ def test_what_grows_with_speed_goes_on_to_grow(make_state, per_speed: float) -> 
 
 
 def test_a_level_is_one_that_arm_accepts_at_rest(make_state) -> None:
-    """Friction of 8 Nm, of which 0.8 may hide something at rest, beside a residual of 0.2 Nm."""
+    """Friction of 7 Nm, of which 0.9 may hide something at rest, beside a residual of 0.2 Nm."""
     robot = load_robot(SINGLE_JOINT)
     (joint,) = robot.configuration.joints
-    rough = msgspec.structs.replace(joint.friction, motor_coulomb=8.0, stiction=0.0)
+    rough = msgspec.structs.replace(joint.friction, motor_coulomb=7.0, stiction=0.0)
     c = msgspec.structs.replace(
         robot.configuration, joints=(msgspec.structs.replace(joint, friction=rough),)
     )
@@ -86,7 +86,7 @@ def test_a_level_is_one_that_arm_accepts_at_rest(make_state) -> None:
         replace(robot, configuration=c), from_states(states, ["joint"]), 1.0, "2026-01-02"
     )
     most = stiction_range(rough.stiction)[1]
-    hidden = (c.estimator.stiction_share + most) * (8.0 + rough.link_coulomb)
+    hidden = (c.estimator.stiction_share + most) * (7.0 + rough.link_coulomb)
     level = outcome.entries["joint"].thresholds.contact
     unsure = c.estimator.unknown_side_share
     raised_to = hidden + (1.0 + unsure) * level
