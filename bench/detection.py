@@ -73,10 +73,10 @@ def worth(deciding: Score, classical: Score, gaps: Sequence[int]) -> float:
 
 
 def at_rest(deciding: Score, classical: Score, gaps: Sequence[int]) -> float:
-    """Smallest step at rest over what friction hides there: the most over the joints with a gap on
+    """Smallest step at rest over what stiction may hide there: the most over the joints with a gap on
     which the classical residual does not need three times as much. NaN where one is unknown."""
     ratios = [
-        deciding.smallest_rest_nm[i] / deciding.hidden_rest_nm[i]
+        deciding.smallest_rest_nm[i] / deciding.stiction_rest_nm[i]
         for i in gaps
         if not classical.smallest_rest_nm[i] >= 3.0 * deciding.smallest_rest_nm[i]
     ]
@@ -119,7 +119,7 @@ def targets(found: Mapping[Law, dict[str, Score]], c: Configuration) -> list[Tar
             Target(f"p95 delay beyond ln 2 / K, {of}", best.delay_ms[1] - limit, 45, "ms", "lower"),
             Target(f"the same at rest missed, {of}", best.missed_rest, 0, "", "lower"),
             Target(
-                f"smallest step at rest, over what friction hides, {of}",
+                f"smallest step at rest, over what stiction may hide, {of}",
                 at_rest(best, by_name["classical"], gaps),
                 1.25,
                 "x",

@@ -116,6 +116,11 @@ class Plant:
         if closed:
             self.theta_dot[joint] = 0.0
 
+    @property
+    def coulomb(self) -> Vector:
+        """Coulomb friction of link and motor as it is now (2, n) [Nm]."""
+        return self._coulomb.copy()
+
     def scale_friction(self, factor: Vector) -> None:
         """Make the friction of each joint, both sides, `factor` (n,) times its own from now on."""
         self._coulomb[:] = self.parameters.coulomb.reshape(2, self.n) * factor

@@ -152,6 +152,8 @@ class Recording:
     """torque on the links in that millisecond [Nm]"""
     half_gap: Vector
     """true alpha (n,) [rad]"""
+    breakaway: Vector
+    """(n,): most torque that friction of gear and link holds at rest, either way [Nm]"""
 
     @property
     def per_tick(self) -> int:
@@ -302,6 +304,7 @@ def recordings(
             gear_torque=gear_torque.reshape(-1, n),
             external=external,
             half_gap=harness.parameters.half_gap,
+            breakaway=harness.plant.coulomb.sum(axis=0) * subject.settings.law.stribeck,
         )
 
 

@@ -53,6 +53,8 @@ def joint_table(friction: str, by_name: dict[str, Score], c: Configuration) -> T
     shown.add_row("in force in motion, median", *(_number(x) for x in in_force))
     hidden = next(iter(by_name.values())).hidden_rest_nm
     shown.add_row("hidden by friction at rest", *(_number(x) for x in hidden))
+    may_hide = next(iter(by_name.values())).stiction_rest_nm
+    shown.add_row("may be hidden by it", *(_number(x) for x in may_hide))
     rows = (
         ("lowest quiet threshold", "quiet_nm"),
         ("smallest step, in motion", "smallest_moving_nm"),

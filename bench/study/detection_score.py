@@ -36,6 +36,8 @@ class Score:
     smallest_rest_nm: list[float]
     hidden_rest_nm: list[float]
     """the most of such a step that friction of the gear kept from the motor to its end"""
+    stiction_rest_nm: list[float]
+    """the most that friction of the gear may hide: it held one way, and holds the other"""
     in_force_nm: list[float]
     """threshold in force in motion after the work before, median over the arms"""
     missed_moving: int
@@ -80,6 +82,7 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
             [t for t in moving if not t.moving], variant, used, 2.0 * contact
         ),
         smallest_rest_nm=smallest(resting, variant, used, 2.0 * contact + 2.0 * stuck),
+        stiction_rest_nm=stiction(resting, len(contact)),
         hidden_rest_nm=hidden(resting, 2.0 * contact + 2.0 * stuck),
         in_force_nm=level.tolist(),
         missed_moving=sum(f is None for f in moved),
@@ -127,6 +130,14 @@ def hidden(trials: Sequence[Trial], largest: Vector) -> list[float]:
         if t.size <= largest[t.joint] * (1.0 + 1e-9):
             held[t.joint].append(t.hidden)
     return [max(sizes, default=math.nan) for sizes in held]
+
+
+def stiction(trials: Sequence[Trial], joints: int) -> list[float]:
+    """Twice the torque at which the joint breaks away, per joint [Nm], the most of all trials."""
+    held: list[list[float]] = [[] for _ in range(joints)]
+    for t in trials:
+        held[t.joint].append(2.0 * t.breakaway)
+    return [max(values, default=math.nan) for values in held]
 
 
 def delays(found: Sequence[Detection]) -> tuple[float, float]:

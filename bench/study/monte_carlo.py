@@ -213,6 +213,7 @@ def _trial(
         raised=raised[:, ticks, i],
         travelled=apart[begin - step.onset_ms - 1] > 0,
         hidden=abs(step.torque) - _reached(step, recording, first, c.joints[i].torque_constant),
+        breakaway=float(recording.breakaway[i]),
         moving=bool(np.abs(recording.samples[ticks, 2, i]).min() > MOVING),
     )
 

@@ -41,6 +41,8 @@ class Trial:
     """(ticks,): link and rotor were apart at some time since the onset"""
     hidden: float
     """[Nm] of the step that did not reach the motor until its end: friction of the gear held it"""
+    breakaway: float
+    """[Nm]: most torque that friction of this joint holds at rest, either way"""
     moving: bool
     """the joint moved all the while: it neither stood nor turned"""
 

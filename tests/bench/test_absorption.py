@@ -35,7 +35,7 @@ def test_a_median_is_that_of_motion() -> None:
     truth = np.zeros((10 * ticks, 2))
     recording = Recording(
         time_s=0.01 * np.arange(ticks), samples=samples, phi=truth, gear_torque=truth,
-        external=truth, half_gap=np.zeros(2),
+        external=truth, half_gap=np.zeros(2), breakaway=np.zeros(2),
     )  # fmt: skip
     found = in_motion(recording, values, slice(0, ticks))
     assert found[0] == 2.0

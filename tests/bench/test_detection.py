@@ -100,6 +100,7 @@ def test_what_was_said_of_a_touched_link(said: int, residual: float, named: str)
         gear_torque=truth,
         external=truth,
         half_gap=np.zeros(n),
+        breakaway=np.zeros(n),
     )
     found = Estimates(
         residuals={"backlash": exceeded},

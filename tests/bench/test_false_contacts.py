@@ -29,6 +29,7 @@ def recorded(load: float = 0.0) -> Recording:
         gear_torque=np.full((10 * TICKS, N), load),
         external=np.zeros((10 * TICKS, N)),
         half_gap=np.full(N, 0.02),
+        breakaway=np.zeros(N),
     )
 
 

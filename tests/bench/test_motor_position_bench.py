@@ -25,6 +25,7 @@ def stretch(phi: list[float], gear: list[float]) -> Recording:
         gear_torque=np.array(gear)[:, np.newaxis],
         external=np.zeros((n, 1)),
         half_gap=np.array([0.02]),
+        breakaway=np.zeros(1),
     )
 
 

@@ -19,7 +19,7 @@ from bench.rigs.lockstep import ROMEO, lockstep_rig
 from daemon.commands.simulated_robot import read_simulation
 from daemon.config.load import Robot, load_robot
 from daemon.modes.table import Event
-from simulator.description import SimulationSettings
+from simulator.description import Mismatch, SimulationSettings
 
 
 @pytest.fixture(scope="module")
@@ -119,6 +119,7 @@ def test_truth_is_taken_where_the_estimate_belongs() -> None:
         gear_torque=milliseconds,
         external=milliseconds,
         half_gap=np.array([2.5]),
+        breakaway=np.zeros(1),
     )
     assert recording.at(0.0, recording.phi)[:, 0].tolist() == [9, 19, 29]
     assert recording.at(0.005, recording.phi)[:, 0].tolist() == [4, 14, 24]
@@ -148,3 +149,19 @@ def test_motion_starts_and_stops_softly(t: float, rate: float) -> None:
     q, velocity = motion.at(t, rate)
     ahead, _ = motion.at(t + 1e-6 * rate, rate)
     assert (ahead - q) / 1e-6 == pytest.approx(velocity, abs=1e-5)
+
+
+def test_the_torque_at_which_joints_break_away_is_that_of_the_arm_that_is_there(
+    robot: Robot,
+) -> None:
+    """Of gear and link, as far as it has drifted, and with its rise near rest."""
+    exactly = Mismatch(**dict.fromkeys(Mismatch.__struct_fields__, 0.0))
+    settings = SimulationSettings(seed=1, mismatch=exactly, friction="dahl", stribeck=1.3)
+    still = Motion(home=np.zeros(7), amplitude=np.zeros(7), omega=np.ones(7), phase=np.zeros(7))
+    subject = Subject(robot=robot, settings=settings, drift=0.2)
+    found = record(subject, Scenario(seconds=0.1, motion=still)).breakaway
+    friction = [joint.friction for joint in robot.configuration.joints]
+    exact = 1.3 * np.array([f.motor_coulomb + f.link_coulomb for f in friction])
+    off = found / exact - 1.0
+    assert np.abs(off).max() <= 0.2 + 1e-9
+    assert np.ptp(off) > 0.05

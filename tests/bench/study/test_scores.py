@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from bench.study import scores
+from bench.study.detection_score import stiction
 from bench.study.scores import Detection, Errors, Trial
 
 
@@ -27,6 +28,7 @@ def trial(residual: list[float], raised: float = 0.0, travelled_from: int = 9) -
         raised=np.full((1, len(residual)), raised),
         travelled=ticks >= travelled_from,
         hidden=0.0,
+        breakaway=0.0,
         moving=True,
     )
 
@@ -74,3 +76,13 @@ def test_errors_add_up_over_runs() -> None:
     assert whole.rms == pytest.approx([math.sqrt(12.5), 0.0])
     halves = Errors.of(error[:1], chosen[:1]) + Errors.of(error[1:], chosen[1:])
     assert halves.rms == pytest.approx(whole.rms)
+
+
+def test_what_stiction_may_hide_is_twice_what_it_holds_on_the_worst_arm() -> None:
+    trials = [
+        replace(trial([0.0]), joint=joint, breakaway=held)
+        for joint, held in ((0, 0.4), (0, 0.7), (2, 0.1))
+    ]
+    found = stiction(trials, 3)
+    assert (found[0], found[2]) == (1.4, 0.2)
+    assert math.isnan(found[1])
