@@ -73,8 +73,8 @@ def worth(deciding: Score, classical: Score, gaps: Sequence[int]) -> float:
 
 
 def at_rest(deciding: Score, classical: Score, gaps: Sequence[int]) -> float:
-    """Smallest step at rest over what stiction may hide there: the most over the joints with a gap on
-    which the classical residual does not need three times as much. NaN where one is unknown."""
+    """Smallest step at rest over what stiction may hide there: the most over the joints with a gap
+    on which the classical residual does not need three times as much. NaN where one is unknown."""
     ratios = [
         deciding.smallest_rest_nm[i] / deciding.stiction_rest_nm[i]
         for i in gaps
