@@ -120,6 +120,20 @@ def batches(
         raise broken
 
 
+def alike(states: list[State]) -> Iterator[list[State]]:
+    """Stretches of the States with one payload, in which something is learned, or nothing."""
+    for _, same in groupby(states, lambda state: (state.payload, state.recognised is None)):
+        yield list(same)
+
+
+def resets(mode: str, states: list[State]) -> frozenset[int]:
+    """Rows at which the arm begins to hold, `mode` before them: the tick resets its estimator
+    then."""
+    modes = [mode, *(state.mode for state in states)]
+    changes = enumerate(pairwise(modes))
+    return frozenset(k for k, of in changes if of == (Mode.ENABLING, Mode.HOLDING))
+
+
 class _Run:
     def __init__(self) -> None:
         self.older = ""
@@ -164,20 +178,20 @@ class _Run:
         whole = self._without_gap(states)
         self.skipped += len(states) - len(whole)
         if self._estimator is not None and whole:
-            for _, same in groupby(whole, lambda s: (s.payload, s.recognised is None)):
-                self._step(self._estimator, list(same))
+            for same in alike(whole):
+                self._step(self._estimator, same)
         if len(whole) < len(states):
             # The estimator's memory of the gap is lost until the next snapshot.
             self._estimator = None
 
     def _step(self, estimator: Estimator, states: list[State]) -> None:
-        """Compare States of one payload, in which something is learned, or nothing."""
+        """Compare States that are `alike`."""
         if (payload := states[0].payload) != self._payload:
             estimator.carry(payload)
             self._payload = payload
         estimator.freeze_learning(states[0].recognised is not None)
         samples = self._layout.samples(states)
-        made = estimator.run(samples, self._resets(states))
+        made = estimator.run(samples, resets(self._mode, states))
         self.states += len(states)
         self._tick, self._mode = states[-1].tick, states[-1].mode
         if self.difference is None:
@@ -190,12 +204,6 @@ class _Run:
         steps = zip(states, range(self._tick + 1, self._tick + 1 + len(states)), strict=True)
         gap = next((k for k, (state, tick) in enumerate(steps) if state.tick != tick), len(states))
         return states[:gap]
-
-    def _resets(self, states: list[State]) -> frozenset[int]:
-        """Rows at which the arm begins to hold: the tick resets its estimator then."""
-        modes = [self._mode, *(state.mode for state in states)]
-        changes = enumerate(pairwise(modes))
-        return frozenset(k for k, of in changes if of == (Mode.ENABLING, Mode.HOLDING))
 
     def _first_difference(self, states: list[State], replayed: Columns) -> Difference | None:
         found = first_difference(self._layout.recorded(states), replayed)

@@ -21,7 +21,7 @@ from daemon.recordings.rows import cache_directory, content_digest
 from daemon.recordings.whatif import Answer, Question, ask
 from errors import ContactdError, LogError
 
-_KEPT = 1  # layout of the answers in the cache
+_KEPT = 2  # layout of the answers in the cache
 
 
 class Asked(msgspec.Struct, frozen=True):

@@ -171,9 +171,11 @@ def test_settings_that_are_none(path: str, value: str, said: str) -> None:
 def test_a_setting_goes_where_its_path_says() -> None:
     snapshot = next(iter(read_log(FORMATS[4])))
     assert isinstance(snapshot, Snapshot)
-    changes = [("joints.joint.friction.motor_coulomb", "0.25"), ("estimator.learning", "false")]
+    changes = [("joints.joint.friction.motor_coulomb", "0.25"), ("estimator.learning", "false"),
+               ("estimator.gain", "2e1")]  # fmt: skip
     found = changed_configuration(snapshot, changes)
     assert (found.joints[0].friction.motor_coulomb, found.estimator.learning) == (0.25, False)
+    assert found.estimator.gain == 20.0
 
 
 # --- the command ----------------------------------------------------------------------------------
