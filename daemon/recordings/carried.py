@@ -53,12 +53,14 @@ class Carried:
         wanted: Any = parsed_value(PAYLOAD, value)
         if wanted == NO_PAYLOAD:
             return None
-        if isinstance(wanted, str) and wanted in self._named:
-            return self._named[wanted]
+        if isinstance(wanted, str):
+            if wanted in self._named:
+                return self._named[wanted]
+            known = ", ".join(self._named) or "none"
+            raise ConfigurationError(
+                f"{said(PAYLOAD, value)}: there is no such name under payloads; there are: {known}"
+            )
         try:
-            if isinstance(wanted, str):
-                known = ", ".join(self._named) or "none"
-                raise ModelError(f"there is no such name; there are: {known}")
             entry = msgspec.convert(
                 wanted if isinstance(wanted, dict) else {"mass": wanted}, PayloadEntry
             )

@@ -116,7 +116,8 @@ class ReplayedRows:
             ) from error
 
     def _step(self, states: list[State], residual: str) -> Rows | None:
-        """Rows of States that are alike, without a gap; None where the estimator does not know how it began."""
+        """Rows of States that are alike, without a gap; None where the estimator does not know how
+        it began."""
         follows = states[0].tick == self._tick + 1
         if not follows and not self.fresh:
             self._estimator = None
