@@ -18,7 +18,7 @@ from mcap.writer import Writer
 
 from daemon.clients.client import Client
 from daemon.new_file import refuse_unless_new
-from daemon.protocol.messages import PerJoint, Snapshot, State, format_refusal
+from daemon.protocol.messages import PerJoint, Snapshot, State, format_refusal, printable
 from daemon.protocol.strict_json import StrictDecoder
 from errors import LogError, UnreachableError
 from regular_file import open_regular
@@ -266,8 +266,10 @@ def read_log(
 
 def _joints_of(message: Snapshot | State, before: int) -> int:
     """Number of joints from a message on. Raises _BrokenError for a State with another number, or
-    without a Snapshot before it."""
+    without a Snapshot before it, and for a joint's name that would upset a terminal."""
     if isinstance(message, Snapshot):
+        if odd := [name for name in message.joints if not name or name != printable(name)]:
+            raise _BrokenError(f"is damaged: {odd[0]!r} is no name of a joint")
         return len(message.joints)
     for field in PER_JOINT:
         values = getattr(message, field)

@@ -14,7 +14,7 @@ from daemon.clients.recorder import read_log
 from daemon.config.load import parse_configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State
-from errors import LogError
+from errors import ContactdError, LogError
 from estimator.estimator import Estimator
 
 SAME_ESTIMATOR = 5
@@ -74,7 +74,7 @@ def replay(
     Raises LogError if there is nothing to read; a recording that breaks off is compared up to
     there.
     """
-    run = _Run()
+    run = _Run(path)
     broken, read = "", 0
     try:
         for batch in batches(path, progress):
@@ -135,7 +135,8 @@ def resets(mode: str, states: list[State]) -> frozenset[int]:
 
 
 class _Run:
-    def __init__(self) -> None:
+    def __init__(self, path: Path) -> None:
+        self._path = path
         self.older = ""
         self.states = self.skipped = self.stretches = 0
         self.difference: Difference | None = None
@@ -152,22 +153,21 @@ class _Run:
             return
         from daemon.assembly import build_estimator  # noqa: PLC0415 - loads pinocchio
 
-        configuration = parse_configuration(
-            snapshot.configuration, "the recorded configuration", snapshot.identified
-        )
-        joints = tuple(configuration.joint_names)
-        if len(joints) != len(snapshot.joints):
-            raise LogError(
-                f"the snapshot after tick {snapshot.tick} is damaged: {len(snapshot.joints)} "
-                f"joints, {len(joints)} in its configuration"
-            )
-        self._estimator = build_estimator(configuration, snapshot.urdf)
+        where = f"the snapshot after tick {snapshot.tick}"
         try:
+            configuration = parse_configuration(
+                snapshot.configuration, "the recorded configuration", snapshot.identified
+            )
+            joints = tuple(configuration.joint_names)
+            if len(joints) != len(snapshot.joints):
+                raise LogError(f"{len(snapshot.joints)} joints, {len(joints)} in its configuration")
+            self._estimator = build_estimator(configuration, snapshot.urdf)
+            where = f"the estimator's memory after tick {snapshot.tick}"
             self._estimator.restore(snapshot.memory)
-        except (LookupError, TypeError, ValueError, OverflowError, AttributeError) as error:
-            raise LogError(
-                f"the estimator's memory after tick {snapshot.tick} is damaged: {error}"
-            ) from error
+        except (
+            ContactdError, LookupError, TypeError, ValueError, OverflowError, AttributeError
+        ) as error:  # fmt: skip
+            raise LogError(f"{self._path}: {where} is damaged: {error}") from error
         beside = tuple(variant.name for variant in configuration.estimator.beside)
         self._layout = Layout(joints, beside)
         self._payload = _UNKNOWN

@@ -109,7 +109,7 @@ def plot(
         raise click.UsageError("name one recording, or --last-fault")
     if file is None:
         file, around = newest_fault(around)
-    plot_recording(file, joints, around, window_s, output)
+    sys.exit(0 if plot_recording(file, joints, around, window_s, output) else 1)
 
 
 @click.command()

@@ -11,17 +11,15 @@ import click
 import msgspec
 import numpy as np
 
-from daemon.clients.replay import batches
 from daemon.commands.progress import counting
 from daemon.new_file import refuse_suffix, refuse_unless_new
-from daemon.protocol.messages import Snapshot
-from daemon.recordings.contents import Contents
 from daemon.recordings.detection import Detection, Point, Total
 from daemon.recordings.html import filled
 from daemon.recordings.labels import labels_of, proposed, read_labels, template
 from daemon.recordings.many import Asked, answers, recordings_in
+from daemon.recordings.question import ARM, Answer, Found, Question
+from daemon.recordings.reading import read_contents
 from daemon.recordings.settings import parse_change
-from daemon.recordings.whatif import ARM, Answer, Found, Question
 from errors import LogError
 
 ROWS_SHOWN: Final = 24
@@ -88,23 +86,28 @@ def write_template(places: Sequence[Path], target: Path) -> bool:
     refuse_unless_new(target)
     rows, complete = [], True
     for file in recordings_in(places):
-        contents = Contents()
         try:
-            for batch in batches(file):
-                if isinstance(batch, Snapshot):
-                    contents.add_snapshot(batch)
-                else:
-                    contents.add(batch)
+            contents, broken = read_contents(file)
         except LogError as error:
             click.echo(f"contactd: {error}", err=True)
+            complete = False
+            continue
+        if broken:
+            click.echo(f"contactd: {broken}", err=True)
             complete = False
         rows += proposed(contents, file.name)
     try:
         target.write_text(template(rows), encoding="utf-8")
     except OSError as error:
         raise LogError(f"cannot write {target}: {error.strerror or error}") from error
-    click.echo(f"{len(rows)} touches proposed: {target}; correct begin, end and joint of each")
+    touches = counted(len(rows), "touch", "touches")
+    click.echo(f"{touches} proposed: {target}; correct begin, end and joint of each")
     return complete
+
+
+def counted(number: int, one: str, many: str) -> str:
+    """A number with its noun."""
+    return f"{number} {one if number == 1 else many}"
 
 
 def parse_levels(text: str) -> tuple[str, tuple[float, ...]]:
@@ -206,6 +209,11 @@ def _recording(request: Request, answer: Answer) -> list[str]:
                 f"  the arm first reacted at {answer.reaction_s:.2f} s: what follows is "
                 "hypothetical, it would have moved otherwise (--until-reaction leaves it out)"
             )
+    if answer.skipped_s:
+        told.append(
+            f"  {answer.skipped_s:.1f} s after lost states are left out of the replay, as the "
+            "estimator cannot know how they began (--fresh begins without)"
+        )
     told += _contacts("as recorded", answer.recorded)
     if _changed(request):
         told += _contacts("asked", answer.contacts)
@@ -227,8 +235,8 @@ def _contacts(name: str, found: Sequence[Found]) -> list[str]:
 def _curve(one: Detection, total: Total, bearable: float) -> list[str]:
     labelled = one.labels > 0
     unit = "step" if one.name == ARM else "level"
-    touches = "touch" if one.labels == 1 else "touches"
-    about = f"{one.name}, {one.labels} labelled {touches}" if labelled else one.name
+    touches = counted(one.labels, "labelled touch", "labelled touches")
+    about = f"{one.name}, {touches}" if labelled else one.name
     head = f"  {unit:>8} {'contacts':>9} {'false/h' if labelled else 'alarms/h':>9} {'beyond':>8}"
     told = ["", about, head + (f" {'found':>7} {'delay p50':>10} {'p95':>8}" if labelled else "")]
     for k in _shown(one):
@@ -264,7 +272,8 @@ def _shown(one: Detection) -> list[int]:
 
 def _write_page(target: Path, total: Total, found: Sequence[Detection], bearable: float) -> None:
     about = (
-        f"{len(total.answers)} recordings, {total.watched_s / 3600:.3g} h watched, of that "
+        f"{counted(len(total.answers), 'recording', 'recordings')}, "
+        f"{total.watched_s / 3600:.3g} h watched, of that "
         f"{total.outside_s / 3600:.3g} h outside of labels; bearable: {bearable:g} an hour"
     )
     curves = {"arm": ARM, "curves": [curve_data(one) for one in found]}

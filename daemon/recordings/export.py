@@ -12,6 +12,7 @@ from daemon.protocol.messages import Snapshot, State
 from errors import LogError
 
 DRAW_EVERY: Final = 3  # ticks: 33 pictures of the arm a second at 100 Hz
+_LAST_NS: Final = (2**32 - 1) * 10**9  # that a Timestamp of Foxglove can say
 #: Columns of the CSV: the first of each joint are those that `contactd identify --log` reads.
 CSV_COLUMNS: Final = (
     "current",
@@ -99,7 +100,7 @@ class Clock:
     def time_ns(self, state: State) -> int:
         """Time of a State [ns]."""
         wall_s, loop_s = self._begun = self._begun or (state.timing.wall_s, state.time_s)
-        return max(round((wall_s + state.time_s - loop_s) * 1e9), 0)
+        return min(max(round((wall_s + state.time_s - loop_s) * 1e9), 0), _LAST_NS)
 
 
 def _every(

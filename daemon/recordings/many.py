@@ -17,11 +17,12 @@ import msgspec
 
 import compiled
 from daemon.recordings.labels import Label
+from daemon.recordings.question import Answer, Question
 from daemon.recordings.rows import cache_directory, content_digest
-from daemon.recordings.whatif import Answer, Question, ask
+from daemon.recordings.whatif import ask
 from errors import ContactdError, LogError
 
-_KEPT = 2  # layout of the answers in the cache
+_KEPT = 3  # layout of the answers in the cache
 
 
 class Asked(msgspec.Struct, frozen=True):

@@ -33,6 +33,8 @@ class ReplayedRows:
     path: Path
     changes: Sequence[Change]
     fresh: bool
+    skipped: int = 0
+    """States left out, as the estimator does not know how they began"""
     _configuration: Configuration | None = None
     _estimator: Estimator | None = None
     _carried: Carried | None = None
@@ -73,9 +75,13 @@ class ReplayedRows:
                         if part := self._step(same, residual):
                             rows += len(same)
                             yield part
+                        else:
+                            self.skipped += len(same)
         except LogError:
             if not rows:
                 raise
+        if not rows:
+            raise LogError("has no state that follows on a snapshot; --fresh begins without")
 
     def _settings(self) -> Configuration:
         if self._configuration is None:
@@ -111,8 +117,8 @@ class ReplayedRows:
             estimator.restore(snapshot.memory)
         except (ModelError, LookupError, TypeError, ValueError, OverflowError) as error:
             raise LogError(
-                f"its estimator's memory does not fit these settings ({error}): --fresh begins "
-                "without"
+                f"has a memory of the estimator that does not fit these settings ({error}): "
+                "--fresh begins without"
             ) from error
 
     def _step(self, states: list[State], residual: str) -> Rows | None:

@@ -29,7 +29,7 @@ from errors import LogError
 from regular_file import open_regular
 
 PART: Final = 16384  # rows at once
-LAYOUT: Final = 1  # of the cache's files
+LAYOUT: Final = 2  # of the cache's files
 _LEARNS_SINCE: Final = 4  # format
 MOST_BYTES: Final = 4 << 30  # of all recordings in the cache
 _SENSING: Final = frozenset(mode.value for mode in SENSING)
@@ -65,6 +65,7 @@ class RowsHeader(msgspec.Struct, frozen=True, kw_only=True):
     residual: str  # name of the one that decided
     beside: list[str]
     rows: int
+    period_s: float  # that a row stands for
     stretches: list[int]  # rows before which ticks are missing
     duration_s: float
     reaction_s: float | None  # when the arm first reacted to a contact
@@ -116,8 +117,11 @@ class CachedRows:
         """All rows, with the residual of that name, by default the one that decided. Raises
         LogError if it was not recorded."""
         h = self.header
-        name = "residual" if residual in ("", h.residual) else f"beside {residual}"
-        if name != "residual" and residual not in h.beside:
+        if residual in ("", h.residual):
+            name = "residual"
+        elif residual in h.beside:
+            name = _beside(h.beside.index(residual))
+        else:
             known = ", ".join([h.residual, *h.beside])
             raise LogError(f"has no residual {residual!r}; there are: {known}")
         edges = sorted({0, h.rows, *h.stretches, *range(0, h.rows, PART)})
@@ -195,6 +199,11 @@ def _write(
     return gatherer.header(broken)
 
 
+def _beside(number: int) -> str:
+    """File of a residual that ran beside: its name may be anything, a path, too."""
+    return f"beside_{number}"
+
+
 class RowsGatherer:
     """Makes the columns of one recording, batch by batch."""
 
@@ -243,7 +252,7 @@ class RowsGatherer:
             "residual": np.array([state.residual for state in states]),
             "threshold": np.array([state.threshold for state in states]),
             "level_share": np.array([state.level_share or ones for state in states]),
-            **{f"beside {name}": self._of_variant(states, name) for name in self._beside},
+            **{_beside(k): self._of_variant(states, name) for k, name in enumerate(self._beside)},
         }
 
     def _of_variant(self, states: Sequence[State], name: str) -> Matrix:
@@ -270,6 +279,7 @@ class RowsGatherer:
             residual=c.estimator.residual.name,
             beside=list(self._beside or ()),
             rows=self.rows,
+            period_s=c.period_s,
             stretches=self._stretches,
             duration_s=self._ended_s - self._begun_s,
             reaction_s=self._reaction_s,

@@ -11,86 +11,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
 from daemon.recordings.labels import ANY, Label
+from daemon.recordings.question import ARM, Answer, Curve, Found, Question
 from daemon.recordings.rows import CachedRows, Rows, RowsHeader, content_digest
-from daemon.recordings.settings import Change
 from errors import ContactdError, LogError
 from estimator.alarms import critical_level
 from estimator.level_sweep import Debounce, Sweep, Window, levels_passed
 
-ARM: Final = "the arm"
 MOST_CONTACTS: Final = 500  # listed of one recording
-
-
-class Question(msgspec.Struct, frozen=True, kw_only=True):
-    """What is asked of every recording."""
-
-    levels: dict[str, tuple[float, ...]] = {}  # of these joints, ascending [Nm]
-    residual: str = ""  # by name; empty: the one that decided
-    changes: tuple[Change, ...] = ()
-    fresh: bool = False  # the estimator begins anew, as after switching on
-    until_reaction: bool = False  # what comes after it is left out
-
-
-class Curve(msgspec.Struct, kw_only=True):
-    """Counts at each level of one joint, or of the arm."""
-
-    levels: list[float]  # [Nm]; of the arm the number of each step
-    contacts: list[int]
-    false: list[int]  # those that begin outside of every label
-    beyond_s: list[float]  # time in which one lasts
-    labels: int = 0
-    found: list[int] = []  # labels with a contact in them
-    delays_s: list[list[float]] = []  # of the found ones, for each level
-
-    def __add__(self, other: "Curve") -> "Curve":
-        """Both recordings together. Raises ValueError for other levels."""
-        if self.levels != other.levels:
-            raise ValueError("curves over other levels")
-
-        def added(name: str) -> list[int]:
-            pairs = zip(getattr(self, name), getattr(other, name), strict=True)
-            return [a + b for a, b in pairs]
-
-        return Curve(
-            levels=self.levels,
-            contacts=added("contacts"),
-            false=added("false"),
-            beyond_s=added("beyond_s"),  # type: ignore[arg-type]
-            labels=self.labels + other.labels,
-            found=added("found"),
-            delays_s=added("delays_s"),  # type: ignore[arg-type]
-        )
-
-
-class Found(msgspec.Struct, frozen=True):
-    """One contact at the levels in force."""
-
-    time_s: float
-    joint: str
-    torque: float  # residual when it began [Nm]
-    threshold: float  # in force then [Nm]
-
-
-class Answer(msgspec.Struct, kw_only=True):
-    """Answer of one recording, or the reason why there is none."""
-
-    file: str
-    failed: str = ""
-    broken: str = ""  # reason why the recording ends early: what came before counts
-    duration_s: float = 0.0
-    watched_s: float = 0.0  # in which contacts are reported, and counted here
-    outside_s: float = 0.0  # of that, outside of every label
-    reaction_s: float | None = None
-    shares_known: bool = True
-    recorded: list[Found] = []  # contacts as recorded
-    contacts: list[Found] = []  # the same with other settings, or by another residual
-    curves: dict[str, Curve] = {}
 
 
 @dataclass(slots=True)
@@ -112,10 +44,10 @@ def ask(
     """Answer of a recording. Never raises ContactdError: `failed` says why there is none."""
     try:
         recorded = CachedRows(file, content_digest(file), cache, progress)
-        return _Asked(file, question, labels, recorded).answer(progress)
+        with np.errstate(over="ignore", invalid="ignore"):  # of values that no arm has
+            return _Asked(file, question, labels, recorded).answer(progress)
     except ContactdError as error:
-        text = str(error)
-        return Answer(file=str(file), failed=text if str(file) in text else f"{file} {text}")
+        return Answer(file=str(file), failed=naming(file, error))
 
 
 class _Asked:
@@ -147,6 +79,7 @@ class _Asked:
             shares_known=header.shares_known or not header.learned,
         )
         parts = self.recorded.parts(question.residual)
+        replayed = None
         if question.changes or question.fresh:
             from daemon.recordings.replayed import ReplayedRows  # noqa: PLC0415 - pinocchio
 
@@ -158,6 +91,8 @@ class _Asked:
         elif question.residual:
             answer.recorded = _contacts(self._cut(self.recorded.parts()), header)
         self._count(answer, parts, header)
+        if replayed is not None:
+            answer.skipped_s = header.period_s * replayed.skipped
         if not (question.changes or question.fresh or question.residual):
             answer.recorded = answer.contacts
         return answer
@@ -180,7 +115,7 @@ class _Asked:
         arm = Sweep(count.pop(), self.touches) if len(count) == 1 else None
         debounce, in_force = Debounce(n, header.debounce), Debounce(n, header.debounce)
         found = _Contacts(header)
-        period_s = header.duration_s / max(header.rows - 1 - len(header.stretches), 1)
+        period_s = header.period_s
         for rows in self._cut(parts):
             if not rows.follows:
                 for one in (debounce, in_force, found, *(j.sweep for j in joints), arm):
@@ -295,6 +230,14 @@ def _curve(sweep: Sweep, levels: list[float], period_s: float) -> Curve:
         found=np.count_nonzero(known, axis=0).tolist(),
         delays_s=[sweep.delays_s[known[:, k], k].tolist() for k in range(sweep.count)],
     )
+
+
+def naming(file: Path, error: ContactdError) -> str:
+    """An error with the file that it is about."""
+    text = str(error)
+    if str(file) in text:
+        return text
+    return f"{file} {text}" if isinstance(error, LogError) else f"{file}: {text}"
 
 
 def _refuse_unknown(joint: str, header: RowsHeader, but: str = "") -> None:

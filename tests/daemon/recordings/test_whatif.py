@@ -18,8 +18,9 @@ from daemon.commands.contactd import main
 from daemon.protocol.messages import Snapshot, State
 from daemon.recordings.labels import Label
 from daemon.recordings.many import Asked, answers, kept_answer
+from daemon.recordings.question import Answer, Question
 from daemon.recordings.settings import changed_configuration
-from daemon.recordings.whatif import Answer, Question, ask
+from daemon.recordings.whatif import ask
 from errors import ConfigurationError
 from tests.daemon.clients.test_recorder import FORMATS
 from tests.daemon.clients.test_replay import written
