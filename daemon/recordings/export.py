@@ -9,7 +9,7 @@ from typing import IO, Any, Final
 
 from daemon.clients.recorder import read_log
 from daemon.protocol.messages import Snapshot, State
-from errors import LogError
+from errors import LogError, ModelError
 
 DRAW_EVERY: Final = 3  # ticks: 33 pictures of the arm a second at 100 Hz
 _LAST_NS: Final = (2**32 - 1) * 10**9  # that a Timestamp of Foxglove can say
@@ -51,9 +51,12 @@ def export_foxglove(
                 snapshot = snapshot or message
                 return
             assert snapshot is not None
-            channels = channels or FoxgloveChannels(
-                context, snapshot, list(message.beside), DRAW_EVERY
-            )
+            try:
+                channels = channels or FoxgloveChannels(
+                    context, snapshot, list(message.beside), DRAW_EVERY
+                )
+            except ModelError as error:
+                raise LogError(f"{path}: {error}") from error
             channels.log(message, clock.time_ns(message))
 
         return _every(path, write, progress)

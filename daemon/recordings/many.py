@@ -18,7 +18,7 @@ import msgspec
 import compiled
 from daemon.recordings.labels import Label
 from daemon.recordings.question import Answer, Question
-from daemon.recordings.rows import cache_directory, content_digest
+from daemon.recordings.row_cache import cache_directory, content_digest
 from daemon.recordings.whatif import ask
 from errors import ContactdError, LogError
 

@@ -23,7 +23,7 @@ from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Notice, Snapshot, State, Timing, format_refusal
-from daemon.recordings.rows import cache_directory, content_digest
+from daemon.recordings.row_cache import cache_directory, content_digest
 from daemon.service.black_box import FORMATS, Context, context_of_log, default_directory
 from daemon.tick.telemetry import DRIVE_STATE_NAMES, estimated, finite_list
 from drivers.answers import Answers, Counters, Samples

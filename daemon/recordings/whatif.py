@@ -6,6 +6,7 @@ estimator. Other settings do: the samples are replayed with them. Everything her
 of a recording and a question, and both can be sent to another process or machine.
 """
 
+import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 from arrays import Matrix, Vector
 from daemon.recordings.labels import ANY, Label
 from daemon.recordings.question import ARM, Answer, Curve, Found, Question
-from daemon.recordings.rows import CachedRows, Rows, RowsHeader, content_digest
+from daemon.recordings.row_cache import CachedRows, content_digest
+from daemon.recordings.rows import Rows, RowsHeader
 from errors import ContactdError, LogError
 from estimator.alarms import critical_level
 from estimator.level_sweep import Debounce, Sweep, Window, levels_passed
@@ -43,11 +45,15 @@ def ask(
 ) -> Answer:
     """Answer of a recording. Never raises ContactdError: `failed` says why there is none."""
     try:
-        recorded = CachedRows(file, content_digest(file), cache, progress)
-        with np.errstate(over="ignore", invalid="ignore"):  # of values that no arm has
+        with (
+            contextlib.closing(CachedRows(file, content_digest(file), cache, progress)) as recorded,
+            np.errstate(over="ignore", invalid="ignore"),  # of values that no arm has
+        ):
             return _Asked(file, question, labels, recorded).answer(progress)
     except ContactdError as error:
         return Answer(file=str(file), failed=naming(file, error))
+    except OSError as error:
+        return Answer(file=str(file), failed=f"{file}: its columns in the cache: {error}")
 
 
 class _Asked:
@@ -147,7 +153,7 @@ class _Asked:
             header.joints[j.column]: _curve(j.sweep, j.levels.tolist(), period_s) for j in joints
         }
         if arm is not None:
-            answer.curves[ARM] = _curve(arm, list(range(1, arm.count + 1)), period_s)
+            answer.curves[ARM] = _curve(arm, np.arange(1.0, arm.count + 1).tolist(), period_s)
 
     def _joint(self, header: RowsHeader, name: str) -> _Joint:
         windows = [

@@ -1,7 +1,9 @@
 """What-ifs: where nothing is changed the contacts are those recorded, elsewhere the right ones."""
 
 import json
-from collections.abc import Iterator
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -288,6 +290,68 @@ def test_a_cache_that_was_damaged_is_made_anew(recording: Path, cache: Path) -> 
     for kept in (cache / "contactd" / "answers").iterdir():
         kept.write_bytes(b"{")
     assert kept_answer(question, Asked(str(recording))) == first
+
+
+def cut_column(columns: Path) -> None:
+    (columns / "residual").write_bytes(b"12345678")
+
+
+def remove_column(columns: Path) -> None:
+    (columns / "threshold").unlink()
+
+
+def cut_header(columns: Path) -> None:
+    (columns / "header.json").write_bytes(b"{")
+
+
+def remove_all(columns: Path) -> None:
+    shutil.rmtree(columns)
+
+
+def no_folder(columns: Path) -> None:
+    shutil.rmtree(columns.parent)
+    columns.parent.write_bytes(b"")
+
+
+@pytest.mark.parametrize("damage", [cut_column, remove_column, cut_header, remove_all, no_folder])
+def test_columns_that_were_damaged_are_read_anew(
+    recording: Path, cache: Path, damage: Callable[[Path], None]
+) -> None:
+    question = Question(levels={JOINT: (1.0, 2.0)})
+    first = ask(recording, question)
+    assert not first.failed
+    (columns,) = (cache / "contactd" / "columns").iterdir()
+    damage(columns)
+    assert ask(recording, question) == first
+    assert not list(Path(tempfile.gettempdir()).glob("contactd-columns-*"))
+
+
+def test_an_answer_that_was_kept_is_the_same_to_the_letter(recording: Path) -> None:
+    asked = (recording, "--threshold", "joint=1:2:0.1", "--json")
+    assert whatif(*asked).stdout == whatif(*asked).stdout
+
+
+def test_time_in_which_states_were_lost_was_not_watched(recording: Path, tmp_path: Path) -> None:
+    def later(state: State) -> State:
+        return msgspec.structs.replace(
+            state, tick=state.tick + 1_000_000, time_s=state.time_s + 1e4
+        )
+
+    snapshot, *states = list(read_log(recording))
+    half = len(states) // 2
+    after = [later(state) for state in states[half:] if isinstance(state, State)]
+    path = written(tmp_path / "hours.mcap", [snapshot, *states[:half], *after])
+    answer, whole = (ask(one, Question()) for one in (path, recording))
+    assert answer.duration_s > 1e4
+    assert answer.watched_s == pytest.approx(whole.watched_s)
+    replayed = ask(path, Question(changes=(("estimator.debounce", "1"),)))
+    assert replayed.skipped_s == pytest.approx(0.01 * len(after))
+    assert f"{replayed.skipped_s:.1f} s after lost states are left out" in (
+        whatif(path, "--set", "estimator.debounce=1").output
+    )
+    nothing = ask(written(tmp_path / "none.mcap", [snapshot, *after]), Question(fresh=False,
+                  changes=(("estimator.debounce", "1"),)))  # fmt: skip
+    assert "has no state that follows on a snapshot; --fresh begins without" in nothing.failed
 
 
 def told(found: Iterator[Answer]) -> list[tuple[str, bool, int]]:
