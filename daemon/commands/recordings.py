@@ -122,6 +122,13 @@ def plot(
     help="Other contact levels of a joint [Nm], or JOINT=A,B; may be repeated.",
 )
 @click.option(
+    "--collision",
+    "collisions",
+    multiple=True,
+    metavar="JOINT=LOW:HIGH:STEP",
+    help="Other collision levels of a joint, likewise.",
+)
+@click.option(
     "--residual",
     default="",
     metavar="NAME",

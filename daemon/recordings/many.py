@@ -22,7 +22,7 @@ from daemon.recordings.row_cache import cache_directory, content_digest
 from daemon.recordings.whatif import ask
 from errors import ContactdError, LogError
 
-_KEPT = 3  # layout of the answers in the cache
+_KEPT = 4  # layout of the answers in the cache
 
 
 class Asked(msgspec.Struct, frozen=True):

@@ -8,12 +8,14 @@ import msgspec
 from daemon.recordings.settings import Change
 
 ARM: Final = "the arm"
+COLLISION: Final = ", collision"  # after a joint's name: the curve of its collision levels
 
 
 class Question(msgspec.Struct, frozen=True, kw_only=True):
     """What is asked of every recording."""
 
     levels: dict[str, tuple[float, ...]] = {}  # of these joints, ascending [Nm]
+    collisions: dict[str, tuple[float, ...]] = {}  # the same of collision levels
     residual: str = ""  # by name; empty: the one that decided
     changes: tuple[Change, ...] = ()
     fresh: bool = False  # the estimator begins anew, as after switching on

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
 from daemon.recordings.labels import ANY, Label
-from daemon.recordings.question import ARM, Answer, Curve, Found, Question
+from daemon.recordings.question import ARM, COLLISION, Answer, Curve, Found, Question
 from daemon.recordings.row_cache import CachedRows, content_digest
 from daemon.recordings.rows import Rows, RowsHeader
 from errors import ContactdError, LogError
-from estimator.alarms import critical_level
+from estimator.alarms import critical_collision, critical_level
 from estimator.level_sweep import Debounce, Sweep, Window, levels_passed
 
 MOST_CONTACTS: Final = 500  # listed of one recording
@@ -34,6 +34,37 @@ class _Joint:
     column: int
     levels: Vector
     sweep: Sweep
+
+
+class _Levels:
+    """Sweeps of the joints that were asked about, over their levels of one kind."""
+
+    def __init__(
+        self, critical: Callable[..., Matrix], joints: list[_Joint], header: RowsHeader
+    ) -> None:
+        self.joints = joints
+        self._critical, self._contact = critical, np.array(header.contact)
+        self._debounce = Debounce(len(header.joints), header.debounce)
+
+    def forget(self) -> None:
+        """Begin anew, after a gap."""
+        self._debounce.forget()
+        for joint in self.joints:
+            joint.sweep.forget()
+
+    def add(self, rows: Rows) -> NDArray[np.int64]:
+        """Take rows; returns how many levels any of the joints passes (ticks,)."""
+        most = np.zeros(len(rows.time_s), dtype=np.int64)
+        if not self.joints:
+            return most
+        critical = self._critical(rows.residual, rows.threshold, self._contact, rows.level_share)
+        critical[~rows.reports] = 0.0
+        passed = self._debounce.add(critical, rows.residual)
+        for joint in self.joints:
+            k = levels_passed(passed[:, joint.column], joint.levels)
+            joint.sweep.add(rows.time_s, k)
+            most = np.maximum(most, np.abs(k))
+        return most
 
 
 def ask(
@@ -67,7 +98,7 @@ class _Asked:
         self.labels = labels
         for label in labels:
             _refuse_unknown(label.joint, header, but=ANY)
-        for joint in question.levels:
+        for joint in (*question.levels, *question.collisions):
             _refuse_unknown(joint, header)
         self.end_s = np.inf
         if question.until_reaction and header.reaction_s is not None:
@@ -114,56 +145,55 @@ class _Asked:
 
     def _count(self, answer: Answer, parts: Iterator[Rows], header: RowsHeader) -> None:
         """One pass over the rows: contacts at the levels in force, and all curves."""
-        n = len(header.joints)
-        contact = np.array(header.contact)
-        joints = [self._joint(header, name) for name in self.question.levels]
-        count = {len(joint.levels) for joint in joints}
+        levels = _Levels(critical_level, self._joints(header, self.question.levels), header)
+        hard = _Levels(critical_collision, self._joints(header, self.question.collisions), header)
+        count = {len(joint.levels) for joint in levels.joints}
         arm = Sweep(count.pop(), self.touches) if len(count) == 1 else None
-        debounce, in_force = Debounce(n, header.debounce), Debounce(n, header.debounce)
-        found = _Contacts(header)
-        period_s = header.period_s
+        others = self._others(levels.joints, len(header.joints))
+        in_force, found = Debounce(len(header.joints), header.debounce), _Contacts(header)
         for rows in self._cut(parts):
             if not rows.follows:
-                for one in (debounce, in_force, found, *(j.sweep for j in joints), arm):
+                for one in (levels, hard, in_force, found, arm):
                     if one is not None:
                         one.forget()
-            critical = critical_level(rows.residual, rows.threshold, contact, rows.level_share)
-            critical[~rows.reports] = 0.0
-            passed = debounce.add(critical, rows.residual)
             beyond = in_force.add(_beyond(rows), rows.residual)
             found.add(rows, beyond)
-            watched = rows.reports.any(axis=1)
-            answer.watched_s += period_s * int(np.count_nonzero(watched))
-            for window in self.touches:
-                touched = (rows.time_s >= window.begin_s) & (rows.time_s <= window.end_s)
-                watched &= ~touched
-            answer.outside_s += period_s * int(np.count_nonzero(watched))
-            if not joints:
-                continue
-            others = np.where((beyond != 0.0).any(axis=1, where=self._others(joints, n)), 1, 0)
-            most = others * (arm.count if arm else 0)
-            for joint in joints:
-                k = levels_passed(passed[:, joint.column], joint.levels)
-                joint.sweep.add(rows.time_s, k)
-                most = np.maximum(most, np.abs(k))
+            self._watch(answer, rows, header.period_s)
+            hard.add(rows)
+            most = levels.add(rows)
             if arm is not None:
-                arm.add(rows.time_s, most)
+                now = (beyond != 0.0).any(axis=1, where=others)
+                arm.add(rows.time_s, np.maximum(most, np.where(now, arm.count, 0)))
         answer.contacts = found.found
-        answer.curves = {
-            header.joints[j.column]: _curve(j.sweep, j.levels.tolist(), period_s) for j in joints
-        }
+        for kind, name in ((levels, ""), (hard, COLLISION)):
+            answer.curves |= {
+                header.joints[j.column] + name: _curve(j.sweep, j.levels.tolist(), header.period_s)
+                for j in kind.joints
+            }
         if arm is not None:
-            answer.curves[ARM] = _curve(arm, np.arange(1.0, arm.count + 1).tolist(), period_s)
+            steps = np.arange(1.0, arm.count + 1).tolist()
+            answer.curves[ARM] = _curve(arm, steps, header.period_s)
 
-    def _joint(self, header: RowsHeader, name: str) -> _Joint:
-        windows = [
-            window
-            for window, label in zip(self.touches, self.labels, strict=True)
-            if label.joint in (name, ANY)
-        ]
-        levels = np.array(self.question.levels[name])
-        sweep = Sweep(len(levels), windows, self.touches)
-        return _Joint(header.joints.index(name), levels, sweep)
+    def _watch(self, answer: Answer, rows: Rows, period_s: float) -> None:
+        """Count the time in which contacts are reported, and of it that outside of all labels."""
+        watched = rows.reports.any(axis=1)
+        answer.watched_s += period_s * int(np.count_nonzero(watched))
+        for window in self.touches:
+            watched &= (rows.time_s < window.begin_s) | (rows.time_s > window.end_s)
+        answer.outside_s += period_s * int(np.count_nonzero(watched))
+
+    def _joints(self, header: RowsHeader, asked: dict[str, tuple[float, ...]]) -> list[_Joint]:
+        """Sweeps of the joints of `asked`, each over its levels."""
+        joints = []
+        for name, levels in asked.items():
+            windows = [
+                window
+                for window, label in zip(self.touches, self.labels, strict=True)
+                if label.joint in (name, ANY)
+            ]
+            sweep = Sweep(len(levels), windows, self.touches)
+            joints.append(_Joint(header.joints.index(name), np.array(levels), sweep))
+        return joints
 
     @staticmethod
     def _others(joints: list[_Joint], n: int) -> NDArray[np.bool_]:

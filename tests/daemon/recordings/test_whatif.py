@@ -94,6 +94,29 @@ def test_another_level_makes_the_contacts_that_a_replay_with_it_makes(
     assert abs(swept.contacts[0] - len(replayed.contacts)) <= 1
 
 
+@pytest.mark.parametrize("collision", [0.7, 1.5, 2.5])
+def test_another_collision_level_makes_the_collisions_that_an_arm_with_it_says(
+    tmp_path: Path, collision: float
+) -> None:
+    arm = shutil.copytree(SINGLE_JOINT.parent, tmp_path / "configs") / SINGLE_JOINT.name
+    text = (arm / "config.yaml").read_text()
+    assert "collision: 4.0}" in text
+    (arm / "config.yaml").write_text(text.replace("collision: 4.0}", f"collision: {collision}}}"))
+    path = made(tmp_path / "hit.mcap", arm, 14.0, seed=4)
+    said = [
+        notice
+        for state in read_log(path)
+        if isinstance(state, State)
+        for notice in state.notices
+        if notice.contact is not None and notice.contact.level == "collision"
+    ]
+    question = Question(levels={JOINT: (1.0,)}, collisions={JOINT: (collision, 50.0)})
+    curves = ask(path, question).curves
+    assert curves[f"{JOINT}, collision"].contacts == [len(said), 0]
+    assert said
+    assert list(curves) == [JOINT, f"{JOINT}, collision", "the arm"]
+
+
 def test_other_friction_makes_other_residuals(recording: Path) -> None:
     change = (f"joints.{JOINT}.friction.motor_coulomb", "0.0")
     answer = ask(recording, Question(changes=(change,), fresh=True))
@@ -209,6 +232,12 @@ def test_the_command_says_it_and_draws_it(recording: Path, tmp_path: Path) -> No
         (["--threshold", "joint=1:0:0.1"], 2, "must be JOINT=LOW:HIGH:STEP"),
         (["--threshold", "joint=0:1:0.1"], 2, "above 0"),
         (["--threshold", "joint=nan"], 2, "must be JOINT=LOW:HIGH:STEP"),
+        (["--threshold", "joint=1:2"], 2, "must be JOINT=LOW:HIGH:STEP"),
+        (["--threshold", "=1"], 2, "must be JOINT=LOW:HIGH:STEP"),
+        (["--threshold", "joint=1:9:1e-9"], 2, "at most 2000 levels"),
+        (["--collision", "joint=0"], 2, "--collision joint=0: must be JOINT"),
+        (["--collision", "elbow=1"], 1, "has no joint 'elbow'; there are: joint"),
+        (["--set", "payload=cup"], 1, "--set payload=cup: there is no such name"),
         (["--threshold", "LElbow=1,2"], 1, "has no joint 'LElbow'; there are: joint"),
         (["--set", "gain"], 78, "must be PATH=VALUE"),
         (["--set", "identified=/nonexistent"], 78, "cannot read /nonexistent"),
