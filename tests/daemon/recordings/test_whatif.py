@@ -344,15 +344,20 @@ def no_folder(columns: Path) -> None:
 
 @pytest.mark.parametrize("damage", [cut_column, remove_column, cut_header, remove_all, no_folder])
 def test_columns_that_were_damaged_are_read_anew(
-    recording: Path, cache: Path, damage: Callable[[Path], None]
+    recording: Path,
+    cache: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    damage: Callable[[Path], None],
 ) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     question = Question(levels={JOINT: (1.0, 2.0)})
     first = ask(recording, question)
     assert not first.failed
     (columns,) = (cache / "contactd" / "columns").iterdir()
     damage(columns)
     assert ask(recording, question) == first
-    assert not list(Path(tempfile.gettempdir()).glob("contactd-columns-*"))
+    assert not list(tmp_path.glob("contactd-columns-*"))
 
 
 def test_an_answer_that_was_kept_is_the_same_to_the_letter(recording: Path) -> None:
