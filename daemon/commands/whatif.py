@@ -11,7 +11,7 @@ import click
 import msgspec
 import numpy as np
 
-from daemon.commands.progress import counting
+from daemon.commands.progress import counting, reading
 from daemon.commands.whatif_words import counted, lines
 from daemon.new_file import refuse_suffix, refuse_unless_new
 from daemon.recordings.detection import Detection, Point, Total
@@ -64,8 +64,12 @@ def print_whatif(request: Request) -> bool:
     if labels and not any(one.labels for one in asked):
         raise LogError(f"{request.labels}: its labels are of other files: {', '.join(labels)}")
     total = Total()
-    with counting(len(files), shown=not request.as_json) as done:
-        for answer in answers(question, asked, request.workers, request.scheduler):
+    shown = not request.as_json
+    with (
+        counting(len(files), shown=shown) as done,
+        reading(files[0], shown=shown and alone) as progress,
+    ):
+        for answer in answers(question, asked, request.workers, request.scheduler, progress):
             total.add(answer)
             done()
     total.answers.sort(key=lambda answer: answer.file)

@@ -9,7 +9,7 @@ import contextlib
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -48,15 +48,20 @@ def recordings_in(places: Sequence[Path]) -> list[Path]:
 
 
 def answers(
-    question: Question, asked: Sequence[Asked], workers: int = 1, scheduler: str = ""
+    question: Question,
+    asked: Sequence[Asked],
+    workers: int = 1,
+    scheduler: str = "",
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Iterator[Answer]:
-    """Answers in the order in which they come.
+    """Answers in the order in which they come; `progress` gets how much of a recording was read
+    where it is read here.
 
     `scheduler` is a dask scheduler's address, whose workers see the same files. Raises LogError
     where joblib or dask is missing or cannot be reached.
     """
     if not scheduler and (workers <= 1 or len(asked) <= 1):
-        yield from (kept_answer(question, one) for one in asked)
+        yield from (kept_answer(question, one, progress=progress) for one in asked)
         return
     try:
         import joblib  # noqa: PLC0415 - an extra
@@ -90,7 +95,12 @@ def _on_cluster(scheduler: str) -> Iterator[None]:
         yield
 
 
-def kept_answer(question: Question, asked: Asked, cache: Path | None = None) -> Answer:
+def kept_answer(
+    question: Question,
+    asked: Asked,
+    cache: Path | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Answer:
     """Answer of one recording, from the cache if it was given before."""
     file = Path(asked.file)
     try:
@@ -108,7 +118,7 @@ def kept_answer(question: Question, asked: Asked, cache: Path | None = None) -> 
         found = msgspec.json.decode(kept.read_bytes(), type=Answer)
         found.file = asked.file
         return found
-    answer = ask(file, question, asked.labels, cache)
+    answer = ask(file, question, asked.labels, cache, progress)
     if not answer.failed:
         _keep(kept, answer)
     return answer
