@@ -50,8 +50,8 @@ def print_whatif(request: Request) -> bool:
     if request.output is not None:
         refuse_suffix(request.output, (".html", ".htm"))
     question = Question(
-        levels=dict(parse_levels(text, "--threshold") for text in request.thresholds),
-        collisions=dict(parse_levels(text, "--collision") for text in request.collisions),
+        levels=_levels_of(request.thresholds, "--threshold"),
+        collisions=_levels_of(request.collisions, "--collision"),
         residual=request.residual,
         changes=tuple(parse_change(text) for text in request.settings),
         fresh=request.fresh,
@@ -79,7 +79,8 @@ def print_whatif(request: Request) -> bool:
     if request.as_json:
         click.echo(msgspec.json.encode(data(total, found)))
     else:
-        click.echo("\n".join(lines(question, request.per_hour, total, found)))
+        for line in lines(question, request.per_hour, total, found):
+            click.echo(line)
     for answer in sorted([*total.failed, *total.broken], key=lambda answer: answer.file):
         click.echo(f"contactd: {answer.failed or answer.broken}", err=True)
     return total.complete
@@ -107,6 +108,15 @@ def write_template(places: Sequence[Path], target: Path) -> bool:
     touches = counted(len(rows), "touch", "touches")
     click.echo(f"{touches} proposed: {target}; correct begin, end and joint of each")
     return complete
+
+
+def _levels_of(texts: Sequence[str], option: str) -> dict[str, tuple[float, ...]]:
+    """Levels of each joint. Raises UsageError, also for a joint that is named twice."""
+    parsed = [parse_levels(text, option) for text in texts]
+    levels = dict(parsed)
+    if len(levels) < len(parsed):
+        raise click.UsageError(f"{option} names a joint twice: {' '.join(texts)}")
+    return levels
 
 
 def parse_levels(text: str, option: str) -> tuple[str, tuple[float, ...]]:

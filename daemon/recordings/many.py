@@ -7,7 +7,9 @@ interrupted goes on from there.
 
 import contextlib
 import hashlib
+import logging
 import os
+import re
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
@@ -22,6 +24,7 @@ from daemon.recordings.row_cache import cache_directory, content_digest
 from daemon.recordings.whatif import ask
 from errors import ContactdError, LogError
 
+_ADDRESS = re.compile(r"[a-z]+://[^/\s]+:\d+", re.ASCII)
 _KEPT = 4  # layout of the answers in the cache
 
 
@@ -87,6 +90,9 @@ def _on_cluster(scheduler: str) -> Iterator[None]:
         raise LogError(
             "--scheduler needs dask.distributed (pip install 'contactd[cluster]')"
         ) from error
+    if not _ADDRESS.fullmatch(scheduler):
+        raise LogError(f"--scheduler {scheduler}: must be like tcp://127.0.0.1:8786")
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its tracebacks tell nobody more
     try:
         client = Client(scheduler, timeout="3s", set_as_default=False)
     except (OSError, ValueError) as error:

@@ -9,6 +9,7 @@ import hashlib
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -27,6 +28,7 @@ from regular_file import open_regular
 
 PART: Final = 16384  # rows at once
 LAYOUT: Final = 2  # of the files
+PARTIAL_S: Final = 24 * 3600.0  # after which nobody writes on
 MOST_BYTES: Final = 4 << 30  # of all recordings
 
 
@@ -200,6 +202,9 @@ def _forget_oldest(root: Path, keep: Path) -> None:
     with contextlib.suppress(OSError):
         folders = sorted(root.glob(f"*-{LAYOUT}"), key=lambda f: f.stat().st_mtime, reverse=True)
         total = 0
+        for left in root.glob(".partial-*"):  # by a process that was killed
+            if time.time() - left.stat().st_mtime > PARTIAL_S:
+                shutil.rmtree(left, ignore_errors=True)
         for folder in folders:
             total += sum(file.stat().st_size for file in folder.iterdir())
             if total > MOST_BYTES and folder != keep:

@@ -98,6 +98,11 @@ class _Asked:
         self.labels = labels
         for label in labels:
             _refuse_unknown(label.joint, header, but=ANY)
+            if label.start_s > header.duration_s:
+                raise LogError(
+                    f"has a label from {label.start_s:g} s on, and lasts "
+                    f"{header.duration_s:.2f} s: its times count from its first state"
+                )
         for joint in (*question.levels, *question.collisions):
             _refuse_unknown(joint, header)
         self.end_s = np.inf

@@ -235,6 +235,7 @@ def test_the_command_says_it_and_draws_it(recording: Path, tmp_path: Path) -> No
         (["--threshold", "joint=1:2"], 2, "must be JOINT=LOW:HIGH:STEP"),
         (["--threshold", "=1"], 2, "must be JOINT=LOW:HIGH:STEP"),
         (["--threshold", "joint=1:9:1e-9"], 2, "at most 2000 levels"),
+        (["--threshold", "joint=1", "--threshold", "joint=2"], 2, "names a joint twice"),
         (["--collision", "joint=0"], 2, "--collision joint=0: must be JOINT"),
         (["--collision", "elbow=1"], 1, "has no joint 'elbow'; there are: joint"),
         (["--set", "payload=cup"], 1, "--set payload=cup: there is no such name"),
@@ -262,6 +263,8 @@ def test_wrong_questions(recording: Path, arguments: list[str], status: int, sai
         ("start_s,end_s,joint\n1,2,\n", ":2: joint is empty"),
         ("file,start_s,end_s,joint\nother.mcap,1,2,any\n", "its labels are of other files"),
         ("start_s,end_s,joint\n1,2,elbow\n", "has no joint 'elbow'"),
+        ("start_s,end_s,joint\n1\n", ":2: end_s is '': must be seconds"),
+        ("start_s,end_s,joint\n1e9,2e9,any\n", "has a label from 1e+09 s on, and lasts 23."),
     ],
 )
 def test_wrong_labels(recording: Path, tmp_path: Path, text: str, said: str) -> None:
@@ -420,6 +423,8 @@ def test_a_dask_cluster_gives_the_same_answers(folder: Path, tmp_path: Path) -> 
 
 def test_a_scheduler_that_is_not_there(recording: Path) -> None:
     pytest.importorskip("distributed")
+    answer = whatif(recording, "--scheduler", "here")
+    assert answer.stderr == "contactd: --scheduler here: must be like tcp://127.0.0.1:8786\n"
     answer = whatif(recording, "--scheduler", "tcp://127.0.0.1:9")
     assert answer.exit_code == 65
     assert "--scheduler tcp://127.0.0.1:9: cannot be reached" in answer.stderr
