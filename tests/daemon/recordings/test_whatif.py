@@ -24,6 +24,7 @@ from daemon.recordings.question import Answer, Question
 from daemon.recordings.settings import changed_configuration
 from daemon.recordings.whatif import ask
 from errors import ConfigurationError
+from estimator.alarms import critical_collision
 from tests.daemon.clients.test_recorder import FORMATS
 from tests.daemon.clients.test_replay import written
 
@@ -104,7 +105,7 @@ def test_another_collision_level_makes_the_collisions_that_an_arm_with_it_says(
     (arm / "config.yaml").write_text(text.replace("collision: 4.0}", f"collision: {collision}}}"))
     path = made(tmp_path / "hit.mcap", arm, 14.0, seed=4)
     said = [
-        notice
+        (state, notice.contact)
         for state in read_log(path)
         if isinstance(state, State)
         for notice in state.notices
@@ -114,6 +115,12 @@ def test_another_collision_level_makes_the_collisions_that_an_arm_with_it_says(
     curves = ask(path, question).curves
     assert curves[f"{JOINT}, collision"].contacts == [len(said), 0]
     assert said
+    for state, contact in said:
+        rows = [np.array([row]) for row in (state.residual, state.threshold, state.level_share)]
+        critical = critical_collision(rows[0], rows[1], np.array([configured(path)]), rows[2])
+        assert critical[0, 0] == pytest.approx(
+            abs(contact.torque) - contact.threshold + collision, abs=1e-9
+        )
     assert list(curves) == [JOINT, f"{JOINT}, collision", "the arm"]
 
 
