@@ -98,7 +98,9 @@ def _curve(question: Question, bearable: float, total: Total, one: Detection) ->
             row += f" {point.found:7} {_ms(point.delay_p50_s):>10} {_ms(point.delay_p95_s):>8}"
         told.append(row + ("  <- chosen" if k == one.chosen else ""))
     if one.chosen == 0 and len(one.points) > 1 and one.name != ARM:
-        told.append("  even the lowest level asked about was quiet: nothing here says what is too low")
+        told.append(
+            "  even the lowest level asked about was quiet: nothing here says what is too low"
+        )
     hours = total.outside_s / 3600.0
     if not labelled:
         told.append("  every contact counts as an alarm here: label the touches (--labels)")

@@ -46,7 +46,7 @@
       { ...axis, stroke: ORANGE, scale: "rate", size: 60, label: series[1].label, labelSize: 18 }];
     const right = (scale, stroke, label) => ({ ...axis, scale, stroke, side: 1, size: 60, grid: { show: false },
       label, labelSize: 18, values: (u, v) => v.map((x) => `${x} ${scale}`) });
-    if (labelled) axes.push(right("%", BLUE, "found"), right("ms", GREEN, "delay"));
+    if (labelled) axes.push(right("%", BLUE, "found"), { ...right("ms", GREEN, "delay"), size: 74 });
     const width = () => Math.max(place.clientWidth, 280);
     const plot = new uPlot({ width: width(), height: 260, series, axes,
       scales: { x: { time: false }, rate: { range: (u, low, high) => [0, Math.max(high, 1) * 1.05] },
