@@ -108,8 +108,8 @@ def kept_answer(
     progress: Callable[[float], None] = lambda share: None,
 ) -> Answer:
     """Answer of one recording, from the cache if it was given before."""
-    file = Path(asked.file)
     try:
+        file = _recording(Path(asked.file))
         digest = content_digest(file)
     except ContactdError as error:
         return Answer(file=asked.file, failed=str(error))
@@ -125,9 +125,19 @@ def kept_answer(
         found.file = asked.file
         return found
     answer = ask(file, question, asked.labels, cache, progress)
+    answer.file = asked.file
     if not answer.failed:
         _keep(kept, answer)
     return answer
+
+
+def _recording(file: Path) -> Path:
+    """The recording itself, or that which a log of the black box gives."""
+    if file.suffix.lower() == ".mcap":
+        return file
+    from daemon.recordings.recomputed import as_recording  # noqa: PLC0415 - slow
+
+    return as_recording(file)
 
 
 def _keep(path: Path, answer: Answer) -> None:
