@@ -53,6 +53,18 @@ def critical_level(
     return np.where(sunk, beyond / LEAST_SHARE, beyond)
 
 
+def critical_collision(
+    residual: Matrix, threshold: Matrix, configured: Vector, share: Matrix
+) -> Matrix:
+    """Collision level (ticks, n) [Nm] below which each tick alarms; 0 where none would. Arguments
+    as above: all that the contact level in force has beyond k C the collision level has, too.
+
+    A level that grows with the speed is the exception: k counts for that part of the contact level
+    alone, so that (1 - k) of it is left out here.
+    """
+    return excess(residual, threshold - share * configured)
+
+
 def per_hour(count: float, seconds: float) -> float:
     """Rate of so many events in so many seconds; NaN in no time."""
     return 3600.0 * count / seconds if seconds > 0.0 else float("nan")

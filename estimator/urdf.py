@@ -82,7 +82,10 @@ def _parsed(text: str) -> tuple[ET.Element, _Lines]:
         parser.Parse(text, True)
     except expat.ExpatError as error:
         raise ModelError(f"not XML that can be read: {error}") from error
-    return builder.close(), lines
+    root = builder.close()
+    if root.tag != "robot":
+        raise ModelError(f"not a URDF: its root is <{root.tag}>, not <robot>")
+    return root, lines
 
 
 def _carried(root: ET.Element) -> dict[str, str]:

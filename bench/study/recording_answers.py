@@ -20,8 +20,9 @@ from mcap.writer import Writer
 
 from daemon.clients.recorder import CHUNK_BYTES, PROFILE
 from daemon.recordings.html import page_of
+from daemon.recordings.question import Answer, Question
 from daemon.recordings.view import read_view
-from daemon.recordings.whatif import Answer, Question, ask
+from daemon.recordings.whatif import ask
 
 LEVELS: Final = 200
 FILES: Final = 100

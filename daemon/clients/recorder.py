@@ -17,8 +17,9 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from daemon.clients.client import Client
+from daemon.clients.viewer_schema import viewer_schema
 from daemon.new_file import refuse_unless_new
-from daemon.protocol.messages import PerJoint, Snapshot, State, format_refusal
+from daemon.protocol.messages import PerJoint, Snapshot, State, format_refusal, printable
 from daemon.protocol.strict_json import StrictDecoder
 from errors import LogError, UnreachableError
 from regular_file import open_regular
@@ -199,31 +200,6 @@ class _LogWriter:
         self._writer.add_message(channel, log_time=time_ns, data=data, publish_time=time_ns)
 
 
-def viewer_schema(kind: type) -> dict[str, Any]:
-    """JSON schema of `kind` in the form that the simplest viewers need.
-
-    The root is an object, every node has one `type`, every object has `properties`, and there is no
-    `$ref`. What may be null is described by what it is otherwise.
-    """
-    (schema,), definitions = msgspec.json.schema_components([kind], ref_template="{name}")
-
-    def plain(node: dict[str, Any]) -> dict[str, Any]:
-        if "$ref" in node:
-            return plain(definitions[node["$ref"]])
-        if "anyOf" in node:
-            return plain(next(one for one in node["anyOf"] if one.get("type") != "null"))
-        if "enum" in node:
-            return {"type": "string", **node}
-        if node.get("type") == "array":
-            return {**node, "items": plain(node["items"])}
-        if node.get("type") == "object":
-            fields = node.get("properties", {})
-            return {**node, "properties": {name: plain(one) for name, one in fields.items()}}
-        return node
-
-    return plain(schema)
-
-
 def read_log(
     path: Path, progress: Callable[[float], None] = lambda share: None
 ) -> Iterator[Snapshot | State]:
@@ -266,8 +242,10 @@ def read_log(
 
 def _joints_of(message: Snapshot | State, before: int) -> int:
     """Number of joints from a message on. Raises _BrokenError for a State with another number, or
-    without a Snapshot before it."""
+    without a Snapshot before it, and for a joint's name that would upset a terminal."""
     if isinstance(message, Snapshot):
+        if odd := [name for name in message.joints if not name or name != printable(name)]:
+            raise _BrokenError(f"is damaged: {odd[0]!r} is no name of a joint")
         return len(message.joints)
     for field in PER_JOINT:
         values = getattr(message, field)

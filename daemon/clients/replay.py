@@ -14,7 +14,7 @@ from daemon.clients.recorder import read_log
 from daemon.config.load import parse_configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State
-from errors import LogError
+from errors import ContactdError, LogError
 from estimator.estimator import Estimator
 
 SAME_ESTIMATOR = 5
@@ -74,7 +74,7 @@ def replay(
     Raises LogError if there is nothing to read; a recording that breaks off is compared up to
     there.
     """
-    run = _Run()
+    run = _Run(path)
     broken, read = "", 0
     try:
         for batch in batches(path, progress):
@@ -120,8 +120,23 @@ def batches(
         raise broken
 
 
+def alike(states: list[State]) -> Iterator[list[State]]:
+    """Stretches of the States with one payload, in which something is learned, or nothing."""
+    for _, same in groupby(states, lambda state: (state.payload, state.recognised is None)):
+        yield list(same)
+
+
+def resets(mode: str, states: list[State]) -> frozenset[int]:
+    """Rows at which the arm begins to hold, `mode` before them: the tick resets its estimator
+    then."""
+    modes = [mode, *(state.mode for state in states)]
+    changes = enumerate(pairwise(modes))
+    return frozenset(k for k, of in changes if of == (Mode.ENABLING, Mode.HOLDING))
+
+
 class _Run:
-    def __init__(self) -> None:
+    def __init__(self, path: Path) -> None:
+        self._path = path
         self.older = ""
         self.states = self.skipped = self.stretches = 0
         self.difference: Difference | None = None
@@ -138,22 +153,21 @@ class _Run:
             return
         from daemon.assembly import build_estimator  # noqa: PLC0415 - loads pinocchio
 
-        configuration = parse_configuration(
-            snapshot.configuration, "the recorded configuration", snapshot.identified
-        )
-        joints = tuple(configuration.joint_names)
-        if len(joints) != len(snapshot.joints):
-            raise LogError(
-                f"the snapshot after tick {snapshot.tick} is damaged: {len(snapshot.joints)} "
-                f"joints, {len(joints)} in its configuration"
-            )
-        self._estimator = build_estimator(configuration, snapshot.urdf)
+        where = f"the snapshot after tick {snapshot.tick}"
         try:
+            configuration = parse_configuration(
+                snapshot.configuration, "the recorded configuration", snapshot.identified
+            )
+            joints = tuple(configuration.joint_names)
+            if len(joints) != len(snapshot.joints):
+                raise LogError(f"{len(snapshot.joints)} joints, {len(joints)} in its configuration")
+            self._estimator = build_estimator(configuration, snapshot.urdf)
+            where = f"the estimator's memory after tick {snapshot.tick}"
             self._estimator.restore(snapshot.memory)
-        except (LookupError, TypeError, ValueError, OverflowError, AttributeError) as error:
-            raise LogError(
-                f"the estimator's memory after tick {snapshot.tick} is damaged: {error}"
-            ) from error
+        except (
+            ContactdError, LookupError, TypeError, ValueError, OverflowError, AttributeError
+        ) as error:  # fmt: skip
+            raise LogError(f"{self._path}: {where} is damaged: {error}") from error
         beside = tuple(variant.name for variant in configuration.estimator.beside)
         self._layout = Layout(joints, beside)
         self._payload = _UNKNOWN
@@ -164,20 +178,20 @@ class _Run:
         whole = self._without_gap(states)
         self.skipped += len(states) - len(whole)
         if self._estimator is not None and whole:
-            for _, same in groupby(whole, lambda s: (s.payload, s.recognised is None)):
-                self._step(self._estimator, list(same))
+            for same in alike(whole):
+                self._step(self._estimator, same)
         if len(whole) < len(states):
             # The estimator's memory of the gap is lost until the next snapshot.
             self._estimator = None
 
     def _step(self, estimator: Estimator, states: list[State]) -> None:
-        """Compare States of one payload, in which something is learned, or nothing."""
+        """Compare States that are `alike`."""
         if (payload := states[0].payload) != self._payload:
             estimator.carry(payload)
             self._payload = payload
         estimator.freeze_learning(states[0].recognised is not None)
         samples = self._layout.samples(states)
-        made = estimator.run(samples, self._resets(states))
+        made = estimator.run(samples, resets(self._mode, states))
         self.states += len(states)
         self._tick, self._mode = states[-1].tick, states[-1].mode
         if self.difference is None:
@@ -190,12 +204,6 @@ class _Run:
         steps = zip(states, range(self._tick + 1, self._tick + 1 + len(states)), strict=True)
         gap = next((k for k, (state, tick) in enumerate(steps) if state.tick != tick), len(states))
         return states[:gap]
-
-    def _resets(self, states: list[State]) -> frozenset[int]:
-        """Rows at which the arm begins to hold: the tick resets its estimator then."""
-        modes = [self._mode, *(state.mode for state in states)]
-        changes = enumerate(pairwise(modes))
-        return frozenset(k for k, of in changes if of == (Mode.ENABLING, Mode.HOLDING))
 
     def _first_difference(self, states: list[State], replayed: Columns) -> Difference | None:
         found = first_difference(self._layout.recorded(states), replayed)

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import click
 
-from daemon.clients.replay import batches
 from daemon.commands.progress import reading
 from daemon.new_file import refuse_suffix
-from daemon.recordings.contents import contents_of
 from daemon.recordings.html import page_of
+from daemon.recordings.reading import read_contents
 from daemon.recordings.view import View, read_view, said_at
 from errors import LogError
 
@@ -18,9 +17,9 @@ SUFFIXES = (".html", ".png", ".svg")
 
 def plot_recording(
     file: Path, joints: Sequence[str], around: str, window_s: float, output: Path | None
-) -> None:
+) -> bool:
     """Draw `file` to `output`, by default a page beside the working directory's other files, and
-    print where it is. Raises LogError."""
+    print where it is; True if the recording was whole. Raises LogError."""
     target = output or Path(file.stem).with_suffix(".html")
     refuse_suffix(target, SUFFIXES)
     with reading(file) as progress:
@@ -31,6 +30,7 @@ def plot_recording(
     click.echo(f"plotted: {target}")
     if view.broken:
         click.echo(f"contactd: {view.broken}", err=True)
+    return not view.broken
 
 
 def _write(view: View, target: Path, *, every_joint: bool) -> None:
@@ -53,6 +53,6 @@ def newest_fault(around: str) -> tuple[Path, str]:
     log = last_fault()
     file = as_recording(log)
     click.echo(f"{log}: the estimator begins anew on its frames, thresholds are higher than then")
-    if not around and contents_of(batches(file)).faults:
+    if not around and read_contents(file)[0].faults:
         around = "fault"
     return file, around

@@ -109,7 +109,7 @@ def plot(
         raise click.UsageError("name one recording, or --last-fault")
     if file is None:
         file, around = newest_fault(around)
-    plot_recording(file, joints, around, window_s, output)
+    sys.exit(0 if plot_recording(file, joints, around, window_s, output) else 1)
 
 
 @click.command()
@@ -120,6 +120,13 @@ def plot(
     multiple=True,
     metavar="JOINT=LOW:HIGH:STEP",
     help="Other contact levels of a joint [Nm], or JOINT=A,B; may be repeated.",
+)
+@click.option(
+    "--collision",
+    "collisions",
+    multiple=True,
+    metavar="JOINT=LOW:HIGH:STEP",
+    help="Other collision levels of a joint, likewise.",
 )
 @click.option(
     "--residual",

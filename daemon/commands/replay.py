@@ -90,7 +90,10 @@ def _when(contents: Contents) -> str:
     """When it was made; nothing of a lockstep run, which has no time of day."""
     if not contents.begun_wall_s:
         return ""
-    at = datetime.datetime.fromtimestamp(contents.begun_wall_s, datetime.UTC)
+    try:
+        at = datetime.datetime.fromtimestamp(contents.begun_wall_s, datetime.UTC)
+    except (OverflowError, OSError, ValueError):
+        return ", at no time of day"
     return f", {at:%Y-%m-%d %H:%M:%S} UTC"
 
 

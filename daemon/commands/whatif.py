@@ -11,22 +11,18 @@ import click
 import msgspec
 import numpy as np
 
-from daemon.clients.replay import batches
-from daemon.commands.progress import counting
+from daemon.commands.progress import counting, reading
+from daemon.commands.whatif_words import counted, lines
 from daemon.new_file import refuse_suffix, refuse_unless_new
-from daemon.protocol.messages import Snapshot
-from daemon.recordings.contents import Contents
 from daemon.recordings.detection import Detection, Point, Total
 from daemon.recordings.html import filled
 from daemon.recordings.labels import labels_of, proposed, read_labels, template
 from daemon.recordings.many import Asked, answers, recordings_in
+from daemon.recordings.question import ARM, Question
+from daemon.recordings.reading import read_contents
 from daemon.recordings.settings import parse_change
-from daemon.recordings.whatif import ARM, Answer, Found, Question
 from errors import LogError
 
-ROWS_SHOWN: Final = 24
-CONTACTS_SHOWN: Final = 12
-FILES_SHOWN: Final = 5  # of more, only totals and what failed are told
 MOST_LEVELS: Final = 2000
 
 
@@ -36,6 +32,7 @@ class Request:
 
     places: tuple[Path, ...]
     thresholds: tuple[str, ...]
+    collisions: tuple[str, ...]
     residual: str
     settings: tuple[str, ...]
     fresh: bool
@@ -53,7 +50,8 @@ def print_whatif(request: Request) -> bool:
     if request.output is not None:
         refuse_suffix(request.output, (".html", ".htm"))
     question = Question(
-        levels=dict(parse_levels(text) for text in request.thresholds),
+        levels=_levels_of(request.thresholds, "--threshold"),
+        collisions=_levels_of(request.collisions, "--collision"),
         residual=request.residual,
         changes=tuple(parse_change(text) for text in request.settings),
         fresh=request.fresh,
@@ -66,8 +64,12 @@ def print_whatif(request: Request) -> bool:
     if labels and not any(one.labels for one in asked):
         raise LogError(f"{request.labels}: its labels are of other files: {', '.join(labels)}")
     total = Total()
-    with counting(len(files), shown=not request.as_json) as done:
-        for answer in answers(question, asked, request.workers, request.scheduler):
+    shown = not request.as_json
+    with (
+        counting(len(files), shown=shown) as done,
+        reading(files[0], shown=shown and alone) as progress,
+    ):
+        for answer in answers(question, asked, request.workers, request.scheduler, progress):
             total.add(answer)
             done()
     total.answers.sort(key=lambda answer: answer.file)
@@ -77,7 +79,8 @@ def print_whatif(request: Request) -> bool:
     if request.as_json:
         click.echo(msgspec.json.encode(data(total, found)))
     else:
-        click.echo("\n".join(lines(request, total, found)))
+        for line in lines(question, request.per_hour, total, found):
+            click.echo(line)
     for answer in sorted([*total.failed, *total.broken], key=lambda answer: answer.file):
         click.echo(f"contactd: {answer.failed or answer.broken}", err=True)
     return total.complete
@@ -88,26 +91,35 @@ def write_template(places: Sequence[Path], target: Path) -> bool:
     refuse_unless_new(target)
     rows, complete = [], True
     for file in recordings_in(places):
-        contents = Contents()
         try:
-            for batch in batches(file):
-                if isinstance(batch, Snapshot):
-                    contents.add_snapshot(batch)
-                else:
-                    contents.add(batch)
+            contents, broken = read_contents(file)
         except LogError as error:
             click.echo(f"contactd: {error}", err=True)
+            complete = False
+            continue
+        if broken:
+            click.echo(f"contactd: {broken}", err=True)
             complete = False
         rows += proposed(contents, file.name)
     try:
         target.write_text(template(rows), encoding="utf-8")
     except OSError as error:
         raise LogError(f"cannot write {target}: {error.strerror or error}") from error
-    click.echo(f"{len(rows)} touches proposed: {target}; correct begin, end and joint of each")
+    touches = counted(len(rows), "touch", "touches")
+    click.echo(f"{touches} proposed: {target}; correct begin, end and joint of each")
     return complete
 
 
-def parse_levels(text: str) -> tuple[str, tuple[float, ...]]:
+def _levels_of(texts: Sequence[str], option: str) -> dict[str, tuple[float, ...]]:
+    """Levels of each joint. Raises UsageError, also for a joint that is named twice."""
+    parsed = [parse_levels(text, option) for text in texts]
+    levels = dict(parsed)
+    if len(levels) < len(parsed):
+        raise click.UsageError(f"{option} names a joint twice: {' '.join(texts)}")
+    return levels
+
+
+def parse_levels(text: str, option: str) -> tuple[str, tuple[float, ...]]:
     """Joint and levels of `JOINT=LOW:HIGH:STEP` or `JOINT=A,B`. Raises UsageError."""
     joint, _, levels = text.partition("=")
     try:
@@ -116,7 +128,7 @@ def parse_levels(text: str) -> tuple[str, tuple[float, ...]]:
         found = []
     if not joint or not found or not all(0.0 < level < math.inf for level in found):
         raise click.UsageError(
-            f"--threshold {text}: must be JOINT=LOW:HIGH:STEP or JOINT=A,B in Nm, above 0, at most "
+            f"{option} {text}: must be JOINT=LOW:HIGH:STEP or JOINT=A,B in Nm, above 0, at most "
             f"{MOST_LEVELS} levels"
         )
     return joint, tuple(found)
@@ -167,104 +179,10 @@ def curve_data(one: Detection) -> dict[str, Any]:
     return {**asdict(one), "points": [known(point) for point in one.points]}
 
 
-def lines(request: Request, total: Total, found: Sequence[Detection]) -> list[str]:
-    """The answer in words."""
-    told = []
-    for answer in total.answers if len(total.answers) <= FILES_SHOWN else []:
-        told += _recording(request, answer)
-    if total.files > 1:
-        told.append(
-            f"{len(total.answers)} of {total.files} recordings, {total.watched_s / 3600:.3g} h "
-            f"watched: {sum(len(a.contacts) for a in total.answers)} contacts"
-            + (
-                f", {sum(len(a.recorded) for a in total.answers)} as recorded"
-                if _changed(request)
-                else ""
-            )
-        )
-    if any(not answer.shares_known for answer in total.answers) and found:
-        told.append(
-            "recorded before the share that learning leaves was: levels are taken to have been "
-            "lowered by as much at every level"
-        )
-    for one in found:
-        told += _curve(one, total, request.per_hour)
-    return told
-
-
-def _changed(request: Request) -> bool:
-    return bool(request.residual or request.settings or request.fresh)
-
-
-def _recording(request: Request, answer: Answer) -> list[str]:
-    told = [f"{answer.file}: {answer.watched_s:.1f} s in which contacts are reported"]
-    if answer.reaction_s is not None:
-        if request.until_reaction:
-            told.append(f"  until the first reaction, at {answer.reaction_s:.2f} s")
-        else:
-            told.append(
-                f"  the arm first reacted at {answer.reaction_s:.2f} s: what follows is "
-                "hypothetical, it would have moved otherwise (--until-reaction leaves it out)"
-            )
-    told += _contacts("as recorded", answer.recorded)
-    if _changed(request):
-        told += _contacts("asked", answer.contacts)
-    return told
-
-
-def _contacts(name: str, found: Sequence[Found]) -> list[str]:
-    if not found:
-        return [f"  {name:12} no contact"]
-    rows = [
-        f"  {name if k == 0 else '':12} {one.time_s:9.2f} s  {one.joint:16} {one.torque:+.2f} Nm, "
-        f"beyond {one.threshold:.2f} Nm"
-        for k, one in enumerate(found[:CONTACTS_SHOWN])
-    ]
-    left = len(found) - CONTACTS_SHOWN
-    return [*rows, f"  {'':12} and {left} more: --json lists them"] if left > 0 else rows
-
-
-def _curve(one: Detection, total: Total, bearable: float) -> list[str]:
-    labelled = one.labels > 0
-    unit = "step" if one.name == ARM else "level"
-    touches = "touch" if one.labels == 1 else "touches"
-    about = f"{one.name}, {one.labels} labelled {touches}" if labelled else one.name
-    head = f"  {unit:>8} {'contacts':>9} {'false/h' if labelled else 'alarms/h':>9} {'beyond':>8}"
-    told = ["", about, head + (f" {'found':>7} {'delay p50':>10} {'p95':>8}" if labelled else "")]
-    for k in _shown(one):
-        point = one.points[k]
-        level = f"{point.level:8.0f}" if one.name == ARM else f"{point.level:8.3f}"
-        row = f"  {level} {point.contacts:9} {point.alarms_per_hour:9.1f} {point.beyond:8.2%}"
-        if labelled:
-            row += f" {point.found:7} {_ms(point.delay_p50_s):>10} {_ms(point.delay_p95_s):>8}"
-        told.append(row + ("  <- chosen" if k == one.chosen else ""))
-    hours = total.outside_s / 3600.0
-    if not labelled:
-        told.append("  every contact counts as an alarm here: label the touches (--labels)")
-    if one.chosen is None:
-        told.append(f"  no level has at most {bearable:g} an hour")
-    elif bearable * hours < 1.0:
-        told.append(
-            f"  {hours:.3g} h cannot show {bearable:g} an hour: one contact in it is "
-            f"{1.0 / hours if hours else math.inf:.0f}; record longer before you trust it"
-        )
-    return told
-
-
-def _ms(seconds: float) -> str:
-    return "-" if math.isnan(seconds) else f"{1000 * seconds:.0f} ms"
-
-
-def _shown(one: Detection) -> list[int]:
-    """Rows of a long curve that are told: evenly spread, and the one that is chosen."""
-    every = max(math.ceil(len(one.points) / ROWS_SHOWN), 1)
-    rows = set(range(0, len(one.points), every)) | {len(one.points) - 1}
-    return sorted(rows | ({one.chosen} if one.chosen is not None else set()))
-
-
 def _write_page(target: Path, total: Total, found: Sequence[Detection], bearable: float) -> None:
     about = (
-        f"{len(total.answers)} recordings, {total.watched_s / 3600:.3g} h watched, of that "
+        f"{counted(len(total.answers), 'recording', 'recordings')}, "
+        f"{total.watched_s / 3600:.3g} h watched, of that "
         f"{total.outside_s / 3600:.3g} h outside of labels; bearable: {bearable:g} an hour"
     )
     curves = {"arm": ARM, "curves": [curve_data(one) for one in found]}

@@ -1,16 +1,16 @@
 """Contents of a recording: its duration, modes, contacts, faults and lost States. Pure.
 
-A contact lasts from its notice until the thresholded residual of its joint is zero again; a
-collision that follows before that belongs to it.
+A contact lasts from its notice until the thresholded residual of its joint is zero again, or States
+are lost; a collision that follows before that belongs to it.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
 import msgspec
 
-from daemon.protocol.messages import Notice, Snapshot, State
+from daemon.protocol.messages import Notice, Snapshot, State, printable
 
 EVENTS_KEPT: Final = 2000  # of a kind; of more only the number is known
 
@@ -70,7 +70,7 @@ class Contents:
 
     def add_snapshot(self, snapshot: Snapshot) -> None:
         """Take the context of the States that follow."""
-        self.joints, self.program = tuple(snapshot.joints), snapshot.program
+        self.joints, self.program = tuple(snapshot.joints), printable(snapshot.program)
         self.format, self.period_s = snapshot.format, snapshot.period_s
 
     def add(self, states: Sequence[State]) -> None:
@@ -87,11 +87,18 @@ class Contents:
             self.begun_s, self.begun_wall_s = state.time_s, state.timing.wall_s
         elif self._tick is not None and state.tick > self._tick + 1:
             self.lost += state.tick - self._tick - 1
+            self._leave_open()
         self._tick, self.ended_s = state.tick, state.time_s
         self.states += 1
         mode = str(state.mode)
         self.modes[mode] = self.modes.get(mode, 0.0) + state.interval_s
         self.armed_s += state.interval_s * state.armed
+
+    def _leave_open(self) -> None:
+        """End what lasts with the last State before a gap: nobody knows how long it went on."""
+        for contact in self._open.values():
+            contact.duration_s = self.duration_s - contact.time_s
+        self._open.clear()
 
     def _heed(self, state: State) -> None:
         assert self.begun_s is not None
@@ -99,7 +106,8 @@ class Contents:
         for notice in state.notices:
             if notice.contact is not None:
                 self._begin(notice, state.tick, time_s)
-            event = EventSeen(time_s=time_s, tick=state.tick, kind=notice.kind, text=notice.text)
+            event = EventSeen(time_s=time_s, tick=state.tick, kind=notice.kind,
+                              text=printable(notice.text))  # fmt: skip
             for kept in (self.events, *([self.faults] if notice.kind == "fault" else [])):
                 if len(kept) < EVENTS_KEPT:
                     kept.append(event)
@@ -114,8 +122,9 @@ class Contents:
                 lasting.level = max(lasting.level, contact.level, key=LEVEL_ORDER.index)
                 return
             lasting.duration_s = time_s - lasting.time_s
-        seen = ContactSeen(joint=contact.joint, time_s=time_s, tick=tick, level=contact.level,
-                           peak=contact.torque, threshold=contact.threshold)  # fmt: skip
+        seen = ContactSeen(joint=printable(contact.joint), time_s=time_s, tick=tick,
+                           level=contact.level, peak=contact.torque,
+                           threshold=contact.threshold)  # fmt: skip
         self._open[contact.joint] = seen
         if len(self.contacts) < EVENTS_KEPT:
             self.contacts.append(seen)
@@ -133,14 +142,3 @@ class Contents:
 
 
 LEVEL_ORDER: Final = ("contact", "collision")
-
-
-def contents_of(batches: Iterable[Snapshot | list[State]]) -> Contents:
-    """Contents of all batches of a recording."""
-    found = Contents()
-    for batch in batches:
-        if isinstance(batch, Snapshot):
-            found.add_snapshot(batch)
-        else:
-            found.add(batch)
-    return found

@@ -9,7 +9,7 @@ from operator import add
 
 import numpy as np
 
-from daemon.recordings.whatif import Answer, Curve
+from daemon.recordings.question import Answer, Curve
 from estimator.alarms import per_hour
 
 

@@ -9,9 +9,10 @@ from typing import IO, Any, Final
 
 from daemon.clients.recorder import read_log
 from daemon.protocol.messages import Snapshot, State
-from errors import LogError
+from errors import LogError, ModelError
 
 DRAW_EVERY: Final = 3  # ticks: 33 pictures of the arm a second at 100 Hz
+_LAST_NS: Final = (2**32 - 1) * 10**9  # that a Timestamp of Foxglove can say
 #: Columns of the CSV: the first of each joint are those that `contactd identify --log` reads.
 CSV_COLUMNS: Final = (
     "current",
@@ -50,9 +51,12 @@ def export_foxglove(
                 snapshot = snapshot or message
                 return
             assert snapshot is not None
-            channels = channels or FoxgloveChannels(
-                context, snapshot, list(message.beside), DRAW_EVERY
-            )
+            try:
+                channels = channels or FoxgloveChannels(
+                    context, snapshot, list(message.beside), DRAW_EVERY
+                )
+            except ModelError as error:
+                raise LogError(f"{path}: {error}") from error
             channels.log(message, clock.time_ns(message))
 
         return _every(path, write, progress)
@@ -99,7 +103,7 @@ class Clock:
     def time_ns(self, state: State) -> int:
         """Time of a State [ns]."""
         wall_s, loop_s = self._begun = self._begun or (state.timing.wall_s, state.time_s)
-        return max(round((wall_s + state.time_s - loop_s) * 1e9), 0)
+        return min(max(round((wall_s + state.time_s - loop_s) * 1e9), 0), _LAST_NS)
 
 
 def _every(

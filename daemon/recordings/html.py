@@ -35,7 +35,7 @@ def filled(page: str, title: str, said: str, data: Any) -> str:
     parts = {
         "title": html.escape(printable(title)),
         "about": html.escape(said),
-        "data": json.dumps(data, allow_nan=False).replace("</", "<\\/"),
+        "data": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
         "css": _read("page/page.css"),
         "js": _read(f"page/{page}.js"),
         "uplot_css": _read("uplot/uPlot.min.css"),

@@ -70,7 +70,7 @@ def _label(where: str, row: dict[str, str | None]) -> Label:
         except ValueError:
             value = math.nan
         if not (math.isfinite(value) and value >= 0.0):
-            told = printable(str(row[name]))[:40]
+            told = printable(row[name] or "")[:40]
             raise LogError(f"{where}: {name} is {told!r}: must be seconds from the beginning, >= 0")
         times.append(value)
     if times[0] >= times[1]:

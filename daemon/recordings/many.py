@@ -7,9 +7,11 @@ interrupted goes on from there.
 
 import contextlib
 import hashlib
+import logging
 import os
+import re
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
@@ -17,11 +19,13 @@ import msgspec
 
 import compiled
 from daemon.recordings.labels import Label
-from daemon.recordings.rows import cache_directory, content_digest
-from daemon.recordings.whatif import Answer, Question, ask
+from daemon.recordings.question import Answer, Question
+from daemon.recordings.row_cache import cache_directory, content_digest
+from daemon.recordings.whatif import ask
 from errors import ContactdError, LogError
 
-_KEPT = 1  # layout of the answers in the cache
+_ADDRESS = re.compile(r"[a-z]+://[^/\s]+:\d+", re.ASCII)
+_KEPT = 4  # layout of the answers in the cache
 
 
 class Asked(msgspec.Struct, frozen=True):
@@ -47,15 +51,20 @@ def recordings_in(places: Sequence[Path]) -> list[Path]:
 
 
 def answers(
-    question: Question, asked: Sequence[Asked], workers: int = 1, scheduler: str = ""
+    question: Question,
+    asked: Sequence[Asked],
+    workers: int = 1,
+    scheduler: str = "",
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Iterator[Answer]:
-    """Answers in the order in which they come.
+    """Answers in the order in which they come; `progress` gets how much of a recording was read
+    where it is read here.
 
     `scheduler` is a dask scheduler's address, whose workers see the same files. Raises LogError
     where joblib or dask is missing or cannot be reached.
     """
     if not scheduler and (workers <= 1 or len(asked) <= 1):
-        yield from (kept_answer(question, one) for one in asked)
+        yield from (kept_answer(question, one, progress=progress) for one in asked)
         return
     try:
         import joblib  # noqa: PLC0415 - an extra
@@ -81,6 +90,9 @@ def _on_cluster(scheduler: str) -> Iterator[None]:
         raise LogError(
             "--scheduler needs dask.distributed (pip install 'contactd[cluster]')"
         ) from error
+    if not _ADDRESS.fullmatch(scheduler):
+        raise LogError(f"--scheduler {scheduler}: must be like tcp://127.0.0.1:8786")
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its tracebacks tell nobody more
     try:
         client = Client(scheduler, timeout="3s", set_as_default=False)
     except (OSError, ValueError) as error:
@@ -89,10 +101,15 @@ def _on_cluster(scheduler: str) -> Iterator[None]:
         yield
 
 
-def kept_answer(question: Question, asked: Asked, cache: Path | None = None) -> Answer:
+def kept_answer(
+    question: Question,
+    asked: Asked,
+    cache: Path | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Answer:
     """Answer of one recording, from the cache if it was given before."""
-    file = Path(asked.file)
     try:
+        file = _recording(Path(asked.file))
         digest = content_digest(file)
     except ContactdError as error:
         return Answer(file=asked.file, failed=str(error))
@@ -107,10 +124,20 @@ def kept_answer(question: Question, asked: Asked, cache: Path | None = None) -> 
         found = msgspec.json.decode(kept.read_bytes(), type=Answer)
         found.file = asked.file
         return found
-    answer = ask(file, question, asked.labels, cache)
+    answer = ask(file, question, asked.labels, cache, progress)
+    answer.file = asked.file
     if not answer.failed:
         _keep(kept, answer)
     return answer
+
+
+def _recording(file: Path) -> Path:
+    """The recording itself, or that which a log of the black box gives."""
+    if file.suffix.lower() == ".mcap":
+        return file
+    from daemon.recordings.recomputed import as_recording  # noqa: PLC0415 - slow
+
+    return as_recording(file)
 
 
 def _keep(path: Path, answer: Answer) -> None:

@@ -68,7 +68,7 @@ def _joint(view: View, joint: int, column: Any) -> None:
     velocity.plot(time_s, rows["link_velocity"], color=BLUE, lw=0.8, label="link")
     velocity.plot(time_s, rows["motor_velocity"], color=ORANGE, lw=0.6, label="motor")
     velocity.set_ylabel("velocity\n[rad/s]")
-    current.plot(time_s, rows["current"], color=GREEN, lw=0.8)
+    current.plot(time_s, rows["current"], color=GREEN, lw=0.8, label="current")
     current.set_ylabel("current [A]")
     phi, sigma = 1e3 * rows["phi"], 1e3 * rows["phi_sigma"]
     gap.fill_between(time_s, phi - sigma, phi + sigma, color=GREY, alpha=0.35, lw=0)
@@ -80,8 +80,11 @@ def _joint(view: View, joint: int, column: Any) -> None:
     for panel in column:
         _marks(view, name, panel)
         panel.set_xlim(view.from_s, max(view.until_s, view.from_s + 1e-3))
-    for panel in (residual, velocity, gap):
-        panel.legend(loc="upper right", fontsize=6, framealpha=0.7)
+    for panel in column:
+        panel.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, fontsize=6, frameon=False,
+            borderpad=0.1, handlelength=1.4, columnspacing=1.0,
+        )  # fmt: skip
     _mode_names(view, residual)
 
 
@@ -90,16 +93,27 @@ def _marks(view: View, joint: str, panel: Any) -> None:
     for span in view.signals.modes:
         colour = MODE_COLOURS.get(span.mode, GREY)
         panel.axvspan(span.begin_s, span.end_s, color=colour, alpha=0.12, lw=0)
+    named = set[str]()
+
+    def named_once(name: str) -> str | None:
+        """A label for the first line of a kind, in the uppermost panel."""
+        if name in named or not panel.get_subplotspec().is_first_row():
+            return None
+        named.add(name)
+        return name
+
     for contact in view.contents.contacts:
         if view.from_s <= contact.time_s <= view.until_s:
             own = contact.joint == joint
             panel.axvline(contact.time_s, color=ORANGE, lw=1.0 if own else 0.5,
-                          ls="-" if own else ":")  # fmt: skip
+                          ls="-" if own else ":",
+                          label=named_once("contact" if own else "elsewhere"))  # fmt: skip
     for event in events_in(view):
         if event.kind != "contact":
             fault = event.kind == "fault"
             panel.axvline(event.time_s, color="#c00000" if fault else GREY,
-                          lw=1.6 if fault else 0.4, ls="-" if fault else ":")  # fmt: skip
+                          lw=1.6 if fault else 0.4, ls="-" if fault else ":",
+                          label=named_once("fault") if fault else None)  # fmt: skip
     if view.at_s is not None:
         panel.axvline(view.at_s, color="black", lw=0.8, ls="--")
 

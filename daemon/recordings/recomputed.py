@@ -18,12 +18,13 @@ import numpy as np
 from mcap.writer import Writer
 
 from daemon.assembly import build_estimator
-from daemon.clients.recorder import CHUNK_BYTES, KINDS, PROFILE, viewer_schema
+from daemon.clients.recorder import CHUNK_BYTES, KINDS, PROFILE
+from daemon.clients.viewer_schema import viewer_schema
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Notice, Snapshot, State, Timing, format_refusal
-from daemon.recordings.rows import cache_directory, content_digest
+from daemon.recordings.row_cache import cache_directory, content_digest
 from daemon.service.black_box import FORMATS, Context, context_of_log, default_directory
 from daemon.tick.telemetry import DRIVE_STATE_NAMES, estimated, finite_list
 from drivers.answers import Answers, Counters, Samples
@@ -41,7 +42,7 @@ _READERS: Final[dict[str, tuple[Any, str]]] = {
     ".log": (can.CanutilsLogReader, "r"),
     ".asc": (can.ASCReader, "r"),
 }
-_LAYOUT: Final = 1  # of the recordings in the cache
+_LAYOUT: Final = 2  # of the recordings in the cache
 
 
 def last_fault() -> Path:
@@ -125,7 +126,8 @@ def _states(
         if frame.arbitration_id == SYNC:
             if sync_s is not None:
                 samples = answers.finish(())
-                if (state := run.state(sync_s, samples, setpoints.velocity)) is not None:
+                state = run.state(sync_s, samples, setpoints.velocity, sync_s)
+                if state is not None:
                     yield state
             sync_s = float(frame.timestamp)
             answers.expect_all()
@@ -133,6 +135,10 @@ def _states(
             answers.take(frame.arbitration_id, bytes(frame.data))
         else:
             setpoints.take(frame.arbitration_id, bytes(frame.data))
+    if sync_s is not None:  # what ended the daemon, or its bus, came after the last SYNC
+        state = run.state(sync_s, answers.finish(()), setpoints.velocity, math.inf)
+        if state is not None:
+            yield state
 
 
 class _Setpoints:
@@ -169,8 +175,11 @@ class _Recomputing:
         self._tick = -1
         self._faulted = False
 
-    def state(self, time_s: float, samples: Samples, setpoint: np.ndarray) -> State | None:
-        """State of the SYNC at this time of day [s]; None before every drive has answered."""
+    def state(
+        self, time_s: float, samples: Samples, setpoint: np.ndarray, until_s: float
+    ) -> State | None:
+        """State of the SYNC at this time of day [s], with the faults until another; None before
+        every drive has answered."""
         if not np.isfinite(samples.current).all():
             return None
         if self._begun_s is None:
@@ -189,7 +198,7 @@ class _Recomputing:
             tick=self._tick,
             time_s=time_s - self._begun_s,
             interval_s=interval_s,
-            mode=self._mode(samples, time_s),
+            mode=self._mode(samples, until_s),
             armed=False,
             cause=CAUSE,
             moving=False,
@@ -207,7 +216,7 @@ class _Recomputing:
             reference=finite_list(samples.link_position),
             setpoint=setpoint.tolist(),
             quiet_s=0.0,
-            notices=self._notices(time_s),
+            notices=self._notices(until_s),
             timing=Timing(
                 wall_s=time_s, monotonic_s=time_s - self._begun_s, lateness_us=0.0, work_us=0.0,
                 missed=0,

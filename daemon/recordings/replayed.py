@@ -6,7 +6,6 @@ switching on. What the arm did is what it did: it moved as it was reacted to the
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +13,11 @@ from msgspec.structs import replace
 
 from daemon.assembly import build_estimator
 from daemon.clients.columns import Layout
-from daemon.clients.replay import SAME_ESTIMATOR, batches
+from daemon.clients.replay import SAME_ESTIMATOR, alike, batches, resets
 from daemon.config.schema import Configuration
-from daemon.modes.table import SENSING, Mode
+from daemon.modes.table import SENSING
 from daemon.protocol.messages import Snapshot, State
+from daemon.recordings.carried import Carried
 from daemon.recordings.rows import Rows, RowsHeader
 from daemon.recordings.settings import Change, changed_configuration
 from errors import LogError, ModelError
@@ -33,8 +33,11 @@ class ReplayedRows:
     path: Path
     changes: Sequence[Change]
     fresh: bool
+    skipped: int = 0
+    """States left out, as the estimator does not know how they began"""
     _configuration: Configuration | None = None
     _estimator: Estimator | None = None
+    _carried: Carried | None = None
     _layout: Layout = field(default_factory=lambda: Layout((), ()))
     _begun_s: float | None = None
     _tick: int = -1
@@ -68,12 +71,17 @@ class ReplayedRows:
                 if self._begun_s is None:
                     self._begun_s = batch[0].time_s
                 for states in _stretches(batch):
-                    if part := self._step(states, residual):
-                        rows += len(states)
-                        yield part
+                    for same in alike(states):
+                        if part := self._step(same, residual):
+                            rows += len(same)
+                            yield part
+                        else:
+                            self.skipped += len(same)
         except LogError:
             if not rows:
                 raise
+        if not rows:
+            raise LogError("has no state that follows on a snapshot; --fresh begins without")
 
     def _settings(self) -> Configuration:
         if self._configuration is None:
@@ -87,6 +95,7 @@ class ReplayedRows:
     def _restart(self, snapshot: Snapshot) -> None:
         c = self._configuration = changed_configuration(snapshot, self.changes)
         self._estimator = build_estimator(c, snapshot.urdf)
+        self._carried = Carried(self.changes, c, self._estimator.model)
         self._layout = Layout(
             tuple(c.joint_names), tuple(variant.name for variant in c.estimator.beside)
         )
@@ -108,23 +117,22 @@ class ReplayedRows:
             estimator.restore(snapshot.memory)
         except (ModelError, LookupError, TypeError, ValueError, OverflowError) as error:
             raise LogError(
-                f"its estimator's memory does not fit these settings ({error}): --fresh begins "
-                "without"
+                f"has a memory of the estimator that does not fit these settings ({error}): "
+                "--fresh begins without"
             ) from error
 
-    def _step(self, states: Sequence[State], residual: str) -> Rows | None:
-        """Rows of States without a gap; None where the estimator does not know how it began."""
+    def _step(self, states: list[State], residual: str) -> Rows | None:
+        """Rows of States that are alike, without a gap; None where the estimator does not know how
+        it began."""
         follows = states[0].tick == self._tick + 1
         if not follows and not self.fresh:
             self._estimator = None
-        if self._estimator is None:
+        if self._estimator is None or self._carried is None:
             return None
         if not follows:
             self._estimator.restart()
-        modes = [self._mode, *(state.mode for state in states)]
-        changes = enumerate(pairwise(modes))
-        resets = {k for k, of in changes if of == (Mode.ENABLING, Mode.HOLDING)}
-        made = self._estimator.run(self._layout.samples(states), resets)
+        self._carried.tell(self._estimator, states[0])
+        made = self._estimator.run(self._layout.samples(states), resets(self._mode, states))
         begun = self._mode != ""
         self._tick, self._mode = states[-1].tick, str(states[-1].mode)
         c = self._configuration

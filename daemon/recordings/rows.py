@@ -1,40 +1,27 @@
 """Rows of a recording: what decides about contacts, as arrays with one row per tick.
 
-They are read once and kept as files of columns in the user's cache, by the recording's content: the
-next question about it takes a fraction of a second. Rows come in parts, so that memory does not
-grow with the recording.
+They are gathered batch by batch, and come in parts, so that memory does not grow with the
+recording: `row_cache` keeps them in between.
 """
 
-import contextlib
-import hashlib
-import os
-import shutil
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Any, Final
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
-from daemon.clients.replay import batches
 from daemon.config.load import parse_configuration
 from daemon.modes.table import SENSING, YIELDING
 from daemon.protocol.messages import Snapshot, State
 from errors import LogError
-from regular_file import open_regular
 
-PART: Final = 16384  # rows at once
-LAYOUT: Final = 1  # of the cache's files
 _LEARNS_SINCE: Final = 4  # format
-MOST_BYTES: Final = 4 << 30  # of all recordings in the cache
 _SENSING: Final = frozenset(mode.value for mode in SENSING)
 _YIELDING: Final = frozenset(mode.value for mode in YIELDING)
-_FLOATS: Final = ("residual", "threshold", "level_share")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,134 +52,16 @@ class RowsHeader(msgspec.Struct, frozen=True, kw_only=True):
     residual: str  # name of the one that decided
     beside: list[str]
     rows: int
+    period_s: float  # that a row stands for
     stretches: list[int]  # rows before which ticks are missing
     duration_s: float
     reaction_s: float | None  # when the arm first reacted to a contact
     broken: str = ""  # reason why the recording ends early
 
 
-def cache_directory() -> Path:
-    """Contactd's folder in the user's cache."""
-    home = os.environ.get("XDG_CACHE_HOME")
-    return (Path(home) if home else Path.home() / ".cache") / "contactd"
-
-
-def content_digest(path: Path) -> str:
-    """Digest of a file's content. Raises LogError."""
-    try:
-        with open_regular(path) as stream:
-            digest = hashlib.blake2b(digest_size=16)
-            while part := stream.read(1 << 20):
-                digest.update(part)
-            return digest.hexdigest()
-    except OSError as error:
-        raise LogError(f"cannot read {path}: {error.strerror}") from error
-
-
-class CachedRows:
-    """The columns of one recording in the cache; they are read if they are not there yet.
-
-    Raises LogError for a recording that cannot be read.
-    """
-
-    def __init__(
-        self,
-        path: Path,
-        digest: str,
-        cache: Path | None = None,
-        progress: Callable[[float], None] = lambda share: None,
-    ) -> None:
-        root = (cache or cache_directory()) / "columns"
-        self._folder = root / f"{digest}-{LAYOUT}"
-        header = self._folder / "header.json"
-        if not header.exists():
-            _fill(path, self._folder, progress)
-            _forget_oldest(root, keep=self._folder)
-        with contextlib.suppress(OSError):
-            os.utime(self._folder)  # used last
-        self.header = msgspec.json.decode(header.read_bytes(), type=RowsHeader)
-
-    def parts(self, residual: str = "") -> Iterator[Rows]:
-        """All rows, with the residual of that name, by default the one that decided. Raises
-        LogError if it was not recorded."""
-        h = self.header
-        name = "residual" if residual in ("", h.residual) else f"beside {residual}"
-        if name != "residual" and residual not in h.beside:
-            known = ", ".join([h.residual, *h.beside])
-            raise LogError(f"has no residual {residual!r}; there are: {known}")
-        edges = sorted({0, h.rows, *h.stretches, *range(0, h.rows, PART)})
-        n = len(h.joints)
-        with contextlib.ExitStack() as stack:
-
-            def opened(column: str) -> IO[bytes]:
-                return stack.enter_context((self._folder / column).open("rb"))
-
-            time_s, reports = opened("time_s"), opened("reports")
-            r, threshold, share = map(opened, (name, "threshold", "level_share"))
-            for begin, end in pairwise(edges):
-                count = end - begin
-
-                def rows(stream: IO[bytes], count: int = count) -> Matrix:
-                    return np.fromfile(stream, np.float64, count * n).reshape(count, n)
-
-                yield Rows(
-                    time_s=np.fromfile(time_s, np.float64, count),
-                    follows=begin > 0 and begin not in h.stretches,
-                    reports=np.fromfile(reports, np.bool_, count * n).reshape(count, n),
-                    residual=rows(r),
-                    threshold=rows(threshold),
-                    level_share=rows(share),
-                )
-
-
-def _fill(path: Path, folder: Path, progress: Callable[[float], None]) -> None:
-    """Write the columns of a recording; the folder gets its name when they are whole."""
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        partial = Path(tempfile.mkdtemp(prefix=".partial-", dir=folder.parent))
-        try:
-            with contextlib.ExitStack() as stack:
-                header = _write(path, partial, stack, progress)
-            (partial / "header.json").write_bytes(msgspec.json.encode(header))
-            partial.rename(folder)
-        except OSError:
-            if not (folder / "header.json").exists():  # nobody else was faster
-                raise
-        finally:
-            shutil.rmtree(partial, ignore_errors=True)
-    except OSError as error:
-        raise LogError(f"cannot write {folder}: {error.strerror or error}") from error
-
-
-def _write(
-    path: Path, folder: Path, stack: contextlib.ExitStack, progress: Callable[[float], None]
-) -> RowsHeader:
-    """Columns of `path` as files in `folder`."""
-    files: dict[str, IO[bytes]] = {}
-
-    def put(name: str, values: NDArray[Any]) -> None:
-        if name not in files:
-            files[name] = stack.enter_context((folder / name).open("wb"))
-        files[name].write(values.tobytes())
-
-    gatherer: RowsGatherer | None = None
-    broken = ""
-    try:
-        for batch in batches(path, progress):
-            if isinstance(batch, Snapshot):
-                gatherer = gatherer or RowsGatherer(batch)
-                gatherer.refuse_other_arm(path, batch)
-                continue
-            assert gatherer is not None
-            for name, values in gatherer.columns(batch).items():
-                put(name, values)
-    except LogError as error:
-        if gatherer is None or not gatherer.rows:
-            raise
-        broken = str(error)
-    if gatherer is None or not gatherer.rows:
-        raise LogError(f"{path} is a recording without any state")
-    return gatherer.header(broken)
+def beside_column(number: int) -> str:
+    """Column of a residual that ran beside: its name may be anything, a path, too."""
+    return f"beside_{number}"
 
 
 class RowsGatherer:
@@ -243,7 +112,10 @@ class RowsGatherer:
             "residual": np.array([state.residual for state in states]),
             "threshold": np.array([state.threshold for state in states]),
             "level_share": np.array([state.level_share or ones for state in states]),
-            **{f"beside {name}": self._of_variant(states, name) for name in self._beside},
+            **{
+                beside_column(k): self._of_variant(states, name)
+                for k, name in enumerate(self._beside)
+            },
         }
 
     def _of_variant(self, states: Sequence[State], name: str) -> Matrix:
@@ -270,19 +142,9 @@ class RowsGatherer:
             residual=c.estimator.residual.name,
             beside=list(self._beside or ()),
             rows=self.rows,
+            period_s=c.period_s,
             stretches=self._stretches,
             duration_s=self._ended_s - self._begun_s,
             reaction_s=self._reaction_s,
             broken=broken,
         )
-
-
-def _forget_oldest(root: Path, keep: Path) -> None:
-    """Remove the columns that were used longest ago, beyond MOST_BYTES."""
-    with contextlib.suppress(OSError):
-        folders = sorted(root.glob(f"*-{LAYOUT}"), key=lambda f: f.stat().st_mtime, reverse=True)
-        total = 0
-        for folder in folders:
-            total += sum(file.stat().st_size for file in folder.iterdir())
-            if total > MOST_BYTES and folder != keep:
-                shutil.rmtree(folder, ignore_errors=True)

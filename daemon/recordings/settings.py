@@ -2,9 +2,10 @@
 
 PATH goes down the configuration, a joint by its name: `estimator.gain=20`,
 `joints.LElbowYaw.friction.motor_coulomb=0.4`. `identified=FILE` takes all of another
-identified.yaml. VALUE is YAML.
+identified.yaml, and `payload=VALUE` is what the hand carries (`carried`). VALUE is YAML.
 """
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, get_type_hints
@@ -19,6 +20,8 @@ from errors import ConfigurationError
 from regular_file import read_text
 
 IDENTIFIED: Final = "identified"
+PAYLOAD: Final = "payload"
+_EXPONENT: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+", re.ASCII)
 Change = tuple[str, str]
 """PATH and VALUE."""
 
@@ -46,18 +49,26 @@ def changed_configuration(snapshot: Snapshot, changes: Sequence[Change]) -> Conf
         snapshot.configuration, "the recorded configuration", identified
     )
     for path, value in changes:
-        if path != IDENTIFIED:
-            try:
-                parsed = yaml.safe_load(value)
-            except yaml.YAMLError as error:
-                raise ConfigurationError(f"{_said(path, value)}: is not YAML") from error
+        if path not in (IDENTIFIED, PAYLOAD):
+            parsed = parsed_value(path, value)
             try:
                 configuration = _with(configuration, path.split("."), parsed, path)
             except msgspec.ValidationError as error:
-                raise ConfigurationError(f"{_said(path, value)}: {error}") from error
+                raise ConfigurationError(f"{said(path, value)}: {error}") from error
     if configuration.joint_names != snapshot.joints:
         raise ConfigurationError("--set: the joints' names are those of the recording")
     return configuration
+
+
+def parsed_value(path: str, value: str) -> Any:
+    """VALUE of a change; 1e-3 is a number, too, which YAML takes for text. Raises
+    ConfigurationError."""
+    if _EXPONENT.fullmatch(value.strip()):
+        return float(value)
+    try:
+        return yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ConfigurationError(f"{said(path, value)}: is not YAML") from error
 
 
 def _with(place: Any, keys: Sequence[str], value: Any, path: str) -> Any:
@@ -100,5 +111,6 @@ def _keys(place: Any) -> list[str]:
     return list(place) if isinstance(place, dict) else []
 
 
-def _said(path: str, value: str) -> str:
+def said(path: str, value: str) -> str:
+    """A change as it was asked, for an error."""
     return f"--set {printable(path)}={printable(value)[:80]}"

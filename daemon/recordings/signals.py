@@ -90,7 +90,7 @@ class SignalGatherer:
         for state in chosen:
             if self._tick is not None and state.tick != self._tick + 1:
                 self._take(part)
-                self._break(state.time_s - begun)
+                self._break(state.time_s - begun, str(state.mode))
                 part = []
             self._tick = state.tick
             self._in_mode(state.time_s - begun, str(state.mode))
@@ -139,8 +139,10 @@ class SignalGatherer:
         times = np.array([state.time_s for state in states]) - self._begun_s
         self._add_rows(times, np.hstack(columns))
 
-    def _break(self, time_s: float) -> None:
-        """A row of nothing, so that no line is drawn across what is missing."""
+    def _break(self, time_s: float, mode: str) -> None:
+        """A row of nothing, and another span of the mode: nothing is drawn across what is
+        missing."""
+        self._modes.append(ModeSpan(time_s, time_s, mode))
         row = np.full((1, len(DRAWN) * self.n), np.nan, dtype=np.float32)
         self._add_rows(np.array([time_s]), row)
 
@@ -171,5 +173,10 @@ class SignalGatherer:
 
 def _rows(states: Sequence[State], name: str, n: int) -> Rows:
     """A field of the States (ticks, n)."""
+    with np.errstate(over="ignore"):  # of values that no arm has: they are not drawn
+        return _array(states, name, n)
+
+
+def _array(states: Sequence[State], name: str, n: int) -> Rows:
     flat = chain.from_iterable(getattr(state, name) for state in states)
     return np.fromiter(flat, np.float32, n * len(states)).reshape(len(states), n)

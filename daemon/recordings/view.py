@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Final
 
 from daemon.clients.replay import batches
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.messages import Snapshot, State, printable
 from daemon.recordings.contents import Contents
+from daemon.recordings.reading import read_contents
 from daemon.recordings.signals import DRAWN, SignalGatherer, Signals
 from errors import LogError
 
@@ -141,7 +142,7 @@ def _time_of(path: Path, around: str) -> float:
     kind, _, number = around.partition(":")
     if kind not in _BY_NUMBER:
         return float(around)
-    contents = _contents(path)
+    contents, _ = read_contents(path)
     times = [one.time_s for one in (contents.contacts if kind == "contact" else contents.faults)]
     if len(times) < (which := int(number or 1)):
         has = f"{len(times)} {kind}{'s' if len(times) != 1 else ''}" if times else f"no {kind}"
@@ -149,27 +150,13 @@ def _time_of(path: Path, around: str) -> float:
     return times[which - 1]
 
 
-def _contents(path: Path) -> Contents:
-    """Contents as far as the recording is whole."""
-    contents = Contents()
-    try:
-        for batch in batches(path):
-            if isinstance(batch, Snapshot):
-                contents.add_snapshot(batch)
-            else:
-                contents.add(batch)
-    except LogError:
-        if not contents.states:
-            raise
-    return contents
-
-
 def said_at(view: View) -> list[str]:
     """Every joint that is shown, at the time that was asked about, in words."""
     state, at_s = view.state, view.at_s
     if state is None or at_s is None:
         return []
-    told = [f"at {at_s:.2f} s: {state.mode}{', armed' if state.armed else ''} ({state.cause})"]
+    armed = ", armed" if state.armed else ""
+    told = [f"at {at_s:.2f} s: {state.mode}{armed} ({printable(state.cause)})"]
     for i in view.joints:
         beyond = " beyond its threshold" if state.thresholded[i] else ""
         told.append(
@@ -179,5 +166,5 @@ def said_at(view: View) -> list[str]:
             f"{1e3 * state.phi_sigma[i]:.2f} mrad ({state.side[i]})"
         )
     if state.touched_link:
-        told.append(f"  touched: the link of {state.touched_link}")
+        told.append(f"  touched: the link of {printable(state.touched_link)}")
     return told

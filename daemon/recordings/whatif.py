@@ -6,91 +6,25 @@ estimator. Other settings do: the samples are replayed with them. Everything her
 of a recording and a question, and both can be sent to another process or machine.
 """
 
+import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
 from daemon.recordings.labels import ANY, Label
-from daemon.recordings.rows import CachedRows, Rows, RowsHeader, content_digest
-from daemon.recordings.settings import Change
+from daemon.recordings.question import ARM, COLLISION, Answer, Curve, Found, Question
+from daemon.recordings.row_cache import CachedRows, content_digest
+from daemon.recordings.rows import Rows, RowsHeader
 from errors import ContactdError, LogError
-from estimator.alarms import critical_level
+from estimator.alarms import critical_collision, critical_level
 from estimator.level_sweep import Debounce, Sweep, Window, levels_passed
 
-ARM: Final = "the arm"
 MOST_CONTACTS: Final = 500  # listed of one recording
-
-
-class Question(msgspec.Struct, frozen=True, kw_only=True):
-    """What is asked of every recording."""
-
-    levels: dict[str, tuple[float, ...]] = {}  # of these joints, ascending [Nm]
-    residual: str = ""  # by name; empty: the one that decided
-    changes: tuple[Change, ...] = ()
-    fresh: bool = False  # the estimator begins anew, as after switching on
-    until_reaction: bool = False  # what comes after it is left out
-
-
-class Curve(msgspec.Struct, kw_only=True):
-    """Counts at each level of one joint, or of the arm."""
-
-    levels: list[float]  # [Nm]; of the arm the number of each step
-    contacts: list[int]
-    false: list[int]  # those that begin outside of every label
-    beyond_s: list[float]  # time in which one lasts
-    labels: int = 0
-    found: list[int] = []  # labels with a contact in them
-    delays_s: list[list[float]] = []  # of the found ones, for each level
-
-    def __add__(self, other: "Curve") -> "Curve":
-        """Both recordings together. Raises ValueError for other levels."""
-        if self.levels != other.levels:
-            raise ValueError("curves over other levels")
-
-        def added(name: str) -> list[int]:
-            pairs = zip(getattr(self, name), getattr(other, name), strict=True)
-            return [a + b for a, b in pairs]
-
-        return Curve(
-            levels=self.levels,
-            contacts=added("contacts"),
-            false=added("false"),
-            beyond_s=added("beyond_s"),  # type: ignore[arg-type]
-            labels=self.labels + other.labels,
-            found=added("found"),
-            delays_s=added("delays_s"),  # type: ignore[arg-type]
-        )
-
-
-class Found(msgspec.Struct, frozen=True):
-    """One contact at the levels in force."""
-
-    time_s: float
-    joint: str
-    torque: float  # residual when it began [Nm]
-    threshold: float  # in force then [Nm]
-
-
-class Answer(msgspec.Struct, kw_only=True):
-    """Answer of one recording, or the reason why there is none."""
-
-    file: str
-    failed: str = ""
-    broken: str = ""  # reason why the recording ends early: what came before counts
-    duration_s: float = 0.0
-    watched_s: float = 0.0  # in which contacts are reported, and counted here
-    outside_s: float = 0.0  # of that, outside of every label
-    reaction_s: float | None = None
-    shares_known: bool = True
-    recorded: list[Found] = []  # contacts as recorded
-    contacts: list[Found] = []  # the same with other settings, or by another residual
-    curves: dict[str, Curve] = {}
 
 
 @dataclass(slots=True)
@@ -102,6 +36,37 @@ class _Joint:
     sweep: Sweep
 
 
+class _Levels:
+    """Sweeps of the joints that were asked about, over their levels of one kind."""
+
+    def __init__(
+        self, critical: Callable[..., Matrix], joints: list[_Joint], header: RowsHeader
+    ) -> None:
+        self.joints = joints
+        self._critical, self._contact = critical, np.array(header.contact)
+        self._debounce = Debounce(len(header.joints), header.debounce)
+
+    def forget(self) -> None:
+        """Begin anew, after a gap."""
+        self._debounce.forget()
+        for joint in self.joints:
+            joint.sweep.forget()
+
+    def add(self, rows: Rows) -> NDArray[np.int64]:
+        """Take rows; returns how many levels any of the joints passes (ticks,)."""
+        most = np.zeros(len(rows.time_s), dtype=np.int64)
+        if not self.joints:
+            return most
+        critical = self._critical(rows.residual, rows.threshold, self._contact, rows.level_share)
+        critical[~rows.reports] = 0.0
+        passed = self._debounce.add(critical, rows.residual)
+        for joint in self.joints:
+            k = levels_passed(passed[:, joint.column], joint.levels)
+            joint.sweep.add(rows.time_s, k)
+            most = np.maximum(most, np.abs(k))
+        return most
+
+
 def ask(
     file: Path,
     question: Question,
@@ -111,11 +76,15 @@ def ask(
 ) -> Answer:
     """Answer of a recording. Never raises ContactdError: `failed` says why there is none."""
     try:
-        recorded = CachedRows(file, content_digest(file), cache, progress)
-        return _Asked(file, question, labels, recorded).answer(progress)
+        with (
+            contextlib.closing(CachedRows(file, content_digest(file), cache, progress)) as recorded,
+            np.errstate(over="ignore", invalid="ignore"),  # of values that no arm has
+        ):
+            return _Asked(file, question, labels, recorded).answer(progress)
     except ContactdError as error:
-        text = str(error)
-        return Answer(file=str(file), failed=text if str(file) in text else f"{file} {text}")
+        return Answer(file=str(file), failed=naming(file, error))
+    except OSError as error:
+        return Answer(file=str(file), failed=f"{file}: its columns in the cache: {error}")
 
 
 class _Asked:
@@ -129,7 +98,12 @@ class _Asked:
         self.labels = labels
         for label in labels:
             _refuse_unknown(label.joint, header, but=ANY)
-        for joint in question.levels:
+            if label.start_s > header.duration_s:
+                raise LogError(
+                    f"has a label from {label.start_s:g} s on, and lasts "
+                    f"{header.duration_s:.2f} s: its times count from its first state"
+                )
+        for joint in (*question.levels, *question.collisions):
             _refuse_unknown(joint, header)
         self.end_s = np.inf
         if question.until_reaction and header.reaction_s is not None:
@@ -147,6 +121,7 @@ class _Asked:
             shares_known=header.shares_known or not header.learned,
         )
         parts = self.recorded.parts(question.residual)
+        replayed = None
         if question.changes or question.fresh:
             from daemon.recordings.replayed import ReplayedRows  # noqa: PLC0415 - pinocchio
 
@@ -158,6 +133,8 @@ class _Asked:
         elif question.residual:
             answer.recorded = _contacts(self._cut(self.recorded.parts()), header)
         self._count(answer, parts, header)
+        if replayed is not None:
+            answer.skipped_s = header.period_s * replayed.skipped
         if not (question.changes or question.fresh or question.residual):
             answer.recorded = answer.contacts
         return answer
@@ -173,56 +150,55 @@ class _Asked:
 
     def _count(self, answer: Answer, parts: Iterator[Rows], header: RowsHeader) -> None:
         """One pass over the rows: contacts at the levels in force, and all curves."""
-        n = len(header.joints)
-        contact = np.array(header.contact)
-        joints = [self._joint(header, name) for name in self.question.levels]
-        count = {len(joint.levels) for joint in joints}
+        levels = _Levels(critical_level, self._joints(header, self.question.levels), header)
+        hard = _Levels(critical_collision, self._joints(header, self.question.collisions), header)
+        count = {len(joint.levels) for joint in levels.joints}
         arm = Sweep(count.pop(), self.touches) if len(count) == 1 else None
-        debounce, in_force = Debounce(n, header.debounce), Debounce(n, header.debounce)
-        found = _Contacts(header)
-        period_s = header.duration_s / max(header.rows - 1 - len(header.stretches), 1)
+        others = self._others(levels.joints, len(header.joints))
+        in_force, found = Debounce(len(header.joints), header.debounce), _Contacts(header)
         for rows in self._cut(parts):
             if not rows.follows:
-                for one in (debounce, in_force, found, *(j.sweep for j in joints), arm):
+                for one in (levels, hard, in_force, found, arm):
                     if one is not None:
                         one.forget()
-            critical = critical_level(rows.residual, rows.threshold, contact, rows.level_share)
-            critical[~rows.reports] = 0.0
-            passed = debounce.add(critical, rows.residual)
             beyond = in_force.add(_beyond(rows), rows.residual)
             found.add(rows, beyond)
-            watched = rows.reports.any(axis=1)
-            answer.watched_s += period_s * int(np.count_nonzero(watched))
-            for window in self.touches:
-                touched = (rows.time_s >= window.begin_s) & (rows.time_s <= window.end_s)
-                watched &= ~touched
-            answer.outside_s += period_s * int(np.count_nonzero(watched))
-            if not joints:
-                continue
-            others = np.where((beyond != 0.0).any(axis=1, where=self._others(joints, n)), 1, 0)
-            most = others * (arm.count if arm else 0)
-            for joint in joints:
-                k = levels_passed(passed[:, joint.column], joint.levels)
-                joint.sweep.add(rows.time_s, k)
-                most = np.maximum(most, np.abs(k))
+            self._watch(answer, rows, header.period_s)
+            hard.add(rows)
+            most = levels.add(rows)
             if arm is not None:
-                arm.add(rows.time_s, most)
+                now = (beyond != 0.0).any(axis=1, where=others)
+                arm.add(rows.time_s, np.maximum(most, np.where(now, arm.count, 0)))
         answer.contacts = found.found
-        answer.curves = {
-            header.joints[j.column]: _curve(j.sweep, j.levels.tolist(), period_s) for j in joints
-        }
+        for kind, name in ((levels, ""), (hard, COLLISION)):
+            answer.curves |= {
+                header.joints[j.column] + name: _curve(j.sweep, j.levels.tolist(), header.period_s)
+                for j in kind.joints
+            }
         if arm is not None:
-            answer.curves[ARM] = _curve(arm, list(range(1, arm.count + 1)), period_s)
+            steps = np.arange(1.0, arm.count + 1).tolist()
+            answer.curves[ARM] = _curve(arm, steps, header.period_s)
 
-    def _joint(self, header: RowsHeader, name: str) -> _Joint:
-        windows = [
-            window
-            for window, label in zip(self.touches, self.labels, strict=True)
-            if label.joint in (name, ANY)
-        ]
-        levels = np.array(self.question.levels[name])
-        sweep = Sweep(len(levels), windows, self.touches)
-        return _Joint(header.joints.index(name), levels, sweep)
+    def _watch(self, answer: Answer, rows: Rows, period_s: float) -> None:
+        """Count the time in which contacts are reported, and of it that outside of all labels."""
+        watched = rows.reports.any(axis=1)
+        answer.watched_s += period_s * int(np.count_nonzero(watched))
+        for window in self.touches:
+            watched &= (rows.time_s < window.begin_s) | (rows.time_s > window.end_s)
+        answer.outside_s += period_s * int(np.count_nonzero(watched))
+
+    def _joints(self, header: RowsHeader, asked: dict[str, tuple[float, ...]]) -> list[_Joint]:
+        """Sweeps of the joints of `asked`, each over its levels."""
+        joints = []
+        for name, levels in asked.items():
+            windows = [
+                window
+                for window, label in zip(self.touches, self.labels, strict=True)
+                if label.joint in (name, ANY)
+            ]
+            sweep = Sweep(len(levels), windows, self.touches)
+            joints.append(_Joint(header.joints.index(name), np.array(levels), sweep))
+        return joints
 
     @staticmethod
     def _others(joints: list[_Joint], n: int) -> NDArray[np.bool_]:
@@ -295,6 +271,14 @@ def _curve(sweep: Sweep, levels: list[float], period_s: float) -> Curve:
         found=np.count_nonzero(known, axis=0).tolist(),
         delays_s=[sweep.delays_s[known[:, k], k].tolist() for k in range(sweep.count)],
     )
+
+
+def naming(file: Path, error: ContactdError) -> str:
+    """An error with the file that it is about."""
+    text = str(error)
+    if str(file) in text:
+        return text
+    return f"{file} {text}" if isinstance(error, LogError) else f"{file}: {text}"
 
 
 def _refuse_unknown(joint: str, header: RowsHeader, but: str = "") -> None:

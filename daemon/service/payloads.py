@@ -1,14 +1,23 @@
 """Payloads that may be announced: by mass and place, or by their names in the configuration."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from daemon.config.load import Robot
-from daemon.config.schema import NO_PAYLOAD
+from daemon.config.schema import NO_PAYLOAD, Configuration
 from daemon.config.worst_loads import Carrying
 from daemon.protocol.messages import Request
 from errors import ModelError
 from estimator.model import Model
 from estimator.payload import Payload
+
+
+def named_payloads(c: Configuration, tool_place: Sequence[float]) -> dict[str, Payload]:
+    """Payloads under `payloads`, by name; those without a place are at the tool point."""
+    return {
+        name: Payload.of(entry.mass, entry.com or tool_place, name)
+        for name, entry in c.payloads.items()
+    }
 
 
 @dataclass(slots=True)
@@ -27,10 +36,7 @@ class Payloads:
         model = Model(self.robot.urdf, c.joint_names)
         self.hand, self._tool_place = model.hand, model.tool_place.tolist()
         self._carrying = Carrying(c, self.robot.urdf)
-        self.named = {
-            name: Payload.of(entry.mass, entry.com or self._tool_place, name)
-            for name, entry in c.payloads.items()
-        }
+        self.named = named_payloads(c, self._tool_place)
 
     def asked_for(self, request: Request) -> Payload | None:
         """Payload of a request, None for nothing. Raises ModelError for one that cannot be."""

@@ -28,7 +28,7 @@
     const column = (name, scale) => curve.points.map((p) => (p[name] === null ? null : scale * p[name]));
     const levels = column("level", 1), labelled = curve.labels > 0;
     const title = Object.assign(document.createElement("h3"), { textContent: curve.name +
-      (labelled ? `: ${curve.labels} labelled touches` : "") });
+      (labelled ? `: ${curve.labels} labelled ${curve.labels === 1 ? "touch" : "touches"}` : "") });
     const box = document.createElement("div");
     place.append(title, box);
     const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line } };
@@ -43,12 +43,14 @@
     }
     const chosen = curve.chosen === null ? null : curve.points[curve.chosen].level;
     const axes = [{ ...axis, label: series[0].label, labelSize: 18 },
-      { ...axis, scale: "rate", size: 60, label: series[1].label, labelSize: 18 }];
-    if (labelled) axes.push({ ...axis, scale: "%", side: 1, grid: { show: false }, values: (u, v) => v.map((x) => x + " %") });
+      { ...axis, stroke: ORANGE, scale: "rate", size: 60, label: series[1].label, labelSize: 18 }];
+    const right = (scale, stroke, label) => ({ ...axis, scale, stroke, side: 1, size: 60, grid: { show: false },
+      label, labelSize: 18, values: (u, v) => v.map((x) => `${x} ${scale}`) });
+    if (labelled) axes.push(right("%", BLUE, "found"), { ...right("ms", GREEN, "delay"), size: 74 });
     const width = () => Math.max(place.clientWidth, 280);
     const plot = new uPlot({ width: width(), height: 260, series, axes,
       scales: { x: { time: false }, rate: { range: (u, low, high) => [0, Math.max(high, 1) * 1.05] },
-        "%": { range: [0, 105] }, ms: { range: (u, low, high) => [0, Math.max(high, 1) * 1.05] } },
+        "%": { range: [0, 105] }, ms: { range: (u, low, high) => [0, Math.max(high, 1) * 1.3] } },
       hooks: { draw: [chosenLine(chosen)] } }, rows, box);
     addEventListener("resize", () => plot.setSize({ width: width(), height: 260 }));
   }

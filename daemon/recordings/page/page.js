@@ -25,12 +25,19 @@
     ({ label, stroke, width: 1.2, value: shown(digits), spanGaps: false, points: { show: false }, ...more });
   const bound = (label, stroke, more) => curve(label, stroke, 3, { dash: [6, 4], width: 1, ...more });
 
+  // Below zero as above it: drawn and hidden with the curve before, which alone stands in the legend.
+  const mirrored = (one) => ({ ...one, class: "mirrored" });
+  function hideMirrored(u, i, change) {
+    for (let k = i + 1; i && "show" in change && k < u.series.length && u.series[k].class === "mirrored"; k++)
+      if (u.series[k].show !== change.show) u.setSeries(k, { show: change.show });
+  }
+
   // Each panel: its axis, its series, and their values of a joint.
   const PANELS = [
     { axis: "residual [Nm]", of: (j) => {
       const threshold = values("threshold", j);
       return [[curve("residual", BLUE, 3, { width: 1.6 }), values("residual", j)],
-        [bound("threshold in force", ORANGE), threshold], [bound("-threshold", ORANGE), negative(threshold)]];
+        [bound("threshold in force", ORANGE), threshold], [mirrored(bound("", ORANGE)), negative(threshold)]];
     } },
     { axis: "velocity [rad/s]", of: (j) => [[curve("link", BLUE, 3), values("link_velocity", j)],
       [curve("motor", ORANGE, 3, { width: 1 }), values("motor_velocity", j)]] },
@@ -41,9 +48,9 @@
       const gap = 1e3 * data.joints[j].half_gap;
       const rows = [[curve("phi", PINK, 2, { width: 1.6 }), phi],
         [curve("+ its uncertainty", GREY, 2, { width: 0.8 }), sum(phi, sigma, 1)],
-        [curve("- its uncertainty", GREY, 2, { width: 0.8 }), sum(phi, sigma, -1)]];
+        [mirrored(curve("", GREY, 2, { width: 0.8 })), sum(phi, sigma, -1)]];
       return gap > 0 ? [...rows, [bound("half-gap", ORANGE), phi.map(() => gap)],
-        [bound("-half-gap", ORANGE), phi.map(() => -gap)]] : rows;
+        [mirrored(bound("", ORANGE)), phi.map(() => -gap)]] : rows;
     }, bands: [{ series: [2, 3], fill: GREY + "40" }] },
   ];
 
@@ -125,9 +132,10 @@
           cursor: { sync: { key: "contactd" }, drag: { x: true, y: false }, points: { size: 5 } },
           scales: { x: { time: false, min: range[0], max: range[1] } },
           axes: [{ ...axis, size: 28, values: (u, ticks) => ticks.map((t) => +t.toFixed(4) + " s") },
-            { ...axis, size: 62, label: panel.axis, labelSize: 18, labelFont: "12px system-ui" }],
+            { ...axis, size: 62, space: 20, label: panel.axis, labelSize: 18, labelFont: "12px system-ui" }],
           series: [{ label: "time [s]", value: shown(3) }, ...series.map((one) => one[0])],
           hooks: { drawClear: [shading(p === 0)], draw: [marks(joint.name, p === 0)],
+            setSeries: [hideMirrored],
             setScale: [(u, key) => { if (key === "x" && !moving) zoom(u.scales.x.min, u.scales.x.max); }],
             ready: [(u) => u.over.addEventListener("dblclick", whole)] },
         }, [time, ...series.map((one) => one[1])], box));

@@ -14,9 +14,10 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from daemon.clients.client import Client
-from daemon.clients.recorder import CHUNK_BYTES, read_log, record, viewer_schema
+from daemon.clients.recorder import CHUNK_BYTES, read_log, record
 from daemon.clients.replay import SAME_ESTIMATOR, replay
 from daemon.clients.trajectory_recorder import record_trajectory
+from daemon.clients.viewer_schema import viewer_schema
 from daemon.protocol.messages import STATE_FORMAT, Contact, Notice, Snapshot, State
 from errors import ControlError, LogError, UnreachableError
 from tests.examples import scaled

@@ -118,7 +118,7 @@ def test_the_reset_when_the_arm_begins_to_hold_is_replayed(
     messages: Messages, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As if it were forgotten: the residual is another."""
-    monkeypatch.setattr(replaying._Run, "_resets", lambda self, states: frozenset())
+    monkeypatch.setattr(replaying, "resets", lambda mode, states: frozenset())
     result = replay(written(tmp_path / "a.mcap", messages))
     assert result.difference is not None
     assert result.difference.field == "residual"

@@ -166,6 +166,7 @@ def test_what_is_whole_of_a_broken_file_is_plotted(recording: Path, tmp_path: Pa
     whole = written(tmp_path / "long.mcap", [snapshot_at(-1), *long]).read_bytes()
     cut.write_bytes(whole[: len(whole) * 3 // 4])
     answer = plotted(cut, "-o", page)
+    assert answer.exit_code == 1
     assert "ends in the middle" in answer.stderr
     assert 0.0 < data_of(page)["until_s"] < 5.9
 

@@ -46,7 +46,7 @@ def run(tmp_path: Path) -> tuple[Path, list[State]]:
         rig.run(SECONDS, each)
         context_path(path).write_bytes(msgspec.json.encode(context_of(rig.robot)))
     begun_wall_s = time.time()
-    log = save(path, tmp_path / "state" / "contactd", [(begun_wall_s + 3600.0, "too late")])
+    log = save(path, tmp_path / "state" / "contactd", [(begun_wall_s + 3600.0, "the bus is gone")])
     ring.close()
     assert log is not None
     return log, states
@@ -65,8 +65,7 @@ def test_the_samples_are_those_of_the_daemon(run: tuple[Path, list[State]]) -> N
     snapshot, found = recomputed(log, context_of_log(log))
     assert snapshot.joints == ["joint"]
     assert len(found) >= len(states) - 2
-    # The last SYNC in the log has no next one to end its tick.
-    pairs = list(zip(found[::-1], states[-2::-1], strict=False))[: len(states) - 5]
+    pairs = list(zip(found[::-1], states[::-1], strict=False))[: len(states) - 5]
     for name in ("current", "link_position", "motor_velocity", "drives", "fresh"):
         assert [getattr(a, name) for a, _ in pairs] == [getattr(b, name) for _, b in pairs]
     residual = np.array([[a.residual[0], b.residual[0]] for a, b in pairs])
@@ -88,8 +87,20 @@ def test_it_is_opened_like_a_recording_at_its_fault(
     assert "drive fault: joint" in told.output
     assert "no estimate to compare with" in told.stderr
     assert told.exit_code == 65
-    answer = CliRunner().invoke(main, ["whatif", str(as_recording(log)), "--fresh"])
+    answer = CliRunner().invoke(main, ["whatif", str(log), "--fresh"])
     assert answer.exit_code == 0, answer.output
+    assert answer.output.startswith(f"{log}: ")
+
+
+def test_what_ended_the_daemon_after_the_last_frame_is_shown(
+    run: tuple[Path, list[State]],
+) -> None:
+    log, _ = run
+    told = msgspec.json.decode(context_of_log(log).read_bytes(), type=Context)
+    assert [text for _, text in told.faults] == ["the bus is gone"]
+    _, states = recomputed(log, context_of_log(log))
+    assert [k for k, state in enumerate(states) if state.notices] == [len(states) - 1]
+    assert [notice.text for notice in states[-1].notices] == ["the bus is gone"]
 
 
 def test_the_last_fault_is_of_the_newest_log_that_knows_of_one(

@@ -1,7 +1,9 @@
 """What-ifs: where nothing is changed the contacts are those recorded, elsewhere the right ones."""
 
 import json
-from collections.abc import Iterator
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +20,11 @@ from daemon.commands.contactd import main
 from daemon.protocol.messages import Snapshot, State
 from daemon.recordings.labels import Label
 from daemon.recordings.many import Asked, answers, kept_answer
+from daemon.recordings.question import Answer, Question
 from daemon.recordings.settings import changed_configuration
-from daemon.recordings.whatif import Answer, Question, ask
+from daemon.recordings.whatif import ask
 from errors import ConfigurationError
+from estimator.alarms import critical_collision
 from tests.daemon.clients.test_recorder import FORMATS
 from tests.daemon.clients.test_replay import written
 
@@ -89,6 +93,35 @@ def test_another_level_makes_the_contacts_that_a_replay_with_it_makes(
     replayed = ask(recording, Question(changes=(change,)))
     # What is learned of a level depends a little on the level: one contact may split, or join.
     assert abs(swept.contacts[0] - len(replayed.contacts)) <= 1
+
+
+@pytest.mark.parametrize("collision", [0.7, 1.5, 2.5])
+def test_another_collision_level_makes_the_collisions_that_an_arm_with_it_says(
+    tmp_path: Path, collision: float
+) -> None:
+    arm = shutil.copytree(SINGLE_JOINT.parent, tmp_path / "configs") / SINGLE_JOINT.name
+    text = (arm / "config.yaml").read_text()
+    assert "collision: 4.0}" in text
+    (arm / "config.yaml").write_text(text.replace("collision: 4.0}", f"collision: {collision}}}"))
+    path = made(tmp_path / "hit.mcap", arm, 14.0, seed=4)
+    said = [
+        (state, notice.contact)
+        for state in read_log(path)
+        if isinstance(state, State)
+        for notice in state.notices
+        if notice.contact is not None and notice.contact.level == "collision"
+    ]
+    question = Question(levels={JOINT: (1.0,)}, collisions={JOINT: (collision, 50.0)})
+    curves = ask(path, question).curves
+    assert curves[f"{JOINT}, collision"].contacts == [len(said), 0]
+    assert said
+    for state, contact in said:
+        rows = [np.array([row]) for row in (state.residual, state.threshold, state.level_share)]
+        critical = critical_collision(rows[0], rows[1], np.array([configured(path)]), rows[2])
+        assert critical[0, 0] == pytest.approx(
+            abs(contact.torque) - contact.threshold + collision, abs=1e-9
+        )
+    assert list(curves) == [JOINT, f"{JOINT}, collision", "the arm"]
 
 
 def test_other_friction_makes_other_residuals(recording: Path) -> None:
@@ -171,9 +204,11 @@ def test_settings_that_are_none(path: str, value: str, said: str) -> None:
 def test_a_setting_goes_where_its_path_says() -> None:
     snapshot = next(iter(read_log(FORMATS[4])))
     assert isinstance(snapshot, Snapshot)
-    changes = [("joints.joint.friction.motor_coulomb", "0.25"), ("estimator.learning", "false")]
+    changes = [("joints.joint.friction.motor_coulomb", "0.25"), ("estimator.learning", "false"),
+               ("estimator.gain", "2e1")]  # fmt: skip
     found = changed_configuration(snapshot, changes)
     assert (found.joints[0].friction.motor_coulomb, found.estimator.learning) == (0.25, False)
+    assert found.estimator.gain == 20.0
 
 
 # --- the command ----------------------------------------------------------------------------------
@@ -204,6 +239,13 @@ def test_the_command_says_it_and_draws_it(recording: Path, tmp_path: Path) -> No
         (["--threshold", "joint=1:0:0.1"], 2, "must be JOINT=LOW:HIGH:STEP"),
         (["--threshold", "joint=0:1:0.1"], 2, "above 0"),
         (["--threshold", "joint=nan"], 2, "must be JOINT=LOW:HIGH:STEP"),
+        (["--threshold", "joint=1:2"], 2, "must be JOINT=LOW:HIGH:STEP"),
+        (["--threshold", "=1"], 2, "must be JOINT=LOW:HIGH:STEP"),
+        (["--threshold", "joint=1:9:1e-9"], 2, "at most 2000 levels"),
+        (["--threshold", "joint=1", "--threshold", "joint=2"], 2, "names a joint twice"),
+        (["--collision", "joint=0"], 2, "--collision joint=0: must be JOINT"),
+        (["--collision", "elbow=1"], 1, "has no joint 'elbow'; there are: joint"),
+        (["--set", "payload=cup"], 1, "--set payload=cup: there is no such name"),
         (["--threshold", "LElbow=1,2"], 1, "has no joint 'LElbow'; there are: joint"),
         (["--set", "gain"], 78, "must be PATH=VALUE"),
         (["--set", "identified=/nonexistent"], 78, "cannot read /nonexistent"),
@@ -228,6 +270,8 @@ def test_wrong_questions(recording: Path, arguments: list[str], status: int, sai
         ("start_s,end_s,joint\n1,2,\n", ":2: joint is empty"),
         ("file,start_s,end_s,joint\nother.mcap,1,2,any\n", "its labels are of other files"),
         ("start_s,end_s,joint\n1,2,elbow\n", "has no joint 'elbow'"),
+        ("start_s,end_s,joint\n1\n", ":2: end_s is '': must be seconds"),
+        ("start_s,end_s,joint\n1e9,2e9,any\n", "has a label from 1e+09 s on, and lasts 23."),
     ],
 )
 def test_wrong_labels(recording: Path, tmp_path: Path, text: str, said: str) -> None:
@@ -287,6 +331,73 @@ def test_a_cache_that_was_damaged_is_made_anew(recording: Path, cache: Path) -> 
     assert kept_answer(question, Asked(str(recording))) == first
 
 
+def cut_column(columns: Path) -> None:
+    (columns / "residual").write_bytes(b"12345678")
+
+
+def remove_column(columns: Path) -> None:
+    (columns / "threshold").unlink()
+
+
+def cut_header(columns: Path) -> None:
+    (columns / "header.json").write_bytes(b"{")
+
+
+def remove_all(columns: Path) -> None:
+    shutil.rmtree(columns)
+
+
+def no_folder(columns: Path) -> None:
+    shutil.rmtree(columns.parent)
+    columns.parent.write_bytes(b"")
+
+
+@pytest.mark.parametrize("damage", [cut_column, remove_column, cut_header, remove_all, no_folder])
+def test_columns_that_were_damaged_are_read_anew(
+    recording: Path,
+    cache: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    damage: Callable[[Path], None],
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    question = Question(levels={JOINT: (1.0, 2.0)})
+    first = ask(recording, question)
+    assert not first.failed
+    (columns,) = (cache / "contactd" / "columns").iterdir()
+    damage(columns)
+    assert ask(recording, question) == first
+    assert not list(tmp_path.glob("contactd-columns-*"))
+
+
+def test_an_answer_that_was_kept_is_the_same_to_the_letter(recording: Path) -> None:
+    asked = (recording, "--threshold", "joint=1:2:0.1", "--json")
+    assert whatif(*asked).stdout == whatif(*asked).stdout
+
+
+def test_time_in_which_states_were_lost_was_not_watched(recording: Path, tmp_path: Path) -> None:
+    def later(state: State) -> State:
+        return msgspec.structs.replace(
+            state, tick=state.tick + 1_000_000, time_s=state.time_s + 1e4
+        )
+
+    snapshot, *states = list(read_log(recording))
+    half = len(states) // 2
+    after = [later(state) for state in states[half:] if isinstance(state, State)]
+    path = written(tmp_path / "hours.mcap", [snapshot, *states[:half], *after])
+    answer, whole = (ask(one, Question()) for one in (path, recording))
+    assert answer.duration_s > 1e4
+    assert answer.watched_s == pytest.approx(whole.watched_s)
+    replayed = ask(path, Question(changes=(("estimator.debounce", "1"),)))
+    assert replayed.skipped_s == pytest.approx(0.01 * len(after))
+    assert f"{replayed.skipped_s:.1f} s after lost states are left out" in (
+        whatif(path, "--set", "estimator.debounce=1").output
+    )
+    nothing = ask(written(tmp_path / "none.mcap", [snapshot, *after]), Question(fresh=False,
+                  changes=(("estimator.debounce", "1"),)))  # fmt: skip
+    assert "has no state that follows on a snapshot; --fresh begins without" in nothing.failed
+
+
 def told(found: Iterator[Answer]) -> list[tuple[str, bool, int]]:
     return sorted((Path(a.file).name, bool(a.failed), len(a.contacts)) for a in found)
 
@@ -319,6 +430,8 @@ def test_a_dask_cluster_gives_the_same_answers(folder: Path, tmp_path: Path) -> 
 
 def test_a_scheduler_that_is_not_there(recording: Path) -> None:
     pytest.importorskip("distributed")
+    answer = whatif(recording, "--scheduler", "here")
+    assert answer.stderr == "contactd: --scheduler here: must be like tcp://127.0.0.1:8786\n"
     answer = whatif(recording, "--scheduler", "tcp://127.0.0.1:9")
     assert answer.exit_code == 65
     assert "--scheduler tcp://127.0.0.1:9: cannot be reached" in answer.stderr
