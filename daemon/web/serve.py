@@ -131,7 +131,8 @@ async def serving(settings: Settings, listener: socket.socket) -> AsyncIterator[
     )
     await runner.setup()
     assert runner.server is not None
-    factory = bounded(runner.server, Places(MOST_CONNECTIONS, MOST_CONNECTIONS_OF_ONE))
+    of_one = MOST_CONNECTIONS if settings.proxied else MOST_CONNECTIONS_OF_ONE
+    factory = bounded(runner.server, Places(MOST_CONNECTIONS, of_one))
     loop = asyncio.get_running_loop()
     create = loop.create_unix_server if settings.proxied else loop.create_server
     server = await create(factory, sock=listener)
