@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import gzip
 import json
 import os
 import socket
@@ -253,6 +254,44 @@ def test_the_token_is_asked_for_once(fake_daemon: FakeDaemon, tmp_path: Path) ->
     asyncio.run(visit())
 
 
+FORM = "application/x-www-form-urlencoded"
+
+
+@pytest.mark.parametrize(
+    ("body", "headers", "status"),
+    [
+        (b"token=%s" % TOKEN.encode(), {"Content-Type": FORM}, 303),
+        (b"", {"Content-Type": FORM}, 401),
+        (b"&&=;token", {"Content-Type": FORM}, 401),
+        (b"token=\xff\xfe\xed\xa0\x80", {"Content-Type": FORM}, 401),
+        (b"token=%ff%00", {"Content-Type": f"{FORM}; charset=no-such"}, 401),
+        (b"hello", {"Content-Type": "multipart/form-data"}, 401),
+        (b"hello", {"Content-Type": FORM, "Content-Encoding": "gzip"}, 401),
+        (gzip.compress(b"token=" + bytes(4_000_000)), {"Content-Encoding": "gzip"}, 401),
+        (b"token=" + b"x" * 5000, {"Content-Type": FORM}, 413),
+    ],
+)
+def test_no_form_upsets_it(
+    fake_daemon: FakeDaemon,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    body: bytes,
+    headers: dict[str, str],
+    status: int,
+) -> None:
+    async def visit() -> None:
+        async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
+            caplog.clear()
+            own = {"Origin": visitor.origin, **headers}
+            async with visitor.session.post(
+                f"{visitor.origin}/enter", data=body, headers=own, allow_redirects=False
+            ) as answer:
+                assert answer.status == status
+            assert caplog.messages == []  # nor does a stranger fill the log
+
+    asyncio.run(visit())
+
+
 def test_tokens_cannot_be_guessed_in_a_row(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
     async def visit() -> None:
         async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
@@ -447,6 +486,35 @@ def test_a_recording_is_made_downloaded_and_deleted(
     asyncio.run(visit())
 
 
+@pytest.mark.parametrize(
+    ("bound", "value", "why"),
+    [
+        ("LONGEST_S", 0.1, "minutes, which is the longest"),
+        ("DISK_LEFT_BYTES", 1 << 60, "others need the last"),
+    ],
+)
+def test_a_recording_that_came_to_a_bound_says_so(
+    fake_daemon: FakeDaemon,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    bound: str,
+    value: float,
+    why: str,
+) -> None:
+    async def visit() -> None:
+        async with visiting(door(fake_daemon), recordings=tmp_path) as visitor:
+            await visitor.until(lambda: visitor.site.arms[0].snapshot)
+            assert (await visitor.command("/arms/0/record"))[0] == 200
+            monkeypatch.setattr(f"daemon.web.recordings.{bound}", value)
+            recorder = visitor.site.recorder
+            assert recorder is not None
+            await visitor.until(lambda: not recorder.shown().running)
+            assert why in recorder.shown().said
+            assert "states" in recorder.shown().said  # and the file is complete
+
+    asyncio.run(visit())
+
+
 def test_a_recording_never_fills_the_disk(
     fake_daemon: FakeDaemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -462,6 +530,7 @@ def test_a_recording_never_fills_the_disk(
             await visitor.until(lambda: not recorder.shown().running)
             (file,) = recorder.shown().files
             assert 100_000 < file.bytes < 400_000
+            assert "which is all the room that it had" in recorder.shown().said
             status, text = await visitor.command("/arms/0/record")
             assert status == 409
             assert "no room" in text
