@@ -73,6 +73,7 @@ def test_every_size_shows_what_matters(
         if name == "wall":  # and all of it, or a wall is half empty
             ends = "document.querySelector('#joints').getBoundingClientRect().bottom"
             assert 0.85 * size[1] < screen.page.evaluate(ends) <= size[1]
+            assert screen.page.locator(".curve").first.bounding_box()["height"] > 0.2 * size[1]
         screen.page.close()
 
 
