@@ -4,6 +4,7 @@
 """
 
 import asyncio
+import contextlib
 import socket
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +17,7 @@ from daemon.protocol.messages import Reply, Request
 from errors import ControlError, UnreachableError
 
 _ANSWER_S = 2.0
+_THRONG_S = 0.01  # about a tick: the daemon lets in all who wait
 _buffer = bytearray(MAX_PACKET_BYTES)  # nothing waits between a packet's arrival and its copy
 _replies = msgspec.json.Decoder(Reply)
 
@@ -31,11 +33,14 @@ class Link:
     async def open(cls, path: Path) -> Self:
         """Connect to the socket at `path`."""
         connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
-        try:
-            connection.connect(str(path))  # at once or not at all
-        except OSError as error:
-            connection.close()
-            raise UnreachableError(why_unreachable(path, error)) from error
+        with contextlib.ExitStack() as opened:
+            opened.callback(connection.close)
+            try:
+                async with asyncio.timeout(_ANSWER_S):
+                    await _connect(connection, path)
+            except OSError as error:
+                raise UnreachableError(why_unreachable(path, error)) from error
+            opened.pop_all()
         return cls(connection)
 
     async def __aenter__(self) -> Self:
@@ -86,6 +91,15 @@ class Link:
             if not size:
                 raise UnreachableError("the daemon closed the connection")
             packets.append(bytes(memoryview(_buffer)[:size]))
+
+
+async def _connect(connection: socket.socket, path: Path) -> None:
+    """Connect, as soon as there is room: others may throng outside."""
+    while True:
+        try:
+            return connection.connect(str(path))
+        except BlockingIOError:
+            await asyncio.sleep(_THRONG_S)
 
 
 async def ask_once(path: Path, request: Request, timeout_s: float = _ANSWER_S) -> Reply:

@@ -6,6 +6,7 @@ from pathlib import Path
 from aiohttp import web
 
 from daemon.web.arm import Arm
+from daemon.web.connections import stay
 from daemon.web.guard import HEADERS, Refusal
 from daemon.web.recordings import Recorder
 from daemon.web.replies import as_json, said
@@ -43,6 +44,7 @@ class RecordingRoutes:
 
     async def _download(self, request: web.Request) -> web.StreamResponse:
         path = self._file(request)
+        stay(request.transport)
         disposition = f'attachment; filename="{path.name}"'
         return web.FileResponse(path, headers={**HEADERS, "Content-Disposition": disposition})
 

@@ -31,7 +31,9 @@ class _Running:
 
     path: Path
     begun_s: float
+    most_bytes: int
     stop: threading.Event = field(default_factory=threading.Event)
+    bound: str = ""  # that ended it
     done: "asyncio.Future[Recording] | None" = None
 
 
@@ -57,11 +59,10 @@ class Recorder:
             raise LogError(f"no room in {self.folder}: delete recordings first")
         name = re.sub(r"[^A-Za-z0-9_-]+", "_", arm)[:40] or "arm"
         path = self.folder / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}.mcap"
-        running = _Running(path, time.monotonic())
-        most = min(MOST_BYTES, room)
+        running = _Running(path, time.monotonic(), min(MOST_BYTES, room))
         self._running, self._said = running, ""
         running.done = asyncio.get_running_loop().run_in_executor(
-            None, _record, view_socket, running, most
+            None, _record, view_socket, running
         )
         running.done.add_done_callback(self._ended)
 
@@ -86,12 +87,12 @@ class Recorder:
             self._said = f"{name}: {error}"
             return
         lost = f", {made.lost} ticks lost" if made.lost else ""
-        why = f"; {made.ended}" if made.ended else ""
+        why = f"; {ended}" if (ended := made.ended or running.bound) else ""
         self._said = f"{name}: {made.duration_s:.1f} s, {made.states} states{lost}{why}"
 
     def shown(self) -> Recordings:
         """Recordings as the page shows them, newest first."""
-        files = sorted(self._files(), key=lambda path: path.stat().st_mtime, reverse=True)
+        files = sorted(self._files(), key=_modified, reverse=True)
         running = self._running
         try:
             room = self._room()
@@ -138,16 +139,32 @@ def _size(path: Path) -> int:
         return 0
 
 
-def _record(view_socket: Path, running: _Running, most: int) -> Recording:
+def _modified(path: Path) -> float:
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+def _bound(running: _Running) -> str:
+    """The bound that a recording has come to, in words; empty: none."""
+    if time.monotonic() - running.begun_s >= LONGEST_S:
+        return f"ended after {LONGEST_S / 60:.0f} minutes, which is the longest"
+    if _size(running.path) >= running.most_bytes:
+        return f"ended at {running.most_bytes / 1e6:.1f} MB, which is all the room that it had"
+    if shutil.disk_usage(running.path.parent).free < DISK_LEFT_BYTES:
+        return f"ended: others need the last {DISK_LEFT_BYTES / 1e9:.1f} GB of the disk"
+    return ""
+
+
+def _record(view_socket: Path, running: _Running) -> Recording:
     ticks = 0
 
     def stop() -> bool:
         nonlocal ticks
         ticks += 1
-        full = ticks % LOOKS_EVERY == 0 and (
-            _size(running.path) >= most
-            or shutil.disk_usage(running.path.parent).free < DISK_LEFT_BYTES
-        )
-        return full or running.stop.is_set()
+        if ticks % LOOKS_EVERY == 0:
+            running.bound = _bound(running)
+        return running.bound != "" or running.stop.is_set()
 
-    return record(lambda: Client(view_socket), running.path, seconds=LONGEST_S, stop=stop)
+    return record(lambda: Client(view_socket), running.path, stop=stop)

@@ -7,6 +7,7 @@ import signal
 import socket
 import stat
 from collections.abc import AsyncIterator, Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
 
@@ -23,6 +24,7 @@ ANYWHERE: Final = ("0.0.0.0", "::", "*", "")
 MOST_CONNECTIONS: Final = 256
 MOST_CONNECTIONS_OF_ONE: Final = 32
 NICE: Final = 10
+THREADS: Final = 4
 END_S: Final = 2.0
 
 
@@ -127,11 +129,16 @@ async def serving(settings: Settings, listener: socket.socket) -> AsyncIterator[
     """The page's server, at `listener` while the block lasts."""
     site = Site(settings)
     runner = web.AppRunner(
-        site.application(), access_log=None, handle_signals=False, shutdown_timeout=END_S
+        site.application(),
+        access_log=None,
+        handle_signals=False,
+        shutdown_timeout=END_S,
+        auto_decompress=False,  # no browser packs what it asks; others pack gigabytes small
     )
     await runner.setup()
     assert runner.server is not None
-    factory = bounded(runner.server, Places(MOST_CONNECTIONS, MOST_CONNECTIONS_OF_ONE))
+    of_one = MOST_CONNECTIONS if settings.proxied else MOST_CONNECTIONS_OF_ONE
+    factory = bounded(runner.server, Places(MOST_CONNECTIONS, of_one))
     loop = asyncio.get_running_loop()
     create = loop.create_unix_server if settings.proxied else loop.create_server
     server = await create(factory, sock=listener)
@@ -145,6 +152,8 @@ async def serving(settings: Settings, listener: socket.socket) -> AsyncIterator[
 
 async def _serve(settings: Settings, listener: socket.socket, say: Callable[[str], object]) -> None:
     ended = asyncio.Event()
+    # As few on any machine: the unit bounds them (TasksMax=). One records, others open files.
+    asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(THREADS))
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, ended.set)
     async with serving(settings, listener) as site:

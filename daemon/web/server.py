@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+from urllib.parse import parse_qs
 
 from aiohttp import WSMsgType, web
 
@@ -14,6 +15,7 @@ from daemon.protocol.messages import on_behalf_of
 from daemon.web import words
 from daemon.web.arm import Arm, as_text
 from daemon.web.audience import Browser
+from daemon.web.connections import stay
 from daemon.web.guard import (
     COOKIE,
     HEADERS,
@@ -40,6 +42,7 @@ MOST_BROWSERS: Final = 64
 MOST_BROWSERS_OF_ONE: Final = 8
 STUCK_S: Final = 10.0  # after which a browser that takes nothing is hung up on
 SUMMARY_EVERY_S: Final = 0.25
+BEAT_S: Final = 1.0  # something comes that often, and shows both ends that the other is there
 MOST_SAID_BYTES: Final = 64  # by a browser on its WebSocket, at once: it has nothing to say
 ACCESS_YEAR_S: Final = 365 * 86400
 
@@ -70,7 +73,6 @@ class Site:
         self.places = Places(MOST_BROWSERS, MOST_BROWSERS_OF_ONE)
         self.recorder = Recorder(settings.recordings) if settings.recordings else None
         self._files = {path.name: path.read_bytes() for path in BUILT.iterdir()}
-        self._summary = ""
         self._open: set[Callable[[], None]] = set()  # hangs up on a browser
         self.jobs: list[asyncio.Task[None]] = []  # while it runs; they end only with an error
 
@@ -79,6 +81,7 @@ class Site:
         app = web.Application(middlewares=[self._guard], client_max_size=4096)
         app.router.add_get("/", self._index)
         app.router.add_post("/enter", self._enter)
+        app.router.add_get("/clock", self._clock)
         app.router.add_get("/live/{arm:[0-9]{1,3}}", self._live)
         app.router.add_get("/arms/{arm:[0-9]{1,3}}/urdf", self._urdf)
         app.router.add_post("/arms/{arm:[0-9]{1,3}}/{command:stop|disarm}", self._command)
@@ -100,11 +103,13 @@ class Site:
             await self.recorder.close()
 
     async def _summarise(self) -> None:
-        """Tell every browser the mode of every arm when one changes: for the tabs."""
+        """Tell every browser the mode of every arm: for the tabs, and as a sign of life."""
+        loop = asyncio.get_running_loop()
+        told, told_s = "", 0.0
         while True:
             summary = self.summary()
-            if summary != self._summary:
-                self._summary = summary
+            if summary != told or loop.time() - told_s >= BEAT_S:
+                told, told_s = summary, loop.time()
                 for arm in self.arms:
                     arm.audience.text(summary)
             await asyncio.sleep(SUMMARY_EVERY_S)
@@ -148,6 +153,7 @@ class Site:
             response = said(refusal)
         if not response.prepared:
             response.headers.update(HEADERS)
+            response.force_close()
         return response
 
     def _refusal(self, request: web.Request) -> Refusal | None:
@@ -178,8 +184,9 @@ class Site:
         return self._built("index.html" if admitted else "enter.html")
 
     async def _enter(self, request: web.Request) -> web.StreamResponse:
-        form = await request.post()
-        return self._let_in(request, str(form.get("token", "")))
+        # As the form sends it; what else there is for forms, a stranger must not choose.
+        form = parse_qs((await request.read()).decode("ascii", "replace"))
+        return self._let_in(request, form.get("token", [""])[0])
 
     def _let_in(self, request: web.Request, token: str) -> web.StreamResponse:
         """Give the cookie to whoever knows the token, and show the page without it in the URL."""
@@ -234,16 +241,21 @@ class Site:
 
     # --- live ---------------------------------------------------------------------------------
 
+    async def _clock(self, request: web.Request) -> web.StreamResponse:
+        """The clock of the States' times: by it a page knows how old they are."""
+        return web.Response(text=str(time.monotonic()))
+
     async def _live(self, request: web.Request) -> web.StreamResponse:
         arm, address = self._arm(request), self._address(request)
         if not self.places.take(address):
             return said(Refusal(503, "too many pages are open"))
         try:
             socket = web.WebSocketResponse(
-                max_msg_size=MOST_SAID_BYTES, compress=False, heartbeat=None
+                max_msg_size=MOST_SAID_BYTES, compress=False, autoping=False
             )
             socket.headers.update(HEADERS)
             await socket.prepare(request)
+            stay(request.transport)
             browser = Browser()
             arm.join(browser)
             browser.text(self.summary())
@@ -293,7 +305,7 @@ async def _send(
 
 
 async def _until_closed(socket: web.WebSocketResponse) -> None:
-    """Wait for the end; a browser that says anything is not ours, and closed."""
+    """Wait for the end; a browser that says anything, or pings, is not ours, and closed."""
     async for message in socket:
         if message.type is not WSMsgType.CLOSE:
             return

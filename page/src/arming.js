@@ -19,7 +19,7 @@ export function drawArming({ checks }, armed) {
 }
 
 function note(failed, all, armed) {
-  if (armed) return failed ? "It is armed. Were it not, this would stand against it:" : "It is armed.";
+  if (armed) return failed ? "It is armed. To arm it now, these checks would fail:" : "It is armed.";
   if (failed) return `${failed} of ${all} checks fail: arming would be refused.`;
   return `All ${all} checks pass. Arm with contactctl; a browser cannot.`;
 }

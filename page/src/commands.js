@@ -4,6 +4,7 @@ import { at, say, show } from "./dom.js";
 
 const WITHIN_MS = 1000;
 const SHOWN_MS = 12000;
+const LOST_MS = 10000; // an answer that takes longer never comes; its connection is given back
 const NOT_REACHED = "NOT REACHED: use the emergency stop.";
 
 /** Result of a command in words for the person at the arm, and how good it is. */
@@ -28,6 +29,7 @@ export async function post(path, command) {
     method: "POST",
     headers: { "X-Contactd-Command": command },
     cache: "no-store",
+    signal: AbortSignal.timeout(LOST_MS),
   });
   if (!response.ok) throw new Error((await response.text()).trim() || `status ${response.status}`);
   return response.json();

@@ -83,7 +83,7 @@ export class Curve {
       series: [{}, line("residual"), line("level", [4, 3]), line("level", [4, 3])],
       axes: [
         { ...axis, size: 1.2 * rem, gap: 2, splits: (u) => seconds(u), values: (u, at) => at.map((t) => ago(u, t)) },
-        { ...axis, size: 2.4 * rem, gap: 4, space: 1.1 * rem },
+        { ...axis, size: 2.4 * rem, gap: 4, space: (u, axis, low, high, height) => Math.max(1.1 * rem, height / 8) },
       ],
       hooks: { drawClear: [(u) => this.#shade(u)] },
     };
@@ -138,7 +138,7 @@ function seconds(u) {
 
 function ago(u, time) {
   const s = Math.round(u.scales.x.max - time);
-  return s === 0 ? "now" : `-${s} s`;
+  return s === 0 ? "latest" : `-${s} s`;
 }
 
 /** Call `paint(x, width)` for each run of samples for which `holds`. */

@@ -1,10 +1,16 @@
 // What is always in sight: mode and cause, permission with its countdown, fault, connection, tabs.
 
 import { at, make, say, show } from "./dom.js";
-import { MODES, duration, next } from "./words.js";
+import { MODES, clock, duration, felt, next } from "./words.js";
 
 export class Header {
-  #words = null; #advice = null; #left_s = NaN; #left_at = 0; #stale = true; #tick = null;
+  #words = null; #advice = null; #left_s = NaN; #wall_s = NaN; #stale = true; #tick = null; #joints = [];
+
+  /** Begin with an arm of these joints. */
+  begin(joints) {
+    this.#joints = joints;
+    this.#tick = null;
+  }
 
   /** Take words of the arm's last State. */
   words(words) {
@@ -20,27 +26,31 @@ export class Header {
     this.#draw();
   }
 
-  /** Take the newest tick, and the lease left after it [s]. */
-  tick(tick, left_s) {
+  /** Take the newest tick, and its frame. */
+  tick(tick, { left_s, wall_s }) {
     this.#tick = tick;
     this.#left_s = left_s;
-    this.#left_at = performance.now();
+    this.#wall_s = wall_s;
     this.#drawPermit();
+    this.#drawNow();
   }
 
-  /** Say whether figures are live, and for how long they have not been [ms]. */
-  age(age_ms, stale, why) {
+  /** Say whether figures are live, and for how long they have not been [ms]; slow: they still come. */
+  age(age_ms, stale, why, slow) {
     const changed = stale !== this.#stale;
     this.#stale = stale;
     if (changed) {
       document.body.classList.toggle("stale", stale);
       this.#draw();
+      this.#drawNow();
     }
     show(at("connection"), stale);
     if (!stale) return;
     const since = Number.isFinite(age_ms) ? ` for ${duration(age_ms / 1e3)}` : "";
     const old = this.#words ? " What you see is old." : "";
-    say(at("connection"), `No connection${since}.${old} ${why ? `${sentence(why)} ` : ""}Connecting again.`);
+    const late = `The connection is too slow. What you see was${since.replace(" for", "")} ago.`;
+    const none = `No connection${since}.${old} ${why ? `${sentence(why)} ` : ""}Connecting again.`;
+    say(at("connection"), slow ? late : none);
   }
 
   #draw() {
@@ -51,6 +61,7 @@ export class Header {
     mode.dataset.mode = this.#stale ? "old" : words.mode;
     say(mode, this.#stale ? `was ${name}` : `${sign} ${name}`);
     mode.title = meaning;
+    show(at("cause"), words.mode !== "faulted"); // the banner says it
     say(at("cause"), `${this.#stale ? "Cause then" : "Cause"}: ${words.cause}`);
     this.#drawPermit();
     this.#drawLoad(words.load);
@@ -77,6 +88,18 @@ export class Header {
     const left = Number.isNaN(this.#left_s) ? "" : ` for another ${duration(this.#left_s)}`;
     const while_ = words.until_told || Number.isNaN(this.#left_s) ? "" : ", unless renewed";
     say(permit, `ARMED${by}${left}${while_}${after}`);
+  }
+
+  /** Say at what time of the daemon this was, and what the joints feel. */
+  #drawNow() {
+    const live = at("live");
+    live.dataset.live = !this.#stale;
+    const time = Number.isNaN(this.#wall_s) ? "" : clock(this.#wall_s);
+    say(live, this.#stale ? `◌ not live${time && `, as of ${time}`}` : `● live, ${time}`);
+    if (this.#tick === null) return;
+    const what = felt(this.#joints, this.#tick);
+    at("felt").dataset.beyond = what !== "";
+    say(at("felt"), `${this.#stale ? "Felt then" : "Feels"}: ${what ? `▲ ${what}` : "nothing beyond its level"}`);
   }
 
   #drawLoad(load) {

@@ -37,7 +37,7 @@ export class Loop {
     this.#row("deadlines missed", String(frame.missed));
     this.#row("bus load", bus_load === null ? "not known" : `${(100 * bus_load).toFixed(0)} % at worst`);
     this.#row("ticks lost on the way", String(this.#lost));
-    this.#row("picture", `${Math.max(age_ms, 0).toFixed(0)} ms behind the quickest`);
+    this.#row("picture", `${Math.max(age_ms, 0).toFixed(0)} ms old`);
     this.#row("program", program);
   }
 

@@ -40,6 +40,7 @@ function takeMessage(message) {
       drawArming(advice, armed);
       return joints.learned(message.learned);
     case "summary":
+      if (JSON.stringify(summary) === JSON.stringify(message)) return undefined; // a sign of life
       summary = message;
       return drawTabs(hello?.arms ?? [], arm, summary);
     case "events": return events.take(message);
@@ -67,6 +68,7 @@ function begin(message) {
   commands.allow(hello.may_command);
   recordings.allow(hello.may_record);
   if (hello.joints.length === 0) return;
+  header.begin(hello.joints);
   loop.begin(hello);
   joints.begin(hello);
   scene?.begin(hello.joints);
@@ -95,11 +97,12 @@ function draw(now) {
   requestAnimationFrame(draw);
   const age_ms = stream.age_ms;
   const stale = isOld();
-  header.age(age_ms, stale, why);
-  if (newest === null || newest === drawn || stale) return;
+  header.age(age_ms, stale, why, !gone && stream.flows);
+  // The last that came is drawn even where it is old: beside the words of its tick, in grey.
+  if (newest === null || newest === drawn) return;
   drawn = newest;
   const { tick, frame } = newest;
-  header.tick(tick, frame.left_s);
+  header.tick(tick, frame);
   const curves = now - curves_ms >= CURVES_EVERY_MS;
   if (curves) curves_ms = now;
   joints.draw(tick, curves);
@@ -108,12 +111,12 @@ function draw(now) {
     corner_ms = now;
     loop.draw(tick, frame, age_ms);
   }
-  if (performance.getEntriesByName("live").length === 0) performance.mark("live");
+  if (!stale && performance.getEntriesByName("live").length === 0) performance.mark("live");
   document.documentElement.dataset.tick = tick.tick;
 }
 requestAnimationFrame(draw);
 // A page in the background draws nothing; what it says is marked as old all the same.
-setInterval(() => header.age(stream.age_ms, isOld(), why), 200);
+setInterval(() => header.age(stream.age_ms, isOld(), why, !gone && stream.flows), 200);
 
 // --- the arm in three dimensions: only where there is WebGL, and loaded after all else --------------
 

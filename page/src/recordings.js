@@ -7,7 +7,7 @@ import { duration, size } from "./words.js";
 const EVERY_MS = 2000;
 
 export class RecordingsPanel {
-  #arm; #shown = null;
+  #arm; #shown = null; #looking = false;
 
   constructor(arm) {
     this.#arm = arm;
@@ -22,13 +22,16 @@ export class RecordingsPanel {
   }
 
   async #look() {
-    if (at("recordings-section").hidden || document.hidden) return;
+    if (at("recordings-section").hidden || document.hidden || this.#looking) return;
+    this.#looking = true;
     try {
-      const response = await fetch("recordings", { cache: "no-store" });
+      // Requests that hang would leave the browser no connection for a stop.
+      const response = await fetch("recordings", { cache: "no-store", signal: AbortSignal.timeout(EVERY_MS) });
       if (response.ok) this.#draw(await response.json());
     } catch {
       // The stream says that there is no connection.
     }
+    this.#looking = false;
   }
 
   async #toggle() {

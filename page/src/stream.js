@@ -5,31 +5,45 @@ import { framesOf } from "./frames.js";
 export const STALE_MS = 1000;
 const RETRY_MS = 500;
 const SILENT_MS = 3000; // an open connection that brings nothing is given up
+const CLOCK_EVERY_MS = 3000;
+const READINGS = 20; // of the daemon's clock that count: a minute, in which no two clocks drift apart
 
 /**
- * Age of figures that arrive with the daemon's own monotonic clock. The quickest arrival of a
- * connection is taken for immediate; what comes later than that is as old as it is late. So figures
- * that were held up on their way are never taken for live.
+ * Age of figures that carry the time of the daemon's own monotonic clock. That clock is asked for apart
+ * from the stream, and was read after the question left. So an age is never less than the truth, however
+ * long figures were held up on their way, and from the first one on.
  */
 export class AgeClock {
-  #offset = Infinity;
-  #newest = -Infinity; // arrival of the newest figures, as if they had come at once
+  #offsets = []; // of the daemon's clock from ours [ms], each no more than the truth
+  #newest_s = -Infinity;
 
-  /** Begin anew: another daemon has another clock. */
+  /** Begin anew: another daemon may have another clock. */
   reset() {
-    this.#offset = Infinity;
-    this.#newest = -Infinity;
+    this.#offsets = [];
+    this.#newest_s = -Infinity;
   }
 
-  /** Take note of figures from `monotonic_s` that arrived at `now_ms`. */
-  arrived(monotonic_s, now_ms) {
-    this.#offset = Math.min(this.#offset, now_ms - 1e3 * monotonic_s);
-    this.#newest = Math.max(this.#newest, 1e3 * monotonic_s + this.#offset);
+  /** Take note that the daemon's clock was `monotonic_s` at some moment after `asked_ms` of ours. */
+  read(monotonic_s, asked_ms) {
+    this.#offsets.push(asked_ms - 1e3 * monotonic_s);
+    if (this.#offsets.length > READINGS) this.#offsets.shift();
   }
 
-  /** Age of the newest figures [ms]; infinite before the first. */
+  /** Take note of figures from `monotonic_s`. */
+  arrived(monotonic_s) {
+    this.#newest_s = Math.max(this.#newest_s, monotonic_s);
+  }
+
+  /** True if the daemon's clock is known. */
+  get known() {
+    return this.#offsets.length > 0;
+  }
+
+  /** Age of the newest figures [ms]; infinite where it is not known. Figures from times to come: one
+      of the clocks was set, or slept. */
   age_ms(now_ms) {
-    return now_ms - this.#newest;
+    const age_ms = now_ms - 1e3 * this.#newest_s - Math.max(...this.#offsets);
+    return age_ms > -STALE_MS ? age_ms : Infinity;
   }
 }
 
@@ -37,7 +51,7 @@ export class AgeClock {
  * Calls `on.frame(frame)`, `on.message(object)` and `on.problem(text)`; `now` returns milliseconds.
  */
 export class Stream {
-  #url; #on; #socket = null; #heard_ms = 0; #retry = null;
+  #url; #on; #socket = null; #heard_ms = 0; #framed_ms = -Infinity; #retry = null; #asking = false;
   clock = new AgeClock();
 
   constructor(url, on) {
@@ -45,11 +59,17 @@ export class Stream {
     this.#on = on;
     this.#connect();
     setInterval(() => this.#watch(), 250);
+    setInterval(() => this.#askClock(), CLOCK_EVERY_MS);
   }
 
   /** Age of what is shown [ms]. */
   get age_ms() {
     return this.clock.age_ms(performance.now());
+  }
+
+  /** True if figures came just now, however old they are. */
+  get flows() {
+    return this.clock.known && performance.now() - this.#framed_ms < STALE_MS;
   }
 
   #connect() {
@@ -67,18 +87,37 @@ export class Stream {
     this.#heard_ms = performance.now();
     if (typeof data === "string") {
       const message = JSON.parse(data);
-      if (message.kind === "hello") this.clock.reset();
+      if (message.kind === "hello") {
+        this.clock.reset();
+        this.#askClock();
+      }
       this.#on.message(message);
       return;
     }
     try {
       for (const frame of framesOf(data)) {
-        if (!frame.past) this.clock.arrived(frame.monotonic_s, performance.now());
+        if (!frame.past) {
+          this.#framed_ms = performance.now();
+          this.clock.arrived(frame.monotonic_s);
+        }
         this.#on.frame(frame);
       }
     } catch (error) {
       this.#on.problem(error.message);
     }
+  }
+
+  async #askClock() {
+    if (this.#asking) return;
+    this.#asking = true;
+    try {
+      const asked_ms = performance.now();
+      const response = await fetch("clock", { cache: "no-store", signal: AbortSignal.timeout(STALE_MS) });
+      if (response.ok) this.clock.read(Number(await response.text()), asked_ms);
+    } catch {
+      // Without an answer the age is not known, or as of before.
+    }
+    this.#asking = false;
   }
 
   #again(socket, why) {

@@ -22,6 +22,13 @@ export function next(mode, moving, quiet_s) {
   return `quiet for ${quiet_s.toFixed(1)} s, then it ${moving ? "goes on" : "holds"}`;
 }
 
+/** What joints feel beyond their level, in words, the strongest first; empty for nothing. */
+export function felt(joints, { residual, threshold }) {
+  const share = (i) => Math.abs(residual[i]) / threshold[i];
+  const beyond = joints.map((_, i) => i).filter((i) => share(i) > 1).sort((a, b) => share(b) - share(a));
+  return beyond.map((i) => `${joints[i]} ${signed(residual[i], 1)} Nm`).join(", ");
+}
+
 /** Duration for people: 0.5 s, 42 s, 9 min 12 s, 1 h 4 min. */
 export function duration(seconds) {
   if (seconds < 10) return `${Math.max(seconds, 0).toFixed(1)} s`;

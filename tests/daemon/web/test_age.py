@@ -11,22 +11,24 @@ ROOT = Path(__file__).resolve().parents[3]
 RUN = """
 import { AgeClock } from "./page/src/stream.js";
 const clock = new AgeClock();
-const ages = JSON.parse(process.argv[1]).map(([monotonic_s, arrived_ms, asked_ms]) => {
-  if (monotonic_s !== null) clock.arrived(monotonic_s, arrived_ms);
-  return clock.age_ms(asked_ms);
-});
+const ages = [];
+for (const [what, ...times] of JSON.parse(process.argv[1])) {
+  if (what === "age") ages.push(clock.age_ms(...times));
+  else clock[what](...times);
+}
 console.log(JSON.stringify(ages.map((age) => (Number.isFinite(age) ? age : null))));
 """
+Step = tuple[str | float, ...]
 
 
-def ages(*arrivals: tuple[float | None, float, float]) -> list[float | None]:
-    """Ages [ms] after each arrival: the daemon's clock [s], the browser's at arrival and when it is
-    asked [ms]."""
+def ages(*steps: Step) -> list[float | None]:
+    """Ages [ms] that a clock tells: calls of its methods in order, each a name and times: those of
+    the daemon's clock in s, of the browser's in ms."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("no node here: the page's clock is not tried")
     done = subprocess.run(
-        [node, "--input-type=module", "-e", RUN, json.dumps(arrivals)],
+        [node, "--input-type=module", "-e", RUN, json.dumps(steps)],
         capture_output=True,
         text=True,
         cwd=ROOT,
@@ -37,26 +39,51 @@ def ages(*arrivals: tuple[float | None, float, float]) -> list[float | None]:
     return found
 
 
-def test_before_the_first_nothing_is_live() -> None:
-    assert ages((None, 0.0, 50.0)) == [None]
+def test_before_figures_and_clock_nothing_is_live() -> None:
+    assert ages(("age", 50.0)) == [None]
+    assert ages(("arrived", 500.0), ("age", 50.0)) == [None]
+    assert ages(("read", 500.0, 10.0), ("age", 50.0)) == [None]
+    assert ages(("read", 500.0, 10.0), ("arrived", 500.0), ("reset",), ("age", 20.0)) == [None]
 
 
 def test_it_grows_while_nothing_comes() -> None:
-    found = ages((500.0, 10_000.0, 10_000.0), (None, 0.0, 10_700.0), (None, 0.0, 12_000.0))
-    assert found == pytest.approx([0.0, 700.0, 2000.0])
+    steps = [("read", 500.0, 10_000.0), ("arrived", 500.0)]
+    asked = [("age", at_ms) for at_ms in (10_000.0, 10_700.0, 12_000.0)]
+    assert ages(*steps, *asked) == pytest.approx([0.0, 700.0, 2000.0])
 
 
 def test_what_comes_late_is_as_old_as_it_is_late() -> None:
     """A stream that stood still for 3 s, and then brings all that had waited at once."""
-    found = ages(
-        (500.0, 10_000.0, 10_000.0),
-        (500.1, 13_000.0, 13_000.0),
-        (501.0, 13_001.0, 13_001.0),
-        (503.0, 13_002.0, 13_002.0),
-    )
-    assert found == pytest.approx([0.0, 2900.0, 2001.0, 2.0])
+    late = [(500.1, 13_000.0), (501.0, 13_001.0), (503.0, 13_002.0)]
+    steps = [step for then_s, now_ms in late for step in (("arrived", then_s), ("age", now_ms))]
+    assert ages(("read", 500.0, 10_000.0), *steps) == pytest.approx([2900.0, 2001.0, 2.0])
 
 
-def test_the_clocks_need_not_agree() -> None:
-    found = ages((9e5, 3.0, 3.0), (9e5 + 1.0, 1005.0, 1005.0), (9e5 + 2.0, 2001.0, 2001.0))
-    assert found == pytest.approx([0.0, 2.0, 0.0], abs=1e-6)
+def test_a_stream_that_is_late_from_the_first_is_old() -> None:
+    """A link too slow for it: every figure comes 5 s late, and none sooner."""
+    steps = [("read", 505.0, 15_000.0)]
+    for second in range(5):
+        steps += [("arrived", 500.0 + second), ("age", 15_000.0 + 1e3 * second)]
+    assert ages(*steps) == pytest.approx([5000.0] * 5)
+
+
+def test_an_answer_that_dawdles_makes_nothing_younger() -> None:
+    """The question waits 400 ms before the clock is read; a later one does not."""
+    steps = [("read", 500.4, 10_000.0), ("arrived", 500.3), ("age", 10_300.0)]
+    assert ages(*steps, ("read", 500.3, 10_300.0), ("age", 10_300.0)) == pytest.approx([400.0, 0.0])
+
+
+@pytest.mark.parametrize("drift", [-1e-4, 1e-4])
+def test_clocks_that_drift_apart_are_followed(drift: float) -> None:
+    """By 9 s in a day, while the clock is asked for every 3 s."""
+    rate = 1e3 * (1.0 + drift)
+    steps: list[Step] = [("read", 3.0 * i, rate * 3.0 * i) for i in range(28_800)]
+    found = ages(*steps[::100], *steps[-30:], ("arrived", 86_400.0), ("age", rate * 86_400.0))
+    assert found == pytest.approx([0.0], abs=10.0)
+
+
+def test_figures_from_times_to_come_are_not_live() -> None:
+    """Our clock slept for an hour with the lid closed."""
+    steps = [("read", 500.0, 10_000.0), ("arrived", 500.0), ("age", 10_000.0)]
+    found = ages(*steps, ("arrived", 4100.0), ("age", 10_001.0))
+    assert found == [pytest.approx(0.0), None]

@@ -110,6 +110,7 @@ def test_the_example_lets_in_whom_it_should(port: int, fake_daemon: Any) -> None
         with contextlib.closing(connection):
             connection.request(method, path, body or None, headers)
             answer = connection.getresponse()
+            assert answer.status == 101 or answer.headers["Connection"] == "close"
             return answer.status, answer.headers.get("Set-Cookie", "")
 
     assert ask("GET", "/", {"Host": "evil.example"})[0] == 421

@@ -1,105 +1,26 @@
-"""The page's server: what it serves, to whom, and what it does when daemon or browser is gone."""
+"""The page's server: what it serves, and what it does when the daemon is gone."""
 
 import asyncio
 import contextlib
 import json
-import os
 import socket
 import struct
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+import time
 from pathlib import Path
 from typing import Any
 
-import aiohttp
+import msgspec
 import pytest
 
-from bench.rigs.page import ticks_in
+from bench.rigs.visitor import PATIENCE_S, messages, visiting
+from daemon.modes.table import Mode
 from daemon.protocol.doors import view_socket_path
-from daemon.web import frames, server
-from daemon.web.guard import COMMAND_HEADER, COOKIE, HEADERS
-from daemon.web.serve import listen, serving, settings_of
-from daemon.web.server import Site
-from errors import ConfigurationError
+from daemon.protocol.messages import Reply
+from daemon.web import frames
+from daemon.web.guard import COMMAND_HEADER
+from daemon.web.stopping import carry_out
 
 FakeDaemon = Any  # of tests/daemon/conftest.py, which nothing imports
-TOKEN = "0123456789abcdef0123"
-PATIENCE_S = 20.0
-
-
-class Visitor:
-    """A browser's requests, of the page's own scripts unless said otherwise."""
-
-    def __init__(self, session: aiohttp.ClientSession, site: Site, port: int) -> None:
-        self.session, self.site = session, site
-        self.origin = f"http://127.0.0.1:{port}"
-        self._lives: list[aiohttp.ClientWebSocketResponse] = []
-
-    async def ask(self, method: str, path: str, **headers: str) -> tuple[int, str]:
-        url, own = f"{self.origin}{path}", {"Origin": self.origin}
-        async with self.session.request(
-            method, url, headers={**own, **headers}, allow_redirects=False
-        ) as answer:
-            assert {name: answer.headers.get(name) for name in HEADERS} == HEADERS
-            return answer.status, await answer.text()
-
-    async def command(self, path: str) -> tuple[int, Any]:
-        name = path.rsplit("/", 1)[-1]
-        status, text = await self.ask("POST", path, **{COMMAND_HEADER: name})
-        return status, json.loads(text) if status == 200 else text
-
-    async def live(self, **headers: str) -> aiohttp.ClientWebSocketResponse:
-        url, own = f"{self.origin}/live/0", {"Origin": self.origin}
-        self._lives.append(await self.session.ws_connect(url, headers={**own, **headers}))
-        return self._lives[-1]
-
-    async def leave(self) -> None:
-        for live in self._lives:
-            await live.close()
-
-    async def until(self, what: Callable[[], object]) -> None:
-        async with asyncio.timeout(PATIENCE_S):
-            while not what():
-                await asyncio.sleep(0.01)
-
-
-@asynccontextmanager
-async def visiting(*view_sockets: Path, **options: Any) -> AsyncIterator[Visitor]:
-    defaults: dict[str, Any] = {
-        "hosts": (),
-        "tls": False,
-        "read_only": False,
-        "token_file": None,
-        "recordings": None,
-    }
-    with listen("127.0.0.1", 0) as listener:
-        port = listener.getsockname()[1]
-        settings = settings_of(view_sockets, bind="127.0.0.1", port=port, **{**defaults, **options})
-        jar = aiohttp.CookieJar(unsafe=True)
-        async with (
-            serving(settings, listener) as site,
-            aiohttp.ClientSession(cookie_jar=jar) as session,
-        ):
-            visitor = Visitor(session, site, port)
-            yield visitor
-            await visitor.leave()
-
-
-async def messages(
-    live: aiohttp.ClientWebSocketResponse, kinds: set[str]
-) -> tuple[dict[str, dict[str, Any]], bytes]:
-    """The first text of each kind, and the first binary message that is live."""
-    texts: dict[str, dict[str, Any]] = {}
-    frame = b""
-    async with asyncio.timeout(PATIENCE_S):
-        while not (frame and kinds <= set(texts)):
-            message = await live.receive()
-            if message.type is aiohttp.WSMsgType.TEXT:
-                found = json.loads(message.data)
-                texts.setdefault(found["kind"], found)
-            elif message.type is aiohttp.WSMsgType.BINARY and not message.data[5]:
-                frame = message.data
-    return texts, frame
 
 
 def door(daemon: FakeDaemon) -> Path:
@@ -203,6 +124,47 @@ def test_a_daemon_that_hangs_is_not_reached_in_time(tmp_path: Path) -> None:
         asyncio.run(visit())
 
 
+def test_a_throng_outside_the_view_socket_only_delays_a_stop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("daemon.web.stopping.WITHIN_S", PATIENCE_S)
+    path = tmp_path / "full-view.sock"
+
+    async def visit(full: socket.socket) -> None:
+        throng = []
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                throng.append(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+                throng[-1].setblocking(False)
+                throng[-1].connect(str(path))
+        stopping = asyncio.create_task(carry_out(path, "stop", "a test"))
+        await asyncio.sleep(0.1)
+        assert not stopping.done()
+        reply = Reply(ok=True, message="stop", mode=Mode.HOLDING)
+        heard: list[bytes] = []
+        inside = []
+        async with asyncio.timeout(PATIENCE_S):
+            while not heard:
+                with contextlib.suppress(BlockingIOError):
+                    inside.append(full.accept()[0])
+                    inside[-1].setblocking(False)
+                for one in inside:
+                    with contextlib.suppress(BlockingIOError):
+                        if packet := one.recv(1000):
+                            heard.append(packet)
+                            one.send(msgspec.json.encode(reply))
+                await asyncio.sleep(0)
+            assert (await stopping).outcome == "stands"
+        for one in (*throng, *inside):
+            one.close()
+
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as full:
+        full.bind(str(path))
+        full.listen(0)
+        full.setblocking(False)
+        asyncio.run(visit(full))
+
+
 def test_read_only_commands_nothing(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
     async def visit() -> None:
         async with visiting(door(fake_daemon), read_only=True, recordings=tmp_path) as visitor:
@@ -217,247 +179,24 @@ def test_read_only_commands_nothing(fake_daemon: FakeDaemon, tmp_path: Path) -> 
     asyncio.run(visit())
 
 
-def token_file(folder: Path) -> Path:
-    path = folder / "token"
-    path.write_text(TOKEN + "\n")
-    path.chmod(0o640)
-    return path
-
-
-def test_the_token_is_asked_for_once(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
-            assert "asks once for its token" in (await visitor.ask("GET", "/"))[1]
-            for path in ("/page.js", "/arms/0/urdf", "/recordings"):
-                assert (await visitor.ask("GET", path))[0] == 401
-            assert (await visitor.command("/arms/0/stop"))[0] == 401
-            with pytest.raises(aiohttp.WSServerHandshakeError, match="401"):
-                await visitor.live()
-            assert (await visitor.ask("GET", "/?token=wrong"))[0] == 401
-            url = f"{visitor.origin}/enter"
-            form = {"token": TOKEN}
-            async with visitor.session.post(
-                url, data=form, headers={"Origin": visitor.origin}, allow_redirects=False
-            ) as answer:
-                assert (answer.status, answer.headers["Location"]) == (303, "/")
-                cookie = answer.headers["Set-Cookie"]
-                assert cookie.startswith(f"{COOKIE}=")
-                assert TOKEN not in cookie
-                assert "HttpOnly" in cookie
-                assert "SameSite=Strict" in cookie
-            assert "page.js" in (await visitor.ask("GET", "/"))[1]
-            assert (await visitor.command("/arms/0/stop"))[0] == 200
-            assert (await visitor.ask("GET", "/?token=" + TOKEN))[0] == 303
-
-    asyncio.run(visit())
-
-
-def test_tokens_cannot_be_guessed_in_a_row(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
-            found = [(await visitor.ask("GET", f"/?token=guess{i}"))[0] for i in range(8)]
-            assert found == [401] * 5 + [429] * 3
-            assert (await visitor.ask("GET", f"/?token={TOKEN}"))[0] == 429
-
-    asyncio.run(visit())
-
-
-def test_an_address_has_so_many_pages_and_no_more(fake_daemon: FakeDaemon) -> None:
+def test_the_clock_is_that_of_the_states(fake_daemon: FakeDaemon) -> None:
     async def visit() -> None:
         async with visiting(door(fake_daemon)) as visitor:
-            pages = [await visitor.live() for _ in range(server.MOST_BROWSERS_OF_ONE)]
-            with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
-                await visitor.live()
-            await pages[0].close()
-            await visitor.until(lambda: len(visitor.site.arms[0].audience) == len(pages) - 1)
-            await visitor.live()
+            before_s = time.monotonic()
+            status, text = await visitor.ask("GET", "/clock")
+            assert status == 200
+            assert before_s <= float(text) <= time.monotonic()
 
     asyncio.run(visit())
 
 
-def test_a_browser_that_does_not_read_costs_nobody_a_frame(fake_daemon: FakeDaemon) -> None:
+def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) -> None:
     async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            await visitor.until(lambda: visitor.site.arms[0].snapshot)
-            # It reads nothing: a bare connection, with little room.
-            deaf = socket.create_connection(("127.0.0.1", int(visitor.origin.rsplit(":", 1)[1])))
-            deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-            request = (
-                f"GET /live/0 HTTP/1.1\r\nHost: {visitor.origin[7:]}\r\n"
-                f"Origin: {visitor.origin}\r\n"
-                "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-                "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n"
-            )
-            deaf.sendall(request.encode())
+        async with visiting(tmp_path / "nobody-view.sock") as visitor:
             live = await visitor.live()
-            await messages(live, {"hello"})
-            arm = visitor.site.arms[0]
-            await visitor.until(lambda: len(arm.audience) == 2)
-            first = arm.states
-            ticks: list[int] = []
+            kinds: list[str] = []
             async with asyncio.timeout(PATIENCE_S):
-                while arm.states < first + 300:
-                    message = await live.receive()
-                    if message.type is aiohttp.WSMsgType.BINARY and not message.data[5]:
-                        ticks += ticks_in(message.data)
-            assert ticks == sorted(set(ticks))
-            assert ticks[-1] - ticks[0] + 1 - len(ticks) <= arm.lost
-            deaf.close()
+                while kinds.count("summary") < 3:
+                    kinds.append(json.loads((await live.receive()).data)["kind"])
 
     asyncio.run(visit())
-
-
-def test_a_browser_that_talks_is_hung_up_on(fake_daemon: FakeDaemon) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            for words in ("hello", "x" * 100_000):
-                live = await visitor.live()
-                await live.send_str(words)
-                async with asyncio.timeout(PATIENCE_S):
-                    while not (await live.receive()).type.name.startswith("CLOS"):
-                        pass
-                await visitor.until(lambda: not len(visitor.site.arms[0].audience))
-
-    asyncio.run(visit())
-
-
-def test_an_address_has_so_many_connections(
-    fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("daemon.web.serve.MOST_CONNECTIONS_OF_ONE", 4)
-
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            port = int(visitor.origin.rsplit(":", 1)[1])
-            opened = [await asyncio.open_connection("127.0.0.1", port) for _ in range(6)]
-            closed = [asyncio.create_task(reader.read()) for reader, _ in opened]
-            async with asyncio.timeout(PATIENCE_S):
-                assert [await end for end in closed[4:]] == [b"", b""]
-            assert not any(end.done() for end in closed[:4])
-            for _, writer in opened:
-                writer.close()
-            await asyncio.gather(*closed)
-            await asyncio.gather(*(w.wait_closed() for _, w in opened), return_exceptions=True)
-
-    asyncio.run(visit())
-
-
-def test_who_connects_and_asks_for_nothing_is_hung_up_on(
-    fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("daemon.web.connections.FIRST_WORD_S", 0.2)
-
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            port = int(visitor.origin.rsplit(":", 1)[1])
-            reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            slow_reader, slow = await asyncio.open_connection("127.0.0.1", port)
-            slow.write(b"GET / HTTP/1.1\r\nHost: ")
-            live = await visitor.live()
-            async with asyncio.timeout(PATIENCE_S):
-                assert [await reader.read(), await slow_reader.read()] == [b"", b""]
-            await messages(live, {"hello"})  # who has asked stays
-            for one in (writer, slow):
-                one.close()
-                with contextlib.suppress(ConnectionError):
-                    await one.wait_closed()
-            await live.close()
-
-    asyncio.run(visit())
-
-
-def test_a_recording_is_made_downloaded_and_deleted(
-    fake_daemon: FakeDaemon, tmp_path: Path
-) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon), recordings=tmp_path / "made") as visitor:
-            await visitor.until(lambda: visitor.site.arms[0].snapshot)
-            status, shown = await visitor.command("/arms/0/record")
-            name = shown["running"]
-            assert (status, name.startswith("Romeo_left_arm-")) == (200, True)
-            assert (await visitor.command("/arms/0/record"))[0] == 409
-            assert (await visitor.ask("GET", f"/recordings/{name}"))[0] == 404  # not complete yet
-            await visitor.until(lambda: visitor.site.recorder.shown().bytes > 10_000)  # type: ignore[union-attr]
-            _, shown = await visitor.command("/recordings/end")
-            assert [file["name"] for file in shown["files"]] == [name]
-            assert "states" in shown["said"]
-            async with visitor.session.get(f"{visitor.origin}/recordings/{name}") as answer:
-                data = await answer.read()
-                assert answer.headers["Content-Disposition"] == f'attachment; filename="{name}"'
-            assert data.startswith(b"\x89MCAP")
-            assert data.endswith(b"\x89MCAP0\r\n")
-            for wrong in ("..%2F..%2Fsecret.mcap", "other.mcap", "%2Fetc%2Fpasswd"):
-                assert (await visitor.ask("GET", f"/recordings/{wrong}"))[0] == 404
-            _, shown = await visitor.command(f"/recordings/{name}/delete")
-            assert shown["files"] == []
-
-    asyncio.run(visit())
-
-
-def test_a_recording_never_fills_the_disk(
-    fake_daemon: FakeDaemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("daemon.web.recordings.MOST_BYTES", 200_000)
-    monkeypatch.setattr("daemon.web.recordings.ROOM_BYTES", 230_000)
-
-    async def visit() -> None:
-        async with visiting(door(fake_daemon), recordings=tmp_path) as visitor:
-            await visitor.until(lambda: visitor.site.arms[0].snapshot)
-            assert (await visitor.command("/arms/0/record"))[0] == 200
-            recorder = visitor.site.recorder
-            assert recorder is not None
-            await visitor.until(lambda: not recorder.shown().running)
-            (file,) = recorder.shown().files
-            assert 100_000 < file.bytes < 400_000
-            status, text = await visitor.command("/arms/0/record")
-            assert status == 409
-            assert "no room" in text
-
-    asyncio.run(visit())
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        ({"bind": "0.0.0.0"}, "say by --host"),
-        ({"bind": "0.0.0.0", "hosts": ("arm.local",)}, "give a --token-file, or --read-only"),
-        ({"bind": "10.0.0.7"}, "give a --token-file, or --read-only"),
-        ({"bind": "unix:/tmp/page.sock"}, "say by --host"),
-        ({"tls": True}, "--bind unix:PATH"),
-    ],
-)
-def test_what_would_let_others_in_unasked_is_refused(options: dict[str, Any], text: str) -> None:
-    given: dict[str, Any] = {"bind": "127.0.0.1", "hosts": (), "tls": False, **options}
-    with pytest.raises(ConfigurationError, match=text):
-        settings_of(
-            [Path("x")], port=8420, read_only=False, token_file=None, recordings=None, **given
-        )
-
-
-@pytest.mark.parametrize(
-    ("content", "mode", "text"),
-    [
-        ("short", 0o640, "at least 16"),
-        ("with spaces in between", 0o640, "at least 16"),
-        (TOKEN, 0o644, "everybody may read it"),
-        (None, 0, "cannot be read"),
-    ],
-)
-def test_a_bad_token_file_is_refused(
-    tmp_path: Path, content: str | None, mode: int, text: str
-) -> None:
-    path = tmp_path / "token"
-    if content is not None:
-        path.write_text(content)
-        os.chmod(path, mode)
-    with pytest.raises(ConfigurationError, match=text):
-        settings_of(
-            [Path("x")],
-            bind="127.0.0.1",
-            port=8420,
-            hosts=(),
-            tls=False,
-            read_only=False,
-            token_file=path,
-            recordings=None,
-        )

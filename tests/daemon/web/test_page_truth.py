@@ -1,0 +1,138 @@
+"""The page in a real browser: STOP, and the truth about the picture."""
+
+import signal
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bench.rigs.network import Network, network
+from bench.rigs.page import Page, page_of
+from bench.rigs.screens import PATIENCE_MS, PHONE, Screens
+
+FakeDaemon = Any  # of tests/daemon/conftest.py, which nothing imports
+
+
+@pytest.mark.parametrize("by", ["finger", "key"])
+def test_stop_says_that_it_stands(screens: Screens, arm: FakeDaemon, page: Page, by: str) -> None:
+    arm.modes = {"stop": ["stopping", "holding"]}
+    screen = screens.open(f"{page.url}?scene=off", PHONE)
+    screen.live()
+    if by == "finger":
+        screen.page.click("#stop")
+    else:
+        screen.page.focus("#filter [name=text]")
+        screen.page.keyboard.press("Escape")
+    screen.until("document.querySelector('#outcome').innerText.includes('It stands')")
+    screen.picture(f"stands_{by}")
+    assert [name for name, _ in arm.seen].count("stop") == 1
+
+
+def test_stop_works_while_the_picture_is_old(screens: Screens, arm: FakeDaemon, page: Page) -> None:
+    screen = screens.open(f"{page.url}?scene=off", PHONE)
+    screen.live()
+    arm.states = lambda tick: None  # the stream stands still, the door is open
+    screen.old()
+    screen.page.click("#stop")
+    screen.until("document.querySelector('#outcome').innerText.length > 12")
+    assert "stop" in [name for name, _ in arm.seen]
+
+
+def test_a_frozen_server_is_old_and_not_reached_and_comes_back(
+    screens: Screens, arm: FakeDaemon, page: Page
+) -> None:
+    """The WebSocket is open, and brings nothing."""
+    screen = screens.open(f"{page.url}?scene=off", PHONE, "dark")
+    screen.live()
+    page.process.send_signal(signal.SIGSTOP)
+    try:
+        screen.old()
+        assert screen.text("#mode").startswith("was ")
+        screen.page.click("#stop")
+        screen.until("document.querySelector('#outcome').innerText.includes('NOT REACHED')")
+        assert "use the emergency stop" in screen.text("#outcome")
+        screen.picture("not_reached")
+    finally:
+        page.process.send_signal(signal.SIGCONT)
+    screen.live()
+
+
+def test_a_daemon_that_is_gone_is_said_and_comes_back(
+    screens: Screens, arm: FakeDaemon, page: Page
+) -> None:
+    screen = screens.open(f"{page.url}?scene=off")
+    screen.live()
+    with gone(arm):
+        screen.old()
+        screen.until("document.querySelector('#connection').innerText.includes('No connection')")
+        assert screen.text("#mode").startswith("was ")
+        assert screen.text("#permit").startswith("was ")
+        assert screen.text("#live").startswith("◌ not live, as of ")
+        assert screen.text("#felt").startswith("Felt then: ")
+        screen.picture("stale")
+    screen.live()
+    assert not screen.text("#mode").startswith("was ")
+
+
+@pytest.fixture
+def roaming(arm: FakeDaemon, tmp_path: Path) -> Iterator[tuple[Network, str]]:
+    """The page behind a network that may be bad, and its address there."""
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        free = int(probe.getsockname()[1])
+    with network(free) as bad:
+        options = ("--port", str(free), "--host", f"127.0.0.1:{bad.port}")
+        recordings = ("--recordings", str(tmp_path / "recordings"))
+        with page_of(arm.path, options=(*options, *recordings)):
+            yield bad, f"http://127.0.0.1:{bad.port}/?scene=off"
+
+
+def test_stop_is_reached_at_once_after_every_connection_was_lost(
+    screens: Screens, arm: FakeDaemon, roaming: tuple[Network, str]
+) -> None:
+    """A phone goes from one access point to another: none of its connections ever says a word
+    again, and none is closed. A stop must not go into one of them."""
+    bad, url = roaming
+    arm.modes = {"stop": ["holding"]}
+    screen = screens.open(url, PHONE)
+    screen.live()
+    bad.lose()
+    screen.page.click("#stop")
+    screen.until("document.querySelector('#outcome').dataset.outcome === 'stands'")
+    assert [name for name, _ in arm.seen].count("stop") == 1
+    screen.live()  # by a new stream
+
+
+def test_a_network_that_is_too_slow_is_said_and_stop_works(
+    screens: Screens, arm: FakeDaemon, roaming: tuple[Network, str]
+) -> None:
+    bad, url = roaming
+    arm.modes = {"stop": ["holding"]}
+    screen = screens.open(url, PHONE)
+    screen.live()
+    bad.bytes_per_s = 5000.0
+    screen.until("document.querySelector('#connection').innerText.includes('too slow')")
+    assert screen.text("#live").startswith("◌ not live")
+    screen.picture("slow")
+    screen.page.click("#stop")
+    screen.until("document.querySelector('#outcome').dataset.outcome === 'stands'")
+    bad.bytes_per_s = float("inf")
+    screen.live()
+
+
+@contextmanager
+def gone(arm: FakeDaemon) -> Iterator[None]:
+    """While the block lasts the daemon is dead, and its sockets with it; then it is another."""
+    arm.stopped.set()
+    deadline = time.monotonic() + PATIENCE_MS / 1e3
+    while arm.path.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    yield
+    arm.stopped.clear()
+    again = threading.Thread(target=arm.run, daemon=True)
+    again.start()
