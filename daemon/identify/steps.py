@@ -57,19 +57,13 @@ class Outcome:
 def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> Outcome:
     """Identify the half-gaps of the named joints."""
     names = robot.configuration.joint_names
-    constants = [joint.torque_constant for joint in robot.configuration.joints]
     lines, entries, gaps = [], dict[str, file.Entry](), []
     for name in joints:
         i = names.index(name)
-        gap = identify_gap(measured.log, i, constants[i])
+        joint = robot.configuration.joints[i]
+        gap = identify_gap(measured.log, i, joint.torque_constant, joint.wiring.gear)
         gaps.append(gap)
-        figures = ""
-        if np.isfinite(gap.half_gap):
-            figures = f"alpha {1e3 * gap.half_gap:.2f} mrad"
-        if np.isfinite(gap.confidence):
-            figures += f" +- {1e3 * gap.confidence:.2f}"
-        if np.isfinite(gap.skew_s):
-            figures += f"; link encoder {1e3 * gap.skew_s:+.2f} ms late"
+        figures = _gap_figures(gap)
         lines.append(Line(name, gap.verdict.value, gap.usable, figures, gap.reason))
         if gap.usable:
             entries[name] = file.GapEntry(
@@ -80,6 +74,20 @@ def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> 
                 skew_ms=None if np.isnan(gap.skew_s) else round(1e3 * float(gap.skew_s), 3),
             )
     return Outcome(lines, entries, measured.notes, gaps=gaps)
+
+
+def _gap_figures(gap: GapResult) -> str:
+    figures = ""
+    if np.isfinite(gap.half_gap):
+        figures = f"alpha {1e3 * gap.half_gap:.2f} mrad"
+    elif np.isfinite(gap.estimate):
+        figures = f"estimate, not used: alpha {1e3 * gap.estimate:.2f} mrad"
+    if figures and np.isfinite(gap.confidence):
+        figures += f" +- {1e3 * gap.confidence:.2f}"
+    parts = [figures] if figures else []
+    if np.isfinite(gap.skew_s):
+        parts.append(f"link encoder {1e3 * gap.skew_s:+.2f} ms late")
+    return "; ".join([*parts, *(str(one) for one in gap.harmonics)])
 
 
 def friction_step(robot: Robot, measured: Measured, date: str) -> Outcome:

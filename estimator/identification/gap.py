@@ -20,9 +20,11 @@ from estimator.identification.ramps import from_ramps
 _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
 
 
-def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> GapResult:
+def identify_gap(
+    log: MotionLog, joint: int, torque_constant: float, gear: float = 0.0
+) -> GapResult:
     """Half-gap of one joint by the method that fits what moved in the log, which may be that of
-    several sittings."""
+    several sittings. gear: turns of the motor for one of the link, 0 where it is not known."""
     q, theta = positions(log, joint)
     moved_q, moved_theta = spread(q), spread(theta)
     name = log.joints[joint]
@@ -37,7 +39,7 @@ def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> GapResul
         return from_ramps(name, log.time_s, q - theta, torque)
     between = spread(q - theta)
     if moved_theta > _SHAKEN and moved_theta > 3.0 * between:
-        return from_motion(name, log.time_s, q, theta, log.motor_velocity[:, joint])
+        return from_motion(name, log.time_s, q, theta, log.motor_velocity[:, joint], gear=gear)
     if moved_theta > 0.6 * between > 1.2 * SMALLEST:
         about = f"by {1e3 * moved_theta:.3g} mrad, the link against it by {1e3 * between:.3g} mrad"
         return GapResult(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about)

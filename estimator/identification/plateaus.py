@@ -1,7 +1,7 @@
 """The half-gap, from a link that is led by hand from border to border while its motor stands."""
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,8 @@ from estimator.identification.gap_result import (
     SMALLEST,
     GapResult,
     GapVerdict,
+    Limit,
+    refused,
     smoothed,
     spread,
 )
@@ -83,7 +85,9 @@ def from_plateaus(
     crossings = max(len(found.level) - 1, 0)
     if crossings < CROSSINGS:
         about = f"{crossings} crossings from border to border, at least {CROSSINGS} are needed"
-        return GapResult(joint=name, verdict=GapVerdict.FEW, reason=about, crossings=crossings)
+        estimate = 0.5 * float(np.median(np.abs(np.diff(found.level)))) if crossings else np.nan
+        return GapResult(joint=name, verdict=GapVerdict.FEW, reason=about, estimate=estimate,
+                   crossings=crossings)  # fmt: skip
     half = 0.5 * np.abs(np.diff(found.level))
     # Drift adds to the ways up what it takes from the ways down.
     up = found.upper[1:]
@@ -96,14 +100,23 @@ def from_plateaus(
     if alpha < SMALLEST:
         return GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
                    confidence=confidence, crossings=crossings)  # fmt: skip
-    doubt, felt = about, False
-    if scatter <= CLEAR * alpha:
-        doubt, felt = _doubtful_border(time_s, phi, torque, found)
-    if not felt:
-        return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=doubt, crossings=crossings)
-    about = f"{about}; {doubt}" if doubt else about
-    return GapResult(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
-               confidence=confidence, crossings=crossings)  # fmt: skip
+    found_gap = GapResult(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
+                    confidence=confidence, crossings=crossings)  # fmt: skip
+    return _judged(found_gap, scatter, *_doubtful_border(time_s, phi, torque, found))
+
+
+def _judged(found: GapResult, scatter: float, doubt: str, felt: bool) -> GapResult:
+    """`found` as it is if its borders are two, and the motor `felt` both."""
+    most = 1e3 * CLEAR * found.half_gap
+    cause = "preload, an elastic gear, or you pressed now more, now less"
+    limit = Limit("scatter of the plateaus", 1e3 * scatter, most, "mrad", cause)
+    answer = refused(found, GapVerdict.UNCLEAR, [limit])
+    if answer.limit is not None or not doubt:
+        return answer
+    doubtful = replace(found, reason=f"{found.reason}; {doubt}")
+    if felt:
+        return doubtful
+    return replace(doubtful, verdict=GapVerdict.UNCLEAR, half_gap=np.nan, estimate=found.half_gap)
 
 
 def _doubtful_border(

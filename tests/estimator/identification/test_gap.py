@@ -190,6 +190,32 @@ def test_motion_shows_gap_and_skew_apart():
     assert np.percentile(np.abs(q - theta), 95) > 1.3 * alpha
 
 
+@pytest.mark.parametrize("turns", [40.0, 100.0, 160.0])
+def test_errors_that_repeat_with_a_turn_are_told_and_hide_no_gap(turns):
+    alpha = 0.0015
+    t, q, theta = two_encoders(0.001, alpha)
+    off = 0.0005 * np.sin(turns * theta + 1.0) + 0.0003 * np.sin(2.0 * turns * theta)
+    off += 0.0004 * np.cos(2.0 * q + 0.3)
+    gap = from_motion("j", t, q + off, theta, np.gradient(theta, t), gear=turns)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(alpha, rel=0.02)
+    found = {(one.encoder, one.order): one.amplitude for one in gap.harmonics}
+    assert found["motor", 1] == pytest.approx(0.0005, rel=0.1)
+    assert found["motor", 2] == pytest.approx(0.0003, rel=0.1)
+    assert ("link", 2) in found
+    # Without the gear's ratio the motor's turns are not known: refused, with figure and cause.
+    blind = from_motion("j", t, q + off, theta, np.gradient(theta, t))
+    assert blind.verdict is GapVerdict.UNCLEAR
+    assert blind.estimate == pytest.approx(alpha, rel=0.1)
+    assert blind.limit is not None
+    assert "scatter of phi" in blind.reason
+
+
+def test_good_encoders_are_not_accused():
+    t, q, theta = two_encoders(0.0, 0.004)
+    assert from_motion("j", t, q, theta, np.gradient(theta, t), gear=100.0).harmonics == ()
+
+
 def test_borders_that_wander_in_motion_are_none():
     t, q, theta = two_encoders(0.0, 0.004)
     wander = 0.003 * np.sin(2 * np.pi * 0.05 * t)
@@ -231,10 +257,31 @@ def test_real_torque_ramps_with_a_dead_zone():
     assert abs(gap.half_gap - 0.0325) < gap.confidence < 0.006
 
 
+@pytest.mark.parametrize("begin_s", [0.0, 3.0, 6.0, 10.0])
+@pytest.mark.parametrize("every", [1, 8, 16, 17, 20, 25])  # up to 60 ms
+def test_real_torque_ramps_however_slowly_and_from_wherever_they_are_sampled(begin_s, every):
+    def answer(name: str):
+        log, constant = clamped(name)
+        rows = slice(round(begin_s / log.period_s), None, every)
+        return identify_gap(log.select(rows), 0, constant)
+
+    gap = answer("base_runin1")
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.0325, abs=0.0015), gap
+    preloaded = answer("split_3pre1")
+    assert preloaded.verdict is GapVerdict.UNCLEAR, preloaded
+
+
 def test_real_torque_ramps_of_preloaded_gears():
+    """What is refused shows its figure, the limit that it broke, and why that may be."""
     gap = identify_gap(*clamped_with("split_3pre1"))
     assert gap.verdict is GapVerdict.UNCLEAR, gap
     assert np.isnan(gap.half_gap)
+    assert 0.01 < gap.estimate < 0.03
+    assert gap.limit is not None
+    assert gap.limit.value > gap.limit.most
+    assert "slope inside over slope outside" in gap.reason
+    assert "preloaded" in gap.reason
 
 
 def columns(name: str) -> np.ndarray:
