@@ -19,7 +19,6 @@ from estimator.identification.gap_result import (
 )
 
 _RARE = 0.03  # share of the time in motion; a border met more rarely is not believed
-_PASSES = 3  # what the encoders add to phi hides where it rests, until it is known
 _RESTS = 50  # fewest samples
 
 
@@ -41,17 +40,12 @@ def from_motion(
     fast = float(np.percentile(np.abs(speed), 95.0))
     moving = np.abs(speed) > 0.1 * fast
     repeats = turns(q, theta, gear)
-    error, fit = np.zeros_like(q), None
-    for _ in range(_PASSES):
-        phi_dot = np.gradient(smoothed(q - theta - error, 3), time_s)
-        rests = moving & (np.abs(phi_dot) < 0.05 * fast)
-        if rests.sum() < _RESTS:
-            break
-        fit = _fitted(time_s, q - theta, speed, repeats, rests)
-        error = repeats.columns @ fit.repeating
-    if fit is None:
+    phi_dot = np.gradient(smoothed(q - theta, 3), time_s)
+    rests = moving & (np.abs(phi_dot) < 0.05 * fast)
+    if rests.sum() < _RESTS:
         about = "phi is never at rest while the joint moves"
         return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=about)
+    fit = _fitted(time_s, q - theta, speed, repeats, rests)
     return _judged(name, fit, enough)
 
 
@@ -61,7 +55,6 @@ class _Fit:
     skew: float
     errors: Vector
     """standard errors of c, c', alpha and skew"""
-    repeating: Vector
     harmonics: tuple[Harmonic, ...]
     side: Vector
     """+-1, (M,)"""
@@ -89,7 +82,6 @@ def _fitted(
         alpha=abs(float(solution[2])),
         skew=float(solution[3]),
         errors=_block_errors(columns, left, rests, period),
-        repeating=solution[4:],
         harmonics=repeats.harmonics(solution[4:], columns[:, 4:]),
         side=columns[:, 2],
         scatter=1.4826 * float(np.median(np.abs(left))),

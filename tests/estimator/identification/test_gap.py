@@ -16,6 +16,7 @@ from estimator.identification.gap_in_motion import from_motion
 from estimator.identification.gap_result import GapVerdict
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.plateaus import from_plateaus
+from estimator.identification.ramps import from_ramps
 from simulator.description import SimulationSettings
 
 DATA = Path(os.environ.get("CONTACTD_DATA", Path(__file__).parents[4] / "shared" / "data"))
@@ -270,6 +271,34 @@ def test_real_torque_ramps_however_slowly_and_from_wherever_they_are_sampled(beg
     assert gap.half_gap == pytest.approx(0.0325, abs=0.0015), gap
     preloaded = answer("split_3pre1")
     assert preloaded.verdict is GapVerdict.UNCLEAR, preloaded
+
+
+def sharp_gap(alpha: float, period_s: float) -> tuple[np.ndarray, ...]:
+    """Time, phi and torque of two ramps from rest to 20 Nm and back against a clamped link: gear of
+    1000 Nm/rad, friction of 2 Nm, and a gap that the motor crosses within a sample."""
+    t = np.arange(0.0, 40.0, period_s)
+    torque = 20.0 * np.interp(t, [0, 5, 15, 25, 35, 40], [0, 1, -1, 1, -1, 0])
+    bent = np.zeros_like(t)
+    for k in range(1, len(t)):
+        bent[k] = min(max(bent[k - 1], (torque[k] - 2.0) / 1000.0), (torque[k] + 2.0) / 1000.0)
+    rng = np.random.default_rng(0)
+    theta = bent + alpha * np.sign(bent) + 2e-5 * rng.standard_normal(len(t))
+    return t, -theta, torque + 0.05 * rng.standard_normal(len(t))
+
+
+@pytest.mark.parametrize("period_s", [0.01, 0.06])
+def test_the_sharpest_gap_is_the_clearest(period_s):
+    gap = from_ramps("j", *sharp_gap(0.02, period_s))
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.02, rel=0.02)
+    assert gap.stiffness == pytest.approx(1000.0, rel=0.05)
+
+
+def test_the_first_ramp_counts_from_its_end_on():
+    t, phi, torque = sharp_gap(0.02, 0.01)
+    from_rest = from_ramps("j", t, phi, torque)
+    torque = np.where(t < 3.0, -torque, torque)  # whatever the friction was before
+    assert from_ramps("j", t, phi, torque) == from_rest
 
 
 def test_real_torque_ramps_of_preloaded_gears():
