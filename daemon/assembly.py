@@ -18,6 +18,7 @@ from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
 from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place
 from daemon.motion.release import ReleaseSettings
+from daemon.motion.seen import SeenMotion
 from daemon.protocol.messages import Check
 from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.controller import Controller, ControllerSettings
@@ -57,6 +58,18 @@ def build_tick(robot: Robot, wire: Wire, clock: Callable[[], float], identificat
         ),
         c.period_s,
     )
+
+
+def seen_motion(robot: Robot) -> SeenMotion:
+    """Motion that identified thresholds have seen; without bounds where they do not say."""
+    c, found = robot.configuration, robot.identified
+    speed, lower, upper = (np.full(len(c.joints), end) for end in (np.inf, -np.inf, np.inf))
+    for i, name in enumerate(c.joint_names):
+        entry = found.joints.get(name) if found is not None else None
+        if entry is not None and entry.thresholds is not None and entry.thresholds.seen is not None:
+            seen = entry.thresholds.seen
+            speed[i], lower[i], upper[i] = seen.speed, seen.lower, seen.upper
+    return SeenMotion(speed, lower, upper)
 
 
 def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:

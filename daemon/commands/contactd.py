@@ -249,11 +249,14 @@ def friction(seconds: float, **asked: Any) -> None:
 @click.option("--seconds", default=120.0, show_default=True, type=Range(40, 7200))
 @click.option("--per-hour", default=1.0, show_default=True, type=Range(1e-3, 1000),
               help="False contacts per joint and hour that are bearable.")  # fmt: skip
+@click.option("--it-was-me", is_flag=True,
+              help="Every stretch that looks like a touch, and is left out, was you.")  # fmt: skip
 @_identification
-def thresholds(seconds: float, per_hour: float, **asked: Any) -> None:
+def thresholds(seconds: float, per_hour: float, it_was_me: bool, **asked: Any) -> None:
     """Move all joints, without contact: levels from the residuals."""
     with _begin(**asked) as identification:
-        sys.exit(0 if identification.thresholds(seconds, per_hour) else 1)
+        good = identification.thresholds(seconds, per_hour, it_was_me=it_was_me)
+        sys.exit(0 if good else 1)
 
 
 for command in recordings.COMMANDS:

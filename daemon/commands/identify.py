@@ -15,6 +15,7 @@ from rich.console import Console
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
+from daemon.identify.levels import thresholds_step
 from daemon.identify.live_arm import LiveArm, open_session
 from daemon.identify.measured import Measured, read_measured
 from daemon.identify.plots import plot_friction, plot_gap
@@ -25,11 +26,11 @@ from daemon.identify.steps import (
     friction_step,
     gap_step,
     merged,
-    thresholds_step,
     wiring_step,
 )
 from errors import ConfigurationError
 from estimator.identification.gap_result import GapVerdict
+from estimator.identification.thresholds import LevelVerdict
 
 
 class Source(Protocol):
@@ -147,10 +148,13 @@ class Identification:
             self._draw(partial(plot_friction, measured.log, outcome.shown, self._folder))
         return good
 
-    def thresholds(self, seconds: float, per_hour: float) -> bool:
-        """Identify two levels per joint."""
-        outcome = thresholds_step(self._robot, self._source.thresholds(seconds), per_hour, now())
-        return self._conclude("thresholds", "thresholds", outcome)
+    def thresholds(self, seconds: float, per_hour: float, *, it_was_me: bool = False) -> bool:
+        """Identify two levels per joint; it_was_me: every touch that is found was the person's."""
+        measured = self._source.thresholds(seconds)
+        outcome = thresholds_step(self._robot, measured, per_hour, now(), it_was_me=it_was_me)
+        # Asked whether it was the person, what was measured waits for the answer.
+        asked = any(line.verdict == LevelVerdict.UNLESS_YOU for line in outcome.lines)
+        return self._conclude("thresholds", "thresholds", outcome, more=asked)
 
     def _conclude(
         self,

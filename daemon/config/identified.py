@@ -70,12 +70,34 @@ class FrictionEntry(Entry, frozen=True):
     rotor_inertia: NotNegative | None = None  # None where the current does not show it
 
 
+class SeenEntry(Settings, frozen=True):
+    """Motion in which levels were learned: speed of the motor [rad/s], range of the link [rad], and
+    the load that was carried, in words."""
+
+    speed: NotNegative
+    lower: float
+    upper: float
+    load: str = ""
+
+
+class DiscardedEntry(Settings, frozen=True):
+    """Stretch that looked like a touch and was left out: from when, for how long [s], how large was
+    |r| [Nm]."""
+
+    at_s: float
+    lasted_s: float
+    largest: float
+
+
 class ThresholdsEntry(Entry, frozen=True):
-    """Levels [Nm] at a rate of false alarms per hour, and the largest |r| that was seen."""
+    """Levels [Nm] at a rate of false alarms per hour, the largest |r| that was used, what motion
+    they have seen (None in files of before), and what was left out of it."""
 
     thresholds: Levels
     per_hour: float
     largest: NotNegative
+    seen: SeenEntry | None = None
+    discarded: tuple[DiscardedEntry, ...] = ()
 
 
 class IdentifiedJoint(Settings, frozen=True):

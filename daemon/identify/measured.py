@@ -38,8 +38,10 @@ class Measured:
     log: MotionLog
     sha256: str
     residual: Matrix | None = None  # (N, n) [Nm]
-    raised: Matrix | None = None  # (N, n) threshold in force beyond its level [Nm]
-    touched: NDArray[np.bool_] | None = None  # (N,) thresholded residual not zero, or not sure
+    raised: Matrix | None = None  # (N, n) threshold in force beyond its level at speed [Nm]
+    touched: NDArray[np.bool_] | None = None  # (N, n) thresholded residual not zero
+    unsure: NDArray[np.bool_] | None = None  # (N,) residual that is old, or begins anew
+    load: str = ""  # that the model counted, in words
     notes: tuple[str, ...] = ()
     outdated: str = ""  # recording whose residuals use other values than today's, in words
 
@@ -72,13 +74,19 @@ def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
 
 
 def raised(states: Iterable[State], c: Configuration) -> list[State]:
-    """States whose threshold is only the part in force beyond the contact level of `c`, 0 where
-    learning has lowered it: recordings may have been made at different levels."""
-    levels = [joint.thresholds.contact for joint in c.joints]
-    return [
-        replace(s, threshold=np.maximum(np.subtract(s.threshold, levels), 0.0).tolist())
-        for s in states
-    ]
+    """States whose threshold is only the part in force beyond the contact level of `c` and what
+    that grows by with speed, 0 where learning has lowered it: recordings may have been made at
+    different levels."""
+    levels = np.array([joint.thresholds.contact for joint in c.joints])
+    growth = np.array([joint.thresholds.per_speed for joint in c.joints])
+
+    def beyond(s: State) -> list[float]:
+        share = np.array(s.level_share or np.ones_like(levels))
+        level = levels + share * growth * np.abs(s.motor_velocity)
+        left: list[float] = np.maximum(s.threshold - level, 0.0).tolist()
+        return left
+
+    return [replace(s, threshold=beyond(s)) for s in states]
 
 
 def incompatibility(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
@@ -168,7 +176,9 @@ def from_states(
         sha256=_hash(log),
         residual=np.array([s.residual for s in used]),
         raised=np.array([s.threshold for s in used]),
-        touched=(thresholded != 0.0).any(axis=1) | unsure,
+        touched=thresholded != 0.0,
+        unsure=unsure,
+        load=str(used[-1].payload or ""),
         notes=notes,
     )
 

@@ -5,15 +5,11 @@ from dataclasses import dataclass, field
 import msgspec
 import numpy as np
 
-from arrays import Vector
 from daemon.assembly import build_transmission
 from daemon.config import identified as file
 from daemon.config.load import Robot
-from daemon.config.motion import row
-from daemon.config.schema import Configuration, Friction, GapSpring, Levels
+from daemon.config.schema import Friction, GapSpring
 from daemon.identify.measured import Measured
-from daemon.tick.arming_checks import RAISED
-from errors import LogError
 from estimator.identification.friction import (
     FrictionFit,
     Reconstruction,
@@ -24,12 +20,8 @@ from estimator.identification.friction import (
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_result import GapResult
 from estimator.identification.log_checks import refuse_implausible
-from estimator.identification.thresholds import LevelSettings, LevelVerdict, identify_levels
 from estimator.identification.wiring import check_wiring
 from estimator.model import Model
-
-# Of what `arm` allows: levels are rounded, and compared.
-NEARLY = 0.99
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,80 +139,6 @@ def _friction_figures(fit: FrictionFit) -> str:
     if np.isfinite(fit.gravity_scale):
         parts.append(f"K_c/gravity {fit.gravity_scale:.2f}")
     return ", ".join(part for part in parts if part)
-
-
-def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str) -> Outcome:
-    """Identify two levels per joint from contact-free motion. Raises LogError without residuals."""
-    c = robot.configuration
-    r, raised, touched = measured.residual, measured.raised, measured.touched
-    if r is None or raised is None or touched is None:
-        raise LogError("thresholds need residuals: a recording of `contactctl record`, not a CSV")
-    if measured.outdated:
-        raise LogError(f"{measured.outdated}: start the daemon again, and record anew")
-    hidden = _hidden_at_rest(c)
-    settings = _level_settings(c, per_hour, hidden)
-    levels = identify_levels(
-        measured.log.joints, measured.log.period_s, r, raised, touched, settings
-    )
-    lines, entries, notes = [], dict[str, file.Entry](), list(measured.notes)
-    discarded_s = len(touched) * measured.log.period_s - levels[0].used_s
-    if touched.any():
-        notes.append(
-            f"{discarded_s:.0f} s discarded, in which a joint was beyond its contact level, or "
-            "samples were missing: if nobody touched the arm, contacts in the log were false, and "
-            "the new levels are too low; give higher ones in config.yaml, and measure again"
-        )
-    least = _least_at_rest(c, hidden)
-    for one, joint, rests, level in zip(levels, c.joints, hidden, least, strict=True):
-        if one.floored and one.contact == level:
-            notes.append(
-                f"{one.joint}: its friction hides {rests:.2g} Nm at rest, and `arm` is refused "
-                f"beyond {RAISED:g} times the contact level; less was seen"
-            )
-        good = one.verdict is LevelVerdict.GOOD
-        figures = ""
-        if np.isfinite(one.contact):
-            figures = (f"contact {one.contact:.3g} Nm, collision {one.collision:.3g} Nm, "
-                       f"largest |r| {one.largest:.3g} Nm in {one.used_s:.0f} s")  # fmt: skip
-        lines.append(Line(one.joint, one.verdict.value, good, figures, one.reason))
-        if good:
-            entries[one.joint] = file.ThresholdsEntry(
-                date=date,
-                log=measured.sha256,
-                thresholds=Levels(
-                    contact=float(f"{one.contact:.4g}"),
-                    collision=float(f"{one.collision:.4g}"),
-                    # What grows with speed was in the raise, and is not in the level.
-                    per_speed=joint.thresholds.per_speed,
-                ),
-                per_hour=per_hour,
-                largest=float(f"{one.largest:.4g}"),
-            )
-    return Outcome(lines, entries, tuple(notes))
-
-
-def _hidden_at_rest(c: Configuration) -> Vector:
-    """Torque (n,) [Nm] that the friction of a joint at rest hides, at most."""
-    t = build_transmission(c)
-    hidden: Vector = (c.estimator.stiction_share + t.most_stiction) * t.engaged_coulomb
-    return hidden
-
-
-def _least_at_rest(c: Configuration, hidden: Vector) -> Vector:
-    """Contact levels (n,) [Nm] that are in force at rest at nearly `RAISED` times their value: with
-    what is hidden, and the side of a gap not known."""
-    unsure = c.estimator.unknown_side_share * (row(c, lambda j: j.half_gap) > 0.0)
-    least: Vector = hidden / (NEARLY * RAISED - 1.0 - unsure)
-    return least
-
-
-def _level_settings(c: Configuration, per_hour: float, hidden: Vector) -> LevelSettings:
-    """Floor and ceiling of the levels. Two counts of the current's noise cannot be a touch, and
-    what is `hidden` (n,) [Nm] at rest raises a level no further than `arm` allows: the floor. The
-    ceiling is a fifth of the drive's largest torque: a level above protects nobody."""
-    strongest = np.array([j.torque_constant * j.wiring.max_current_A for j in c.joints])
-    floor: Vector = np.maximum(0.01 * strongest, _least_at_rest(c, hidden))
-    return LevelSettings(per_hour, per_hour / 100.0, floor, 0.2 * strongest)
 
 
 def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outcome:
