@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from arrays import Vector
+from estimator.identification.bending import Bending, bending
 from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
@@ -102,7 +103,25 @@ def from_plateaus(
                    confidence=confidence, crossings=crossings)  # fmt: skip
     found_gap = GapResult(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
                     confidence=confidence, crossings=crossings)  # fmt: skip
+    found_gap = _straightened(found_gap, bending(time_s, phi, torque, found.time_s, found.upper))
     return _judged(found_gap, scatter, *_doubtful_border(time_s, phi, torque, found))
+
+
+def _straightened(found: GapResult, bent: Bending | None) -> GapResult:
+    """`found` without what the gear bends, where that is known better than it matters; else with
+    that in its interval."""
+    if bent is None:
+        return found
+    gives = found.half_gap - bent.half_gap
+    if bent.confidence > max(CLEAR * bent.half_gap, 0.5 * SMALLEST):
+        wider = found.confidence + abs(gives) + bent.confidence
+        return replace(found, confidence=wider,
+                       reason=f"{found.reason}; of alpha the gear may have bent "
+                       f"{1e3 * max(gives, 0.0):.2g} mrad")  # fmt: skip
+    about = (f"{found.reason}; the gear bends by {1e3 * bent.compliance:.2g} mrad/Nm, "
+             f"{1e3 * gives:.2g} mrad of what was seen")  # fmt: skip
+    return replace(found, half_gap=bent.half_gap, reason=about, compliance=bent.compliance,
+                   confidence=max(found.confidence, bent.confidence))  # fmt: skip
 
 
 def _judged(found: GapResult, scatter: float, doubt: str, felt: bool) -> GapResult:

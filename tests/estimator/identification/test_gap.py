@@ -130,6 +130,38 @@ def test_a_hand_that_stops_short_of_a_border_is_told(arm, nominal):
     assert refused >= 8, refused  # of fifteen
 
 
+def test_a_gear_that_bends_under_the_hand_is_told_from_its_gap(arm, nominal):
+    """Gears of 1000 Nm/rad, pressed with 3.5 Nm by a hand that is not gentle."""
+    settings = SimulationSettings(velocity_bias=0.001, friction="dahl", presliding=0.001)
+    arms = [replace(nominal, half_gap=np.full(7, alpha)) for alpha in (0.007, 0.02)]
+    q0 = np.array([joint.initial_position for joint in arm.description.joints])
+    hand = PressingHand(arms, q0, arm.model.gravity(q0), settings.step_s)
+    still = (q0, np.zeros_like(q0))
+    logs = record_fleet(
+        arm.description, arms, lambda t: still, 20.0, settings, push=hand, motors_only=True
+    )[0]
+    for log, true in zip(logs, arms, strict=True):
+        for i in (0, 1):  # the shoulder, whose motors withstand it
+            gap = identify_gap(log, i, arm.transmission.torque_constant[i])
+            assert gap.verdict is GapVerdict.CLEAR, gap
+            assert gap.half_gap == pytest.approx(true.half_gap[i], abs=5e-4), gap
+            assert abs(gap.half_gap - true.half_gap[i]) < gap.confidence < 1e-3, gap
+            assert 1.0 / gap.compliance == pytest.approx(true.stiffness[i], rel=0.15)
+            assert "the gear bends by" in gap.reason
+
+
+class PressingHand(SoftHand):
+    """Leads every link to and fro within 1 s, the shoulder with 3.5 Nm and more."""
+
+    def __call__(self, t, q, q_dot):
+        visit, phase = divmod(t, 1.0)
+        strong = np.arange(len(q)) % 7 < 2
+        strength = np.where(strong, 3.5, self._strongest) * (1.0 + 0.25 * np.sin(1.7 * visit))
+        way = min(phase / 0.15 - 1.0, 1.0) * (1.0 if int(visit) % 2 == 0 else -1.0)
+        pull = 60.0 * strength * (self._q0 + way * (self._half_gap + 0.03) - q)
+        return self._gravity + np.clip(pull, -strength, strength) - self._damping * q_dot
+
+
 class StoppingHand(SoftHand):
     """On the way to a border that it does not reach it stops at 0.6 of the half-gap: with the first
     arm on both sides, with the second only upwards, with the third only downwards."""
