@@ -84,7 +84,7 @@ def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:
 def check_parameters(robot: Robot) -> Check:
     """Arming check of gaps, friction and thresholds: identified, or known otherwise. A loop over
     the links is closed without them: that is how friction is identified."""
-    missing = parameters_missing(robot.identified, robot.configuration)
+    missing = parameters_missing(robot.identified, robot.configuration, robot.urdf)
     text = parameters_known(robot.identified, robot.configuration)
     if missing:
         text = "; ".join(missing) + "; what was identified since is used from the next start on"

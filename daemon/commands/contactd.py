@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from compiled import refuse_stale
 from daemon.commands import recordings
@@ -185,14 +186,28 @@ def black_box(socket: Path | None, output: Path | None, left_over: bool) -> None
     write_frames(socket, output, left_over=left_over)
 
 
-@main.group(cls=_InOrder)
-def identify() -> None:
+@main.group(cls=_InOrder, invoke_without_command=True)
+@click.option("--config", type=PATH,
+              help="Robot's folder; by default that of the running daemon.")  # fmt: skip
+@SOCKET
+@click.pass_context
+def identify(context: click.Context, config: Path | None, socket: Path | None) -> None:
     """Find out what an arm's parameters are, step by step, on the arm or on recorded logs.
+
+    Without a step: what is known of each joint, how good and how old it is, and the next command;
+    nothing moves. The options here belong to that; each step has its own.
 
     Without --log a running daemon moves the arm, and the person beside it has read
     docs/commissioning.md. Every step can be stopped by Ctrl-C at any time: the arm holds, and the
     same command goes on from there. Results go to identified.yaml beside the configuration.
     """
+    if context.invoked_subcommand is None:
+        from daemon.commands.identify import show_overview
+
+        sys.exit(0 if show_overview(config, socket) else 1)
+    given = {context.get_parameter_source(option) for option in ("config", "socket")}
+    if ParameterSource.COMMANDLINE in given:
+        raise click.UsageError("--config and --socket go behind the step")
 
 
 def _identification(step: Any) -> Any:

@@ -12,15 +12,17 @@ from typing import Protocol
 
 from rich.console import Console
 
+from daemon.clients.client import Client
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot
-from daemon.config.schema import Configuration
+from daemon.config.schema import Configuration, Step
 from daemon.identify.levels import thresholds_step
 from daemon.identify.live_arm import LiveArm, open_session
 from daemon.identify.measured import Measured, read_measured
+from daemon.identify.overview import overview
 from daemon.identify.plots import plot_friction, plot_gap
 from daemon.identify.session import stop_once
-from daemon.identify.show import print_outcome
+from daemon.identify.show import print_outcome, print_overview
 from daemon.identify.steps import (
     Outcome,
     friction_step,
@@ -158,7 +160,7 @@ class Identification:
 
     def _conclude(
         self,
-        step: str,
+        step: Step,
         name: str,
         outcome: Outcome,
         *,
@@ -211,6 +213,17 @@ def identification(
         arm = LiveArm(robot, session, console)
         refused.pop_all()
     return Identification(robot, arm, console, dry=dry)
+
+
+def show_overview(config: Path | None, socket: Path | None) -> bool:
+    """Print what is known of the robot in `config`, or of the running daemon's; True if nothing is
+    missing. Raises ContactdError."""
+    if config is None:
+        with Client(socket) as client:
+            config = from_here(Path(client.ask_status().configuration))
+    seen = overview(load_robot(config), datetime.now(UTC))
+    print_overview(terminal(), seen)
+    return not seen.following
 
 
 def from_here(path: Path) -> Path:

@@ -8,7 +8,8 @@ import numpy as np
 from daemon.assembly import build_transmission
 from daemon.config import identified as file
 from daemon.config.load import Robot
-from daemon.config.schema import Friction, GapSpring
+from daemon.config.marks import fingerprint, marks
+from daemon.config.schema import Friction, GapSpring, Step
 from daemon.identify.measured import Measured
 from estimator.identification.friction import (
     FrictionFit,
@@ -164,19 +165,38 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
 
 
 def merged(
-    robot: Robot, step: str, entries: dict[str, file.Entry], serials: dict[str, int | None]
+    robot: Robot, step: Step, entries: dict[str, file.Entry], serials: dict[str, int | None]
 ) -> file.Identified:
     """Content of the robot's file with the entries of one step in it.
 
-    Entries that belong to another configuration, or another drive, are dropped.
+    Entries of another drive are dropped. Those of another configuration stay, and say so by their
+    mark, in case that it comes back; of a file of before, whose entries have none, they are
+    dropped.
     """
-    mark = file.fingerprint(robot.configuration, robot.urdf)
-    old = robot.identified
-    joints = dict(old.joints) if old is not None and old.configuration == mark else {}
-    for name, entry in entries.items():
+    of = marks(robot.configuration, robot.urdf)
+    joints = _marked(robot, of)
+    for name, found in entries.items():
+        entry = msgspec.structs.replace(found, of=of[step])
         known = joints.get(name, file.IdentifiedJoint(serial=serials.get(name)))
         if name in serials and known.serial != serials[name]:
             known = file.IdentifiedJoint(serial=serials[name])
         joints[name] = msgspec.structs.replace(known, **{step: entry})
     order = {name: joints[name] for name in robot.configuration.joint_names if name in joints}
-    return file.Identified(configuration=mark, joints=order)
+    return file.Identified(joints=order)
+
+
+def _marked(robot: Robot, of: dict[Step, str]) -> dict[str, file.IdentifiedJoint]:
+    """What the file has by joint, each entry with a mark of its own."""
+    old = robot.identified or file.Identified()
+    valid = old.configuration == fingerprint(robot.configuration, robot.urdf)
+
+    def marked(joint: file.IdentifiedJoint) -> file.IdentifiedJoint:
+        entries = {step: getattr(joint, step) for step in of}
+        without = {step: entry for step, entry in entries.items() if entry and not entry.of}
+        changes = {
+            step: msgspec.structs.replace(entry, of=of[step]) if valid else None
+            for step, entry in without.items()
+        }
+        return msgspec.structs.replace(joint, **changes)
+
+    return {name: marked(joint) for name, joint in old.joints.items()}

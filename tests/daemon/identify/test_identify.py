@@ -281,7 +281,8 @@ def test_a_new_drive_forgets_what_was_known_of_the_old(folder):
     robot = load_robot(folder)
     same = merged(robot, "wiring", {"joint": WIRED}, {"joint": 7}).joints["joint"]
     other = merged(robot, "wiring", {"joint": WIRED}, {"joint": 8}).joints["joint"]
-    assert (same.gap, same.serial) == (gap, 7)
+    assert same.gap is not None
+    assert (same.gap.half_gap, same.serial) == (0.02, 7)
     assert (other.gap, other.serial) == (None, 8)
 
 
