@@ -69,7 +69,8 @@ class Recorded:
     def wiring(self, joint: str) -> Measured:
         return self._read()
 
-    gap = wiring
+    def gap(self, joint: str) -> Measured:
+        return read_measured(self._paths, self._configuration, gap_of=joint)
 
     def friction(self, seconds: float) -> Measured:
         return self._read()
@@ -132,7 +133,7 @@ class Identification:
         for name in self.joints(named):
             measured = self._source.gap(name)
             outcome = gap_step(self._robot, measured, [name], now())
-            i = self._robot.configuration.joint_names.index(name)
+            i = measured.log.joints.index(name)
             picture = self._folder / f"gap-{name}.png"
             found = outcome.gaps[0]
             # Too few crossings are a beginning: the next ones are added to them.

@@ -54,7 +54,8 @@ def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> 
     for name in joints:
         i = names.index(name)
         joint = robot.configuration.joints[i]
-        gap = identify_gap(measured.log, i, joint.torque_constant, joint.wiring.gear)
+        place = measured.log.joints.index(name)
+        gap = identify_gap(measured.log, place, joint.torque_constant, joint.wiring.gear)
         gaps.append(gap)
         figures = _gap_figures(gap)
         lines.append(Line(name, gap.verdict.value, gap.usable, figures, gap.reason))

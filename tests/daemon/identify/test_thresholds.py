@@ -10,8 +10,9 @@ import pytest
 from bench.rigs.lockstep import SINGLE_JOINT
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
+from daemon.identify.csv_log import COLUMNS
 from daemon.identify.levels import thresholds_step
-from daemon.identify.measured import COLUMNS, from_csv, from_states, raised
+from daemon.identify.measured import from_csv, from_states, raised
 from daemon.protocol.messages import State
 from daemon.tick.arming_checks import RAISED
 from estimator.transmission import stiction_range
