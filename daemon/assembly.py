@@ -18,6 +18,7 @@ from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
 from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place
 from daemon.motion.release import ReleaseSettings
+from daemon.motion.seen import SeenMotion
 from daemon.protocol.messages import Check
 from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.controller import Controller, ControllerSettings
@@ -59,6 +60,18 @@ def build_tick(robot: Robot, wire: Wire, clock: Callable[[], float], identificat
     )
 
 
+def seen_motion(robot: Robot) -> SeenMotion:
+    """Motion that identified thresholds have seen; without bounds where they do not say."""
+    c, found = robot.configuration, robot.identified
+    speed, lower, upper = (np.full(len(c.joints), end) for end in (np.inf, -np.inf, np.inf))
+    for i, name in enumerate(c.joint_names):
+        entry = found.joints.get(name) if found is not None else None
+        if entry is not None and entry.thresholds is not None and entry.thresholds.seen is not None:
+            seen = entry.thresholds.seen
+            speed[i], lower[i], upper[i] = seen.speed, seen.lower, seen.upper
+    return SeenMotion(speed, lower, upper)
+
+
 def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:
     """Arming check of identified.yaml: it must be of these drives and this configuration.
     serials: of the drives that answered, in the order of the joints."""
@@ -71,7 +84,7 @@ def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:
 def check_parameters(robot: Robot) -> Check:
     """Arming check of gaps, friction and thresholds: identified, or known otherwise. A loop over
     the links is closed without them: that is how friction is identified."""
-    missing = parameters_missing(robot.identified, robot.configuration)
+    missing = parameters_missing(robot.identified, robot.configuration, robot.urdf)
     text = parameters_known(robot.identified, robot.configuration)
     if missing:
         text = "; ".join(missing) + "; what was identified since is used from the next start on"

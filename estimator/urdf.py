@@ -50,7 +50,7 @@ def moved_links(text: str) -> list[MovedLink]:
     mass or inertia, gives them as anything but finite numbers, or is that of no possible body. A
     link may be without one: a frame, or one whose mass others include.
     """
-    root, lines = _parsed(text)
+    root, lines = parsed(text)
     carried = _carried(root)
     links = []
     for link in root.findall("link"):
@@ -68,8 +68,9 @@ def moved_links(text: str) -> list[MovedLink]:
     return links
 
 
-def _parsed(text: str) -> tuple[ET.Element, _Lines]:
-    """Elements, and the line of each, without namespaces, which pinocchio does not read."""
+def parsed(text: str) -> tuple[ET.Element, _Lines]:
+    """Elements of a URDF, and the line of each, without namespaces, which pinocchio does not read.
+    Raises ModelError."""
     builder, parser = ET.TreeBuilder(), expat.ParserCreate()
     lines: _Lines = {}
 

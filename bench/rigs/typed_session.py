@@ -13,6 +13,7 @@ from bench.rigs.served_daemon import ServedDaemon
 from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot
+from daemon.config.schema import Step
 from daemon.identify.steps import merged
 from daemon.modes.table import Mode
 
@@ -34,7 +35,7 @@ def wired_joint(folder: Path) -> CommissionedArm:
     return arm
 
 
-def identify(folder: Path, step: str, entry: file.Entry) -> None:
+def identify(folder: Path, step: Step, entry: file.Entry) -> None:
     """Write identified.yaml as if the step had found `entry` of the single joint."""
     found = merged(load_robot(folder), step, {"joint": entry}, {"joint": 1})
     file.write_identified(folder / "identified.yaml", found)

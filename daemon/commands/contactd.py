@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from compiled import refuse_stale
 from daemon.commands import recordings
@@ -185,14 +186,28 @@ def black_box(socket: Path | None, output: Path | None, left_over: bool) -> None
     write_frames(socket, output, left_over=left_over)
 
 
-@main.group(cls=_InOrder)
-def identify() -> None:
+@main.group(cls=_InOrder, invoke_without_command=True)
+@click.option("--config", type=PATH,
+              help="Robot's folder; by default that of the running daemon.")  # fmt: skip
+@SOCKET
+@click.pass_context
+def identify(context: click.Context, config: Path | None, socket: Path | None) -> None:
     """Find out what an arm's parameters are, step by step, on the arm or on recorded logs.
+
+    Without a step: what is known of each joint, how good and how old it is, and the next command;
+    nothing moves. The options here belong to that; each step has its own.
 
     Without --log a running daemon moves the arm, and the person beside it has read
     docs/commissioning.md. Every step can be stopped by Ctrl-C at any time: the arm holds, and the
     same command goes on from there. Results go to identified.yaml beside the configuration.
     """
+    if context.invoked_subcommand is None:
+        from daemon.commands.identify import show_overview
+
+        sys.exit(0 if show_overview(config, socket) else 1)
+    given = {context.get_parameter_source(option) for option in ("config", "socket")}
+    if ParameterSource.COMMANDLINE in given:
+        raise click.UsageError("--config and --socket go behind the step")
 
 
 def _identification(step: Any) -> Any:
@@ -249,11 +264,14 @@ def friction(seconds: float, **asked: Any) -> None:
 @click.option("--seconds", default=120.0, show_default=True, type=Range(40, 7200))
 @click.option("--per-hour", default=1.0, show_default=True, type=Range(1e-3, 1000),
               help="False contacts per joint and hour that are bearable.")  # fmt: skip
+@click.option("--it-was-me", is_flag=True,
+              help="Every stretch that looks like a touch, and is left out, was you.")  # fmt: skip
 @_identification
-def thresholds(seconds: float, per_hour: float, **asked: Any) -> None:
+def thresholds(seconds: float, per_hour: float, it_was_me: bool, **asked: Any) -> None:
     """Move all joints, without contact: levels from the residuals."""
     with _begin(**asked) as identification:
-        sys.exit(0 if identification.thresholds(seconds, per_hour) else 1)
+        good = identification.thresholds(seconds, per_hour, it_was_me=it_was_me)
+        sys.exit(0 if good else 1)
 
 
 for command in recordings.COMMANDS:

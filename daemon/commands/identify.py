@@ -12,24 +12,27 @@ from typing import Protocol
 
 from rich.console import Console
 
+from daemon.clients.client import Client
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot
-from daemon.config.schema import Configuration
+from daemon.config.schema import Configuration, Step
+from daemon.identify.levels import thresholds_step
 from daemon.identify.live_arm import LiveArm, open_session
 from daemon.identify.measured import Measured, read_measured
+from daemon.identify.overview import overview
 from daemon.identify.plots import plot_friction, plot_gap
 from daemon.identify.session import stop_once
-from daemon.identify.show import print_outcome
+from daemon.identify.show import print_outcome, print_overview
 from daemon.identify.steps import (
     Outcome,
     friction_step,
     gap_step,
     merged,
-    thresholds_step,
     wiring_step,
 )
 from errors import ConfigurationError
 from estimator.identification.gap_result import GapVerdict
+from estimator.identification.thresholds import LevelVerdict
 
 
 class Source(Protocol):
@@ -66,7 +69,8 @@ class Recorded:
     def wiring(self, joint: str) -> Measured:
         return self._read()
 
-    gap = wiring
+    def gap(self, joint: str) -> Measured:
+        return read_measured(self._paths, self._configuration, gap_of=joint)
 
     def friction(self, seconds: float) -> Measured:
         return self._read()
@@ -129,7 +133,7 @@ class Identification:
         for name in self.joints(named):
             measured = self._source.gap(name)
             outcome = gap_step(self._robot, measured, [name], now())
-            i = self._robot.configuration.joint_names.index(name)
+            i = measured.log.joints.index(name)
             picture = self._folder / f"gap-{name}.png"
             found = outcome.gaps[0]
             # Too few crossings are a beginning: the next ones are added to them.
@@ -147,14 +151,17 @@ class Identification:
             self._draw(partial(plot_friction, measured.log, outcome.shown, self._folder))
         return good
 
-    def thresholds(self, seconds: float, per_hour: float) -> bool:
-        """Identify two levels per joint."""
-        outcome = thresholds_step(self._robot, self._source.thresholds(seconds), per_hour, now())
-        return self._conclude("thresholds", "thresholds", outcome)
+    def thresholds(self, seconds: float, per_hour: float, *, it_was_me: bool = False) -> bool:
+        """Identify two levels per joint; it_was_me: every touch that is found was the person's."""
+        measured = self._source.thresholds(seconds)
+        outcome = thresholds_step(self._robot, measured, per_hour, now(), it_was_me=it_was_me)
+        # Asked whether it was the person, what was measured waits for the answer.
+        asked = any(line.verdict == LevelVerdict.UNLESS_YOU for line in outcome.lines)
+        return self._conclude("thresholds", "thresholds", outcome, more=asked)
 
     def _conclude(
         self,
-        step: str,
+        step: Step,
         name: str,
         outcome: Outcome,
         *,
@@ -207,6 +214,17 @@ def identification(
         arm = LiveArm(robot, session, console)
         refused.pop_all()
     return Identification(robot, arm, console, dry=dry)
+
+
+def show_overview(config: Path | None, socket: Path | None) -> bool:
+    """Print what is known of the robot in `config`, or of the running daemon's; True if nothing is
+    missing. Raises ContactdError."""
+    if config is None:
+        with Client(socket) as client:
+            config = from_here(Path(client.ask_status().configuration))
+    seen = overview(load_robot(config), datetime.now(UTC))
+    print_overview(terminal(), seen)
+    return not seen.following
 
 
 def from_here(path: Path) -> Path:

@@ -78,6 +78,8 @@ def answer(options: Options, reply: "Reply") -> None:
             click.echo("\n".join(felt_lines(reply.felt)))
         said = reply.message or (reply.mode if reply.ok else "refused")
         click.echo(said if reply.ok else f"contactctl: {said}", err=not reply.ok)
+        for warning in reply.warnings:
+            click.echo(f"  warning: {warning}", err=True)
         # The failed checks are the reasons, already printed.
         for reason in reply.reasons if not reply.checks else ():
             click.echo(f"  - {reason}", err=True)

@@ -5,7 +5,6 @@ Each joint has an entry per step, written when the step passed. Values here repl
 configuration of them.
 """
 
-import hashlib
 import os
 import tempfile
 from pathlib import Path
@@ -15,6 +14,7 @@ import msgspec
 import yaml
 from msgspec import Meta
 
+from daemon.config.marks import fingerprint, marks
 from daemon.config.problem import Keys
 from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels, Step
 from daemon.protocol.messages import printable
@@ -35,14 +35,22 @@ _PARAMETERS: tuple[tuple[Step, str, str], ...] = (
     ("friction", "the friction", "`contactd identify friction`"),
     ("thresholds", "the thresholds", "`contactd identify thresholds`"),
 )
+# What voids each of them, in words (`daemon.config.marks`).
+_CHANGED: dict[Step, str] = {
+    "wiring": "drives, wiring, torque constants, period or the URDF's joints",
+    "gap": "drives, wiring, period or the URDF's joints",
+    "friction": "drives, wiring, torque constants, period or URDF",
+    "thresholds": "drives, wiring, torque constants, period or URDF",
+}
 NotNegative = Annotated[float, Meta(ge=0)]
 
 
-class Entry(Settings, frozen=True):
+class Entry(Settings, frozen=True, kw_only=True):
     """Date of a step that passed, and the measurements behind it."""
 
     date: str
     log: str  # sha256 of what was measured
+    of: str = ""  # mark of what it depends on; empty in files that have one for all
 
 
 class WiringEntry(Entry, frozen=True):
@@ -70,12 +78,34 @@ class FrictionEntry(Entry, frozen=True):
     rotor_inertia: NotNegative | None = None  # None where the current does not show it
 
 
+class SeenEntry(Settings, frozen=True):
+    """Motion in which levels were learned: speed of the motor [rad/s], range of the link [rad], and
+    the load that was carried, in words."""
+
+    speed: NotNegative
+    lower: float
+    upper: float
+    load: str = ""
+
+
+class DiscardedEntry(Settings, frozen=True):
+    """Stretch that looked like a touch and was left out: from when, for how long [s], how large was
+    |r| [Nm]."""
+
+    at_s: float
+    lasted_s: float
+    largest: float
+
+
 class ThresholdsEntry(Entry, frozen=True):
-    """Levels [Nm] at a rate of false alarms per hour, and the largest |r| that was seen."""
+    """Levels [Nm] at a rate of false alarms per hour, the largest |r| that was used, what motion
+    they have seen (None in files of before), and what was left out of it."""
 
     thresholds: Levels
     per_hour: float
     largest: NotNegative
+    seen: SeenEntry | None = None
+    discarded: tuple[DiscardedEntry, ...] = ()
 
 
 class IdentifiedJoint(Settings, frozen=True):
@@ -92,19 +122,8 @@ class Identified(Settings, frozen=True):
     """Content of the file."""
 
     version: Literal[1] = 1
-    configuration: str = ""  # `fingerprint` of what the values depend on
+    configuration: str = ""  # `fingerprint`, for entries without a mark of their own
     joints: dict[str, IdentifiedJoint] = msgspec.field(default_factory=dict)
-
-
-def fingerprint(c: Configuration, urdf: str) -> str:
-    """SHA-256 of everything in a configuration that changes what the measurements mean: drives,
-    wiring, torque constants, period, URDF. Limits, gains and old values do not; nor does which
-    product may answer, for a drive is known by its serial number."""
-    drives = msgspec.to_builtins(c.drives)
-    for profile in drives.values():
-        del profile["any_product"]
-    about = (drives, [(j.name, j.wiring, j.torque_constant) for j in c.joints], c.period_ms, urdf)
-    return hashlib.sha256(msgspec.json.encode(about, order="sorted")).hexdigest()
 
 
 def samples_alike(a: Configuration, b: Configuration) -> bool:
@@ -175,10 +194,10 @@ def objections(
     those of `configs/` come with a file of their own, which fits no other drives.
     """
     reasons = []
-    if found is not None and found.configuration != fingerprint(c, urdf):
+    if names := outdated("wiring", found, c, urdf):
         reasons.append(
-            f"{c.identified} belongs to another configuration: drives, wiring, torque constants, "
-            "period or URDF were changed since (`contactd identify wiring` again)"
+            f"the wiring of {', '.join(names)} in {c.identified} belongs to another configuration: "
+            f"{_CHANGED['wiring']} were changed since (`contactd identify wiring` again)"
         )
     for joint in c.joints:
         known = found.joints.get(joint.name) if found is not None else None
@@ -209,22 +228,46 @@ def unidentified(step: Step, found: Identified | None, c: Configuration) -> list
     ]
 
 
+def outdated(step: Step, found: Identified | None, c: Configuration, urdf: str) -> list[str]:
+    """Joints that passed a step before something was changed that it depends on, and that are not
+    known otherwise."""
+    if found is None:
+        return []
+    mark = marks(c, urdf)[step]
+    of_all = found.configuration == fingerprint(c, urdf)
+    entries = {name: getattr(joint, step) for name, joint in found.joints.items()}
+    return [
+        joint.name
+        for joint in c.joints
+        if step not in joint.known
+        and (entry := entries.get(joint.name)) is not None
+        and not (entry.of == mark if entry.of else of_all)
+    ]
+
+
 def unarmable(found: Identified | None, c: Configuration, urdf: str) -> list[str]:
     """Reasons why this arm will not be armed, whichever drives answer; empty if there are none."""
     entries = found.joints if found is not None else {}
     same = {name: entry.serial for name, entry in entries.items()}
-    return [*objections(found, c, urdf, same), *parameters_missing(found, c)]
+    return [*objections(found, c, urdf, same), *parameters_missing(found, c, urdf)]
 
 
-def parameters_missing(found: Identified | None, c: Configuration) -> list[str]:
-    """Reasons not to arm: the gaps, friction and thresholds that the file does not have, each with
-    the command to run; empty if there are none."""
-    return [
-        f"{what} of {', '.join(names)} not identified ({command}; or, known otherwise, say how: "
-        f"`known: {{{step}: ...}}` in config.yaml)"
-        for step, what, command in _PARAMETERS
-        if (names := unidentified(step, found, c))
-    ]
+def parameters_missing(found: Identified | None, c: Configuration, urdf: str) -> list[str]:
+    """Reasons not to arm: the gaps, friction and thresholds that the file does not have, or that
+    something was changed for since, each with the command to run; empty if there are none."""
+    reasons = []
+    for step, what, command in _PARAMETERS:
+        if names := unidentified(step, found, c):
+            reasons.append(
+                f"{what} of {', '.join(names)} not identified ({command}; or, known otherwise, say "
+                f"how: `known: {{{step}: ...}}` in config.yaml)"
+            )
+        if names := outdated(step, found, c, urdf):
+            reasons.append(
+                f"{what} of {', '.join(names)} identified before {_CHANGED[step]} were changed "
+                f"({command} again)"
+            )
+    return reasons
 
 
 def parameters_known(found: Identified | None, c: Configuration) -> str:

@@ -1,11 +1,11 @@
 """Measurements for the identification, from the daemon's stream, MCAP recordings or a CSV."""
 
-import csv
 import dataclasses
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from msgspec.structs import replace
@@ -16,16 +16,15 @@ from daemon.clients.recorder import read_log
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
+from daemon.identify.csv_log import COLUMNS, read_csv
 from daemon.modes.table import SENSING
-from daemon.protocol.messages import Snapshot, State, printable
+from daemon.protocol.messages import Snapshot, State
 from daemon.tick.sensing import HARMLESS
 from daemon.tick.telemetry import FLAG_NAMES
 from errors import ContactdError, LogError, ShortLogError
 from estimator.estimate import Flag
-from estimator.identification.motion_log import PAUSE_S, MotionLog
-from regular_file import open_text
+from estimator.identification.motion_log import MotionLog
 
-COLUMNS = ("current", "link_position", "motor_velocity", "motor_position")
 _SENSING = frozenset(mode.value for mode in SENSING)
 _DOUBTS = {FLAG_NAMES[flag] for flag in Flag if flag not in HARMLESS}
 _APART_S = 10.0  # between recordings, so that they are stretches
@@ -38,21 +37,26 @@ class Measured:
     log: MotionLog
     sha256: str
     residual: Matrix | None = None  # (N, n) [Nm]
-    raised: Matrix | None = None  # (N, n) threshold in force beyond its level [Nm]
-    touched: NDArray[np.bool_] | None = None  # (N,) thresholded residual not zero, or not sure
+    raised: Matrix | None = None  # (N, n) threshold in force beyond its level at speed [Nm]
+    touched: NDArray[np.bool_] | None = None  # (N, n) thresholded residual not zero
+    unsure: NDArray[np.bool_] | None = None  # (N,) residual that is old, or begins anew
+    load: str = ""  # that the model counted, in words
     notes: tuple[str, ...] = ()
     outdated: str = ""  # recording whose residuals use other values than today's, in words
 
 
-def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
-    """Measurements of recordings by `contactctl record`, one after another, or of one CSV.
+def read_measured(paths: Sequence[Path], c: Configuration, *, gap_of: str = "") -> Measured:
+    """Measurements of recordings by `contactctl record`, one after another, or of one CSV, which
+    needs no other joint than the one whose gap is asked for (`gap_of`).
 
     Raises LogError, also if they were made with other drives or another wiring than `c` has.
     """
     if any(path.suffix == ".csv" for path in paths):
         if len(paths) > 1:
             raise LogError(f"{len(paths)} files: give one CSV alone, or recordings (.mcap)")
-        return from_csv(paths[0], c.joint_names)
+        constants = {joint.name: joint.torque_constant for joint in c.joints}
+        joints = [gap_of] if gap_of else c.joint_names
+        return from_csv(paths[0], joints, constants, of_gap=bool(gap_of))
     states: list[State] = []
     notes: list[str] = []
     outdated = ""
@@ -72,13 +76,19 @@ def read_measured(paths: Sequence[Path], c: Configuration) -> Measured:
 
 
 def raised(states: Iterable[State], c: Configuration) -> list[State]:
-    """States whose threshold is only the part in force beyond the contact level of `c`, 0 where
-    learning has lowered it: recordings may have been made at different levels."""
-    levels = [joint.thresholds.contact for joint in c.joints]
-    return [
-        replace(s, threshold=np.maximum(np.subtract(s.threshold, levels), 0.0).tolist())
-        for s in states
-    ]
+    """States whose threshold is only the part in force beyond the contact level of `c` and what
+    that grows by with speed, 0 where learning has lowered it: recordings may have been made at
+    different levels."""
+    levels = np.array([joint.thresholds.contact for joint in c.joints])
+    growth = np.array([joint.thresholds.per_speed for joint in c.joints])
+
+    def beyond(s: State) -> list[float]:
+        share = np.array(s.level_share or np.ones_like(levels))
+        level = levels + share * growth * np.abs(s.motor_velocity)
+        left: list[float] = np.maximum(s.threshold - level, 0.0).tolist()
+        return left
+
+    return [replace(s, threshold=beyond(s)) for s in states]
 
 
 def incompatibility(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
@@ -168,70 +178,23 @@ def from_states(
         sha256=_hash(log),
         residual=np.array([s.residual for s in used]),
         raised=np.array([s.threshold for s in used]),
-        touched=(thresholded != 0.0).any(axis=1) | unsure,
+        touched=thresholded != 0.0,
+        unsure=unsure,
+        load=str(used[-1].payload or ""),
         notes=notes,
     )
 
 
-def from_csv(path: Path, joints: Sequence[str]) -> Measured:
-    """Measurements of a CSV file.
-
-    Its columns are `time` [s] and, for every joint, `current.JOINT` [A], `link_position.JOINT`
-    [rad], `motor_velocity.JOINT` [rad/s at the link] and perhaps `motor_position.JOINT` [rad at the
-    link].
-
-    Times rounded so coarsely that neighbours are equal are spread evenly. Raises LogError.
-    """
-    try:
-        with open_text(path, newline="") as stream:
-            rows = csv.reader(stream)
-            header = [name.strip() for name in next(rows, [])]
-            wanted = ["time", *(f"{c}.{j}" for c in COLUMNS[:3] for j in joints)]
-            if missing := [name for name in wanted if name not in header]:
-                raise LogError(f"{path}: no column {', '.join(missing)}")
-            if twice := sorted({name for name in header if name and header.count(name) > 1}):
-                raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
-            known = {"time", *(f"{c}.{j}" for c in COLUMNS for j in joints)}
-            places = [k for k, name in enumerate(header) if name in known]
-            values = []
-            for line, row in enumerate(rows, start=2):
-                if len(row) != len(header):
-                    raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
-                                   f"{len(header)}: is the file cut off?")  # fmt: skip
-                values.append(_numbers(path, line, [row[k] for k in places]))
-    except csv.Error as error:
-        raise LogError(f"{path}:{rows.line_num}: is not CSV: {error}") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"cannot read {path}: {error}") from error
-    header = [header[k] for k in places]  # other columns may hold anything
-    table = np.array(values, dtype=np.float64).reshape(-1, len(header))
-    if len(table) == 0:
-        raise LogError(f"{path}: there are no samples in it")
-
-    def columns(name: str) -> Matrix | None:
-        places = [header.index(f"{name}.{j}") for j in joints if f"{name}.{j}" in header]
-        return table[:, places] if len(places) == len(joints) else None
-
-    found = {name: column for name in COLUMNS if (column := columns(name)) is not None}
-    log = MotionLog(tuple(joints), _spread(table[:, header.index("time")]), **found)
-    return Measured(log, _hash(log))
-
-
-def _numbers(path: Path, line: int, row: list[str]) -> list[float]:
-    try:
-        return [float(field) for field in row]
-    except ValueError as error:
-        raise LogError(f"{path}:{line}: not a number: {printable(str(error))[:100]}") from error
-
-
-def _spread(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    steps = np.diff(time_s)
-    rounded = (steps >= 0.0).all() and (steps == 0.0).any() and (steps > 0.0).any()
-    if not rounded:
-        return time_s
-    # Each stretch for itself: a pause is no part of any period.
-    stretches = np.split(time_s, np.flatnonzero(steps > PAUSE_S) + 1)
-    return np.concatenate([np.linspace(t[0], t[-1], len(t)) for t in stretches])
+def from_csv(
+    path: Path,
+    joints: Sequence[str],
+    constants: Mapping[str, float] = MappingProxyType({}),
+    *,
+    of_gap: bool = False,
+) -> Measured:
+    """Measurements of a CSV file as `read_csv` takes it. Raises LogError."""
+    log, notes = read_csv(path, joints, constants, of_gap=of_gap)
+    return Measured(log, _hash(log), notes=notes)
 
 
 def _hash(log: MotionLog) -> str:

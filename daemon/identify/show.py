@@ -5,6 +5,7 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from daemon.identify.overview import STEPS, Overview
 from daemon.identify.steps import Outcome
 from estimator.identification.gap_result import CROSSINGS, GapResult
 
@@ -26,6 +27,19 @@ def print_outcome(console: Console, outcome: Outcome, width: int) -> None:
             console.print(f"  {line.joint}: {line.reason}", markup=False, highlight=False)
     for note in outcome.notes:
         console.print(f"note: {note}", markup=False, highlight=False)
+
+
+def print_overview(console: Console, seen: Overview) -> None:
+    """Print one row for each joint, one column for each step, and the next command."""
+    table = Table(box=None, pad_edge=False)
+    for column in ("joint", *STEPS):
+        table.add_column(column, overflow="fold")
+    for name, row in seen.cells.items():
+        cells = [Text(row[step].text, style="green" if row[step].good else "red") for step in STEPS]
+        table.add_row(name, *cells)
+    console.print(table)
+    last = f"next: {seen.following}" if seen.following else "nothing is missing"
+    console.print(last, markup=False, highlight=False, soft_wrap=True)
 
 
 def histogram(phi: list[float], gap: GapResult | None) -> RenderableType:

@@ -5,15 +5,12 @@ from dataclasses import dataclass, field
 import msgspec
 import numpy as np
 
-from arrays import Vector
 from daemon.assembly import build_transmission
 from daemon.config import identified as file
 from daemon.config.load import Robot
-from daemon.config.motion import row
-from daemon.config.schema import Configuration, Friction, GapSpring, Levels
+from daemon.config.marks import fingerprint, marks
+from daemon.config.schema import Friction, GapSpring, Step
 from daemon.identify.measured import Measured
-from daemon.tick.arming_checks import RAISED
-from errors import LogError
 from estimator.identification.friction import (
     FrictionFit,
     Reconstruction,
@@ -24,12 +21,8 @@ from estimator.identification.friction import (
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_result import GapResult
 from estimator.identification.log_checks import refuse_implausible
-from estimator.identification.thresholds import LevelSettings, LevelVerdict, identify_levels
 from estimator.identification.wiring import check_wiring
 from estimator.model import Model
-
-# Of what `arm` allows: levels are rounded, and compared.
-NEARLY = 0.99
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,19 +50,14 @@ class Outcome:
 def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> Outcome:
     """Identify the half-gaps of the named joints."""
     names = robot.configuration.joint_names
-    constants = [joint.torque_constant for joint in robot.configuration.joints]
     lines, entries, gaps = [], dict[str, file.Entry](), []
     for name in joints:
         i = names.index(name)
-        gap = identify_gap(measured.log, i, constants[i])
+        joint = robot.configuration.joints[i]
+        place = measured.log.joints.index(name)
+        gap = identify_gap(measured.log, place, joint.torque_constant, joint.wiring.gear)
         gaps.append(gap)
-        figures = ""
-        if np.isfinite(gap.half_gap):
-            figures = f"alpha {1e3 * gap.half_gap:.2f} mrad"
-        if np.isfinite(gap.confidence):
-            figures += f" +- {1e3 * gap.confidence:.2f}"
-        if np.isfinite(gap.skew_s):
-            figures += f"; link encoder {1e3 * gap.skew_s:+.2f} ms late"
+        figures = _gap_figures(gap)
         lines.append(Line(name, gap.verdict.value, gap.usable, figures, gap.reason))
         if gap.usable:
             entries[name] = file.GapEntry(
@@ -80,6 +68,20 @@ def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> 
                 skew_ms=None if np.isnan(gap.skew_s) else round(1e3 * float(gap.skew_s), 3),
             )
     return Outcome(lines, entries, measured.notes, gaps=gaps)
+
+
+def _gap_figures(gap: GapResult) -> str:
+    figures = ""
+    if np.isfinite(gap.half_gap):
+        figures = f"alpha {1e3 * gap.half_gap:.2f} mrad"
+    elif np.isfinite(gap.estimate):
+        figures = f"estimate, not used: alpha {1e3 * gap.estimate:.2f} mrad"
+    if figures and np.isfinite(gap.confidence):
+        figures += f" +- {1e3 * gap.confidence:.2f}"
+    parts = [figures] if figures else []
+    if np.isfinite(gap.skew_s):
+        parts.append(f"link encoder {1e3 * gap.skew_s:+.2f} ms late")
+    return "; ".join([*parts, *(str(one) for one in gap.harmonics)])
 
 
 def friction_step(robot: Robot, measured: Measured, date: str) -> Outcome:
@@ -141,80 +143,6 @@ def _friction_figures(fit: FrictionFit) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def thresholds_step(robot: Robot, measured: Measured, per_hour: float, date: str) -> Outcome:
-    """Identify two levels per joint from contact-free motion. Raises LogError without residuals."""
-    c = robot.configuration
-    r, raised, touched = measured.residual, measured.raised, measured.touched
-    if r is None or raised is None or touched is None:
-        raise LogError("thresholds need residuals: a recording of `contactctl record`, not a CSV")
-    if measured.outdated:
-        raise LogError(f"{measured.outdated}: start the daemon again, and record anew")
-    hidden = _hidden_at_rest(c)
-    settings = _level_settings(c, per_hour, hidden)
-    levels = identify_levels(
-        measured.log.joints, measured.log.period_s, r, raised, touched, settings
-    )
-    lines, entries, notes = [], dict[str, file.Entry](), list(measured.notes)
-    discarded_s = len(touched) * measured.log.period_s - levels[0].used_s
-    if touched.any():
-        notes.append(
-            f"{discarded_s:.0f} s discarded, in which a joint was beyond its contact level, or "
-            "samples were missing: if nobody touched the arm, contacts in the log were false, and "
-            "the new levels are too low; give higher ones in config.yaml, and measure again"
-        )
-    least = _least_at_rest(c, hidden)
-    for one, joint, rests, level in zip(levels, c.joints, hidden, least, strict=True):
-        if one.floored and one.contact == level:
-            notes.append(
-                f"{one.joint}: its friction hides {rests:.2g} Nm at rest, and `arm` is refused "
-                f"beyond {RAISED:g} times the contact level; less was seen"
-            )
-        good = one.verdict is LevelVerdict.GOOD
-        figures = ""
-        if np.isfinite(one.contact):
-            figures = (f"contact {one.contact:.3g} Nm, collision {one.collision:.3g} Nm, "
-                       f"largest |r| {one.largest:.3g} Nm in {one.used_s:.0f} s")  # fmt: skip
-        lines.append(Line(one.joint, one.verdict.value, good, figures, one.reason))
-        if good:
-            entries[one.joint] = file.ThresholdsEntry(
-                date=date,
-                log=measured.sha256,
-                thresholds=Levels(
-                    contact=float(f"{one.contact:.4g}"),
-                    collision=float(f"{one.collision:.4g}"),
-                    # What grows with speed was in the raise, and is not in the level.
-                    per_speed=joint.thresholds.per_speed,
-                ),
-                per_hour=per_hour,
-                largest=float(f"{one.largest:.4g}"),
-            )
-    return Outcome(lines, entries, tuple(notes))
-
-
-def _hidden_at_rest(c: Configuration) -> Vector:
-    """Torque (n,) [Nm] that the friction of a joint at rest hides, at most."""
-    t = build_transmission(c)
-    hidden: Vector = (c.estimator.stiction_share + t.most_stiction) * t.engaged_coulomb
-    return hidden
-
-
-def _least_at_rest(c: Configuration, hidden: Vector) -> Vector:
-    """Contact levels (n,) [Nm] that are in force at rest at nearly `RAISED` times their value: with
-    what is hidden, and the side of a gap not known."""
-    unsure = c.estimator.unknown_side_share * (row(c, lambda j: j.half_gap) > 0.0)
-    least: Vector = hidden / (NEARLY * RAISED - 1.0 - unsure)
-    return least
-
-
-def _level_settings(c: Configuration, per_hour: float, hidden: Vector) -> LevelSettings:
-    """Floor and ceiling of the levels. Two counts of the current's noise cannot be a touch, and
-    what is `hidden` (n,) [Nm] at rest raises a level no further than `arm` allows: the floor. The
-    ceiling is a fifth of the drive's largest torque: a level above protects nobody."""
-    strongest = np.array([j.torque_constant * j.wiring.max_current_A for j in c.joints])
-    floor: Vector = np.maximum(0.01 * strongest, _least_at_rest(c, hidden))
-    return LevelSettings(per_hour, per_hour / 100.0, floor, 0.2 * strongest)
-
-
 def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outcome:
     """Check signs and scales of joints that were moved one by one; `measured` has a log of each."""
     c = robot.configuration
@@ -238,19 +166,38 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
 
 
 def merged(
-    robot: Robot, step: str, entries: dict[str, file.Entry], serials: dict[str, int | None]
+    robot: Robot, step: Step, entries: dict[str, file.Entry], serials: dict[str, int | None]
 ) -> file.Identified:
     """Content of the robot's file with the entries of one step in it.
 
-    Entries that belong to another configuration, or another drive, are dropped.
+    Entries of another drive are dropped. Those of another configuration stay, and say so by their
+    mark, in case that it comes back; of a file of before, whose entries have none, they are
+    dropped.
     """
-    mark = file.fingerprint(robot.configuration, robot.urdf)
-    old = robot.identified
-    joints = dict(old.joints) if old is not None and old.configuration == mark else {}
-    for name, entry in entries.items():
+    of = marks(robot.configuration, robot.urdf)
+    joints = _marked(robot, of)
+    for name, found in entries.items():
+        entry = msgspec.structs.replace(found, of=of[step])
         known = joints.get(name, file.IdentifiedJoint(serial=serials.get(name)))
         if name in serials and known.serial != serials[name]:
             known = file.IdentifiedJoint(serial=serials[name])
         joints[name] = msgspec.structs.replace(known, **{step: entry})
     order = {name: joints[name] for name in robot.configuration.joint_names if name in joints}
-    return file.Identified(configuration=mark, joints=order)
+    return file.Identified(joints=order)
+
+
+def _marked(robot: Robot, of: dict[Step, str]) -> dict[str, file.IdentifiedJoint]:
+    """What the file has by joint, each entry with a mark of its own."""
+    old = robot.identified or file.Identified()
+    valid = old.configuration == fingerprint(robot.configuration, robot.urdf)
+
+    def marked(joint: file.IdentifiedJoint) -> file.IdentifiedJoint:
+        entries = {step: getattr(joint, step) for step in of}
+        without = {step: entry for step, entry in entries.items() if entry and not entry.of}
+        changes = {
+            step: msgspec.structs.replace(entry, of=of[step]) if valid else None
+            for step, entry in without.items()
+        }
+        return msgspec.structs.replace(joint, **changes)
+
+    return {name: marked(joint) for name, joint in old.joints.items()}

@@ -44,6 +44,9 @@ class JointPath(Protocol):
     def extent(self, s: float) -> tuple[Vector, Vector]:
         """Lowest and highest offset [rad] from path time s on."""
 
+    def fastest(self, s: float) -> Vector:
+        """Largest |slope| [rad/s] from path time s on; (n,)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sinusoids:
@@ -69,6 +72,10 @@ class Sinusoids:
     def extent(self, s: float) -> tuple[Vector, Vector]:
         """Lowest and highest offset [rad]: the whole swing, which has no end."""
         return -self.amplitude, self.amplitude
+
+    def fastest(self, s: float) -> Vector:
+        """Largest speed [rad/s], which comes again and again."""
+        return np.abs(self.amplitude * self.omega)
 
 
 @dataclass(frozen=True, slots=True)

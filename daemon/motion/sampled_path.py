@@ -28,12 +28,13 @@ ROUNDING = 1e-9
 @dataclass(frozen=True, slots=True)
 class _Block:
     """Consecutive knots, the first of which is the last of the block before; and the lowest and
-    highest positions on the way through them, (n,)."""
+    highest positions and the largest speed on the way through them, (n,)."""
 
     times: Vector  # (m,)
     knots: Tensor  # (m, 2, n): position and velocity
     low: Vector
     high: Vector
+    fast: Vector
 
 
 class SampledPath:
@@ -59,6 +60,8 @@ class SampledPath:
         high = np.array([block.high for block in blocks]) - self._first
         self._low = np.minimum.accumulate(low[::-1])[::-1]
         self._high = np.maximum.accumulate(high[::-1])[::-1]
+        fast = np.array([block.fast for block in blocks])
+        self._fast = np.maximum.accumulate(fast[::-1])[::-1]
 
     def offset(self, s: float) -> Vector:
         """Displacement [rad] from the first knot at path time s [s]; (n,)."""
@@ -82,6 +85,11 @@ class SampledPath:
         """Lowest and highest offset from the block of path time s on."""
         i = self._block(s)
         return self._low[i], self._high[i]
+
+    def fastest(self, s: float) -> Vector:
+        """Largest speed [rad/s] from the block of path time s on."""
+        speed: Vector = self._fast[self._block(s)]
+        return speed
 
     def _block(self, s: float) -> int:
         return max(bisect_right(self._starts, s) - 1, 0)
@@ -160,14 +168,15 @@ class PathBuilder:
             motors_only=self._motors_only,
         )
 
-    def _keep(self, times: Vector, knots: Tensor, low: Vector, high: Vector) -> None:
+    def _keep(self, times: Vector, knots: Tensor, low: Vector, high: Vector, fast: Vector) -> None:
         """Keep knots as a new block, or in the last one while that is short."""
         if self._blocks and len(self._blocks[-1].times) < BLOCK_ROWS:
             block = self._blocks.pop()
             times = np.concatenate([block.times, times[1:]])
             knots = np.concatenate([block.knots, knots[1:]])
             low, high = np.minimum(block.low, low), np.maximum(block.high, high)
-        self._blocks.append(_Block(times, knots, low, high))
+            fast = np.maximum(block.fast, fast)
+        self._blocks.append(_Block(times, knots, low, high, fast))
 
     def _knots_of(self, rows: Sequence[Sequence[float]]) -> tuple[Vector, Tensor]:
         """Rows as times from the trajectory's beginning (m,) and knots of all joints
@@ -190,9 +199,11 @@ class PathBuilder:
         knots[:, :, self._columns] = table[:, 1:].reshape(len(rows), 2, k)
         return table[:, 0] - self._start_s, knots
 
-    def _judged(self, times: Vector, knots: Tensor, first_row: int) -> tuple[Vector, Vector]:
-        """Lowest and highest position on the way, (n,); raises TrajectoryError at the first row
-        that breaks a limit."""
+    def _judged(
+        self, times: Vector, knots: Tensor, first_row: int
+    ) -> tuple[Vector, Vector, Vector]:
+        """Lowest and highest position and largest speed on the way, (n,); raises TrajectoryError at
+        the first row that breaks a limit."""
         h = np.diff(times)[:, None]
         if (h < SHORTEST_STEP_S).any():
             i = int(np.argmax(h < SHORTEST_STEP_S))
@@ -239,7 +250,7 @@ class PathBuilder:
                 f"included), above the limit {limits.acceleration[j]:g}"
             ),
         )
-        return low.min(axis=0), high.max(axis=0)
+        return low.min(axis=0), high.max(axis=0), velocity.max(axis=0)
 
     def _refuse(
         self, broken: NDArray[np.bool_], first_row: int, why: Callable[[int, int], str]

@@ -156,6 +156,7 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     felt: Felt | None = None  # of `arm` that is done; a client that does not know it leaves it out
     row: int | None = None  # of a trajectory: the first that was refused, from 0
     unproved: list[str] = []  # joints that are told to stop and not seen to stand
+    warnings: list[str] = []  # of `start` that is done: beyond what the thresholds have seen
     status: "Status | None" = None
     snapshot: "Snapshot | None" = None
 

@@ -169,6 +169,8 @@ class Service:
                 path = self.dock.take(peer.connection) if request.loaded else None
                 event = EVENT_OF_COMMAND[command]
                 reply = self._reply(request, self.set_up.request(event, who, path))
+                if event is Event.START and reply.ok:
+                    reply = replace(reply, warnings=self._beyond_what_was_seen())
         return reply
 
     def _reply(self, request: Request, reasons: Sequence[str] = (), done: str = "") -> Reply:
@@ -183,6 +185,18 @@ class Service:
             armed=machine.armed,
             unproved=list(self.loop.tick.unproved()) if request.command in SEEN_TO_STAND else [],
         )
+
+    def _beyond_what_was_seen(self) -> list[str]:
+        """Warnings about the path that was started; also in the log."""
+        last, place = self.loop.tick.last, self.loop.tick.controller.motion.follower.place
+        if last is None or place.path.motors_only:
+            return []
+        c = self.process.robot.configuration
+        q = last.samples.link_position
+        warnings = self.process.seen.beyond(c.joint_names, q, place)
+        for text in warnings:
+            _log.warning("start: %s", text)
+        return warnings
 
     def _arm(self, request: Request, peer: Peer) -> Reply:
         answer = self.permission.arm(request, peer, self.loop.time_s)

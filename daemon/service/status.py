@@ -7,9 +7,11 @@ from importlib.metadata import version
 
 from msgspec.structs import replace
 
+from daemon.assembly import seen_motion
 from daemon.config.load import Robot
 from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import SENSING, Mode
+from daemon.motion.seen import SeenMotion
 from daemon.protocol.messages import (
     STATE_FORMAT,
     Grant,
@@ -41,9 +43,11 @@ class Process:
     serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
     place: str = field(init=False)  # of config.yaml; the file system is asked only once
     payloads: Payloads = field(init=False)
+    seen: SeenMotion = field(init=False)
 
     def __post_init__(self) -> None:
         self.payloads = Payloads(self.robot)
+        self.seen = seen_motion(self.robot)
         self.place = str(self.robot.place())
 
 

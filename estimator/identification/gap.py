@@ -20,9 +20,11 @@ from estimator.identification.ramps import from_ramps
 _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
 
 
-def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> GapResult:
+def identify_gap(
+    log: MotionLog, joint: int, torque_constant: float, gear: float = 0.0
+) -> GapResult:
     """Half-gap of one joint by the method that fits what moved in the log, which may be that of
-    several sittings."""
+    several sittings. gear: turns of the motor for one of the link, 0 where it is not known."""
     q, theta = positions(log, joint)
     moved_q, moved_theta = spread(q), spread(theta)
     name = log.joints[joint]
@@ -37,13 +39,25 @@ def identify_gap(log: MotionLog, joint: int, torque_constant: float) -> GapResul
         return from_ramps(name, log.time_s, q - theta, torque)
     between = spread(q - theta)
     if moved_theta > _SHAKEN and moved_theta > 3.0 * between:
-        return from_motion(name, log.time_s, q, theta, log.motor_velocity[:, joint])
-    if moved_theta > 0.6 * between > 1.2 * SMALLEST:
-        about = f"by {1e3 * moved_theta:.3g} mrad, the link against it by {1e3 * between:.3g} mrad"
-        return GapResult(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about)
+        return from_motion(name, log.time_s, q, theta, log.motor_velocity[:, joint], gear=gear)
+    return _by_hand(log, joint, torque_constant, q, theta)
+
+
+def _by_hand(
+    log: MotionLog, joint: int, torque_constant: float, q: Vector, theta: Vector
+) -> GapResult:
+    """Half-gap from a hand. A motor that is pushed about tells nothing, unless its measured
+    position and its torque account for that."""
+    moved_theta, between = spread(theta), spread(q - theta)
+    name, torque = log.joints[joint], torque_constant * log.current[:, joint]
     mean_velocity = float(log.motor_velocity[:, joint].mean())
-    torque = torque_constant * log.current[:, joint]
-    return from_plateaus(name, log.time_s, q, theta, mean_velocity, torque)
+    found = from_plateaus(name, log.time_s, q, theta, mean_velocity, torque)
+    accounted = log.motor_position is not None and np.isfinite(found.compliance)
+    if accounted or not moved_theta > 0.6 * between > 1.2 * SMALLEST:
+        return found
+    about = f"by {1e3 * moved_theta:.3g} mrad, the link against it by {1e3 * between:.3g} mrad"
+    guess = found.half_gap if np.isfinite(found.half_gap) else found.estimate
+    return GapResult(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about, estimate=guess)
 
 
 def positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:

@@ -1,21 +1,25 @@
 """The half-gap and the skew between the encoders, from a motion of motor and link."""
 
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
+from estimator.identification.encoder_errors import Harmonic, Turns, turns
 from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
     SMALLEST,
     GapResult,
     GapVerdict,
+    Limit,
+    refused,
     smoothed,
 )
 
 _RARE = 0.03  # share of the time in motion; a border met more rarely is not believed
+_RESTS = 50  # fewest samples
 
 
 def from_motion(
@@ -25,50 +29,93 @@ def from_motion(
     theta: Vector,
     theta_dot: Vector,
     enough: int = CROSSINGS,
+    gear: float = 0.0,
 ) -> GapResult:
-    """phi = c + c' t +- alpha - skew * velocity, of the samples at which phi rests; the half-gap
-    where there were `enough` crossings."""
-    period = float(np.median(np.diff(time_s)))
-    phi = q - theta
+    """phi = c + c' t +- alpha - skew * velocity + what repeats with a turn of either encoder, of
+    the samples at which phi rests; the half-gap where there were `enough` crossings.
+
+    gear: turns of the motor for one of the link, 0 where it is not known.
+    """
     speed = smoothed(theta_dot, 3)
-    phi_dot = np.gradient(smoothed(phi, 3), time_s)
-    moving = np.abs(speed) > 0.1 * np.percentile(np.abs(speed), 95.0)
-    rests = moving & (np.abs(phi_dot) < 0.05 * np.percentile(np.abs(speed), 95.0))
-    if rests.sum() < 50:
+    fast = float(np.percentile(np.abs(speed), 95.0))
+    moving = np.abs(speed) > 0.1 * fast
+    repeats = turns(q, theta, gear)
+    phi_dot = np.gradient(smoothed(q - theta, 3), time_s)
+    rests = moving & (np.abs(phi_dot) < 0.05 * fast)
+    if rests.sum() < _RESTS:
         about = "phi is never at rest while the joint moves"
         return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=about)
+    fit = _fitted(time_s, q - theta, speed, repeats, rests)
+    return _judged(name, fit, enough)
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    alpha: float
+    skew: float
+    errors: Vector
+    """standard errors of c, c', alpha and skew"""
+    harmonics: tuple[Harmonic, ...]
+    side: Vector
+    """+-1, (M,)"""
+    scatter: float
+
+
+def _fitted(
+    time_s: Vector, phi: Vector, speed: Vector, repeats: Turns, rests: NDArray[np.bool_]
+) -> _Fit:
     x, t, v = phi[rests], time_s[rests] - time_s.mean(), speed[rests]
-    columns = np.stack([np.ones_like(t), t / max(np.ptp(t), 1.0), np.zeros_like(t), -v], axis=1)
-    solution = np.array([0.5 * float(np.percentile(x, 1) + np.percentile(x, 99)), 0.0, 0.0, 0.0])
+    plain = [np.ones_like(t), t / max(np.ptp(t), 1.0), np.zeros_like(t), -v]
+    columns = np.column_stack([*plain, repeats.columns[rests]])
+    others = [k for k in range(columns.shape[1]) if k != 2]
+    solution = np.zeros(columns.shape[1])
+    solution[0] = 0.5 * float(np.percentile(x, 1) + np.percentile(x, 99))
     for _ in range(30):
-        without_side = x - columns[:, [0, 1, 3]] @ solution[[0, 1, 3]]
+        without_side = x - columns[:, others] @ solution[others]
         columns[:, 2] = np.where(without_side > 0.0, 1.0, -1.0)
         before, solution = solution, _robust(columns, x)
         if np.allclose(before, solution, rtol=1e-9, atol=1e-12):
             break
     left = x - columns @ solution
-    alpha, skew = abs(float(solution[2])), float(solution[3])
-    errors = _block_errors(columns, left, rests, period)
-    crossings = int(np.count_nonzero(np.diff(columns[:, 2])))
-    scatter = 1.4826 * float(np.median(np.abs(left)))
-    rarer = float(min((columns[:, 2] > 0).mean(), (columns[:, 2] < 0).mean()))
-    answer = GapResult(
-        joint=name,
-        verdict=GapVerdict.UNCLEAR,
-        reason=f"{crossings} crossings in motion, phi scatters by {1e3 * scatter:.2g} mrad",
-        skew_s=skew,
-        skew_confidence_s=1.96 * errors[3],
-        crossings=crossings,
+    period = float(np.median(np.diff(time_s)))
+    return _Fit(
+        alpha=abs(float(solution[2])),
+        skew=float(solution[3]),
+        errors=_block_errors(columns, left, rests, period),
+        harmonics=repeats.harmonics(solution[4:], columns[:, 4:]),
+        side=columns[:, 2],
+        scatter=1.4826 * float(np.median(np.abs(left))),
     )
-    if alpha < SMALLEST or rarer < _RARE:
-        # A load that never changes its sign keeps the joint at one border.
-        about = "only one border was met, or there is no gap: move the link by hand"
-        return replace(answer, reason=about)
-    if scatter > CLEAR * alpha:
-        return answer
-    if crossings < enough:
-        return replace(answer, verdict=GapVerdict.FEW)
-    return replace(answer, verdict=GapVerdict.CLEAR, half_gap=alpha, confidence=1.96 * errors[2])
+
+
+def _judged(name: str, fit: _Fit, enough: int) -> GapResult:
+    crossings = int(np.count_nonzero(np.diff(fit.side)))
+    found = GapResult(
+        joint=name,
+        verdict=GapVerdict.CLEAR,
+        reason=f"{crossings} crossings in motion, phi scatters by {1e3 * fit.scatter:.2g} mrad",
+        half_gap=fit.alpha,
+        confidence=1.96 * float(fit.errors[2]),
+        skew_s=fit.skew,
+        skew_confidence_s=1.96 * float(fit.errors[3]),
+        crossings=crossings,
+        harmonics=fit.harmonics,
+    )
+    # A load that never changes its sign keeps the joint at one border.
+    rarer = float(min((fit.side > 0).mean(), (fit.side < 0).mean()))
+    one_border = "only one border was met, or there is no gap: move the link by hand"
+    limits = [
+        Limit("share of the time at the more frequent border", 1.0 - rarer, 1.0 - _RARE, "",
+              one_border),
+        Limit("smallest gap that shows over alpha", SMALLEST / max(fit.alpha, 1e-9), 1.0, "",
+              one_border),
+        Limit("scatter of phi at the borders", 1e3 * fit.scatter, 1e3 * CLEAR * fit.alpha, "mrad",
+              "an elastic gear, or encoders with errors that repeat otherwise than 1 or 2 x per "
+              "turn"),
+    ]  # fmt: skip
+    found = refused(found, GapVerdict.UNCLEAR, limits)
+    few = Limit("crossings still missing", float(enough - crossings), 0.0, "", "move it longer")
+    return refused(found, GapVerdict.FEW, [few]) if found.limit is None else found
 
 
 def _robust(columns: Matrix, x: Vector) -> Vector:
@@ -80,13 +127,10 @@ def _robust(columns: Matrix, x: Vector) -> Vector:
     return np.asarray(solution)
 
 
-def _block_errors(
-    columns: Matrix, left: Vector, rests: NDArray[np.bool_], period: float
-) -> list[float]:
+def _block_errors(columns: Matrix, left: Vector, rests: NDArray[np.bool_], period: float) -> Vector:
     """Standard errors from blocks of half a second, within which samples are alike."""
     block = (np.flatnonzero(rests) * period // 0.5).astype(np.int64)
     starts = np.flatnonzero(np.diff(block, prepend=-1))
     sums = np.add.reduceat(left[:, None] * columns, starts, axis=0)
     inverse = np.linalg.pinv(columns.T @ columns)
-    errors: list[float] = np.sqrt(np.diag(inverse @ (sums.T @ sums) @ inverse)).tolist()
-    return errors
+    return np.asarray(np.sqrt(np.diag(inverse @ (sums.T @ sums) @ inverse)))

@@ -1,11 +1,13 @@
 """Result of a gap identification, by any of the methods."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 
 from arrays import Vector
+from estimator.identification.encoder_errors import Harmonic
 
 SMALLEST = 0.001
 """A half-gap below this [rad] is none: encoders and the gear's own bending are of that size."""
@@ -29,7 +31,8 @@ class GapVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GapResult:
-    """Result for one joint. half_gap is NaN unless the verdict is `clear`; it is 0 for `none`."""
+    """Result for one joint. half_gap is NaN unless the verdict is `clear`; it is 0 for `none`. What
+    was refused keeps its figure as `estimate`, to be shown, never used."""
 
     joint: str
     verdict: GapVerdict
@@ -39,10 +42,18 @@ class GapResult:
     """alpha [rad]"""
     confidence: float = float("nan")
     """Half width of the 95 % interval of alpha [rad]"""
+    estimate: float = float("nan")
+    """alpha [rad] as it would be, where the verdict refuses it"""
+    limit: "Limit | None" = None
+    """What the estimate broke"""
+    compliance: float = float("nan")
+    """of the gear [rad/Nm], by a hand that pressed now more, now less"""
     crossings: int = 0
     skew_s: float = float("nan")
     """Delay of the link encoder behind the motor's [s]; NaN where it does not show"""
     skew_confidence_s: float = float("nan")
+    harmonics: tuple[Harmonic, ...] = ()
+    """Errors of the encoders that repeat with a turn, as motion shows them"""
     coulomb: float = float("nan")
     """Friction inside the gap [Nm], from ramps only"""
     stiffness: float = float("nan")
@@ -52,6 +63,36 @@ class GapResult:
     def usable(self) -> bool:
         """True where `half_gap` may go into a configuration."""
         return self.verdict in (GapVerdict.CLEAR, GapVerdict.NONE)
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """Limit of a figure that a gap to be believed keeps, and what usually breaks it."""
+
+    name: str
+    value: float
+    most: float
+    unit: str
+    cause: str
+
+    @property
+    def kept(self) -> bool:
+        """False also where the figure is not a number."""
+        return self.value <= self.most
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.name} {self.value:.3g}{unit}, at most {self.most:.3g}{unit}: {self.cause}"
+
+
+def refused(found: GapResult, verdict: GapVerdict, limits: Sequence[Limit]) -> GapResult:
+    """`found` where it keeps all limits; else its figure as an estimate, with the first limit that
+    it breaks."""
+    broken = next((limit for limit in limits if not limit.kept), None)
+    if broken is None:
+        return found
+    return replace(found, verdict=verdict, half_gap=float("nan"), estimate=found.half_gap,
+                   limit=broken, reason=f"{found.reason}; {broken}")  # fmt: skip
 
 
 def spread(values: Vector) -> float:

@@ -1,19 +1,22 @@
 """The half-gap, from a link that is led by hand from border to border while its motor stands."""
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from arrays import Vector
+from estimator.identification.bending import Bending, bending
 from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
     SMALLEST,
     GapResult,
     GapVerdict,
+    Limit,
+    refused,
     smoothed,
     spread,
 )
@@ -83,7 +86,9 @@ def from_plateaus(
     crossings = max(len(found.level) - 1, 0)
     if crossings < CROSSINGS:
         about = f"{crossings} crossings from border to border, at least {CROSSINGS} are needed"
-        return GapResult(joint=name, verdict=GapVerdict.FEW, reason=about, crossings=crossings)
+        estimate = 0.5 * float(np.median(np.abs(np.diff(found.level)))) if crossings else np.nan
+        return GapResult(joint=name, verdict=GapVerdict.FEW, reason=about, estimate=estimate,
+                   crossings=crossings)  # fmt: skip
     half = 0.5 * np.abs(np.diff(found.level))
     # Drift adds to the ways up what it takes from the ways down.
     up = found.upper[1:]
@@ -96,14 +101,41 @@ def from_plateaus(
     if alpha < SMALLEST:
         return GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
                    confidence=confidence, crossings=crossings)  # fmt: skip
-    doubt, felt = about, False
-    if scatter <= CLEAR * alpha:
-        doubt, felt = _doubtful_border(time_s, phi, torque, found)
-    if not felt:
-        return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=doubt, crossings=crossings)
-    about = f"{about}; {doubt}" if doubt else about
-    return GapResult(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
-               confidence=confidence, crossings=crossings)  # fmt: skip
+    found_gap = GapResult(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
+                    confidence=confidence, crossings=crossings)  # fmt: skip
+    found_gap = _straightened(found_gap, bending(time_s, phi, torque, found.time_s, found.upper))
+    return _judged(found_gap, scatter, *_doubtful_border(time_s, phi, torque, found))
+
+
+def _straightened(found: GapResult, bent: Bending | None) -> GapResult:
+    """`found` without what the gear bends, where that is known better than it matters; else with
+    that in its interval."""
+    if bent is None:
+        return found
+    gives = found.half_gap - bent.half_gap
+    if bent.confidence > max(CLEAR * bent.half_gap, 0.5 * SMALLEST):
+        wider = found.confidence + abs(gives) + bent.confidence
+        return replace(found, confidence=wider,
+                       reason=f"{found.reason}; of alpha the gear may have bent "
+                       f"{1e3 * max(gives, 0.0):.2g} mrad")  # fmt: skip
+    about = (f"{found.reason}; the gear bends by {1e3 * bent.compliance:.2g} mrad/Nm, "
+             f"{1e3 * gives:.2g} mrad of what was seen")  # fmt: skip
+    return replace(found, half_gap=bent.half_gap, reason=about, compliance=bent.compliance,
+                   confidence=max(found.confidence, bent.confidence))  # fmt: skip
+
+
+def _judged(found: GapResult, scatter: float, doubt: str, felt: bool) -> GapResult:
+    """`found` as it is if its borders are two, and the motor `felt` both."""
+    most = 1e3 * CLEAR * found.half_gap
+    cause = "preload, an elastic gear, or you pressed now more, now less"
+    limit = Limit("scatter of the plateaus", 1e3 * scatter, most, "mrad", cause)
+    answer = refused(found, GapVerdict.UNCLEAR, [limit])
+    if answer.limit is not None or not doubt:
+        return answer
+    doubtful = replace(found, reason=f"{found.reason}; {doubt}")
+    if felt:
+        return doubtful
+    return replace(doubtful, verdict=GapVerdict.UNCLEAR, half_gap=np.nan, estimate=found.half_gap)
 
 
 def _doubtful_border(

@@ -13,7 +13,7 @@ from typing import Any, Self
 import yaml
 
 from daemon.clients.client import Client
-from daemon.config import identified
+from daemon.config import identified, marks
 from daemon.config.load import load_robot
 from daemon.protocol.messages import Command, Reply, Status
 from errors import ContactdError
@@ -75,7 +75,7 @@ def write_robot(folder: Path, bus: dict[str, Any]) -> None:
         serial=1,
         wiring=identified.WiringEntry(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0),
     )
-    mark = identified.fingerprint(robot.configuration, robot.urdf)
+    mark = marks.fingerprint(robot.configuration, robot.urdf)
     found = identified.Identified(configuration=mark, joints={"joint": wired})
     identified.write_identified(folder / "identified.yaml", found)
 

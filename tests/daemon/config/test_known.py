@@ -17,12 +17,12 @@ from daemon.config.identified import (
     IdentifiedJoint,
     ThresholdsEntry,
     WiringEntry,
-    fingerprint,
     identified_keys,
     objections,
     write_identified,
 )
 from daemon.config.load import Robot, load_robot
+from daemon.config.marks import fingerprint
 from daemon.config.schema import Configuration, Friction, Levels
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Check

@@ -15,8 +15,9 @@ from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.commands.contactd import main
 from daemon.config import identified as file
 from daemon.config.load import load_robot, parse_configuration
+from daemon.identify.levels import thresholds_step
 from daemon.identify.measured import from_states, raised
-from daemon.identify.steps import friction_step, merged, thresholds_step
+from daemon.identify.steps import friction_step, merged
 from daemon.modes.table import Event, Mode
 from daemon.motion.sampled_path import PathBuilder
 from daemon.protocol.messages import Check
@@ -204,7 +205,10 @@ def test_what_no_arm_can_have_measured(states, folder, change, says):
 def test_thresholds_leave_the_touch_out(states, folder):
     robot = load_robot(folder)
     doubled = from_states(raised([*states, *later(states)], robot.configuration), ["joint"])
-    outcome = thresholds_step(robot, doubled, 1.0, DAY)
+    asked = thresholds_step(robot, doubled, 1.0, DAY)
+    assert [line.good for line in asked.lines] == [False]  # touched twice, by whom?
+    assert asked.entries == {}
+    outcome = thresholds_step(robot, doubled, 1.0, DAY, it_was_me=True)
     (line,) = outcome.lines
     assert line.good, line
     levels = outcome.entries["joint"].thresholds
@@ -277,7 +281,8 @@ def test_a_new_drive_forgets_what_was_known_of_the_old(folder):
     robot = load_robot(folder)
     same = merged(robot, "wiring", {"joint": WIRED}, {"joint": 7}).joints["joint"]
     other = merged(robot, "wiring", {"joint": WIRED}, {"joint": 8}).joints["joint"]
-    assert (same.gap, same.serial) == (gap, 7)
+    assert same.gap is not None
+    assert (same.gap.half_gap, same.serial) == (0.02, 7)
     assert (other.gap, other.serial) == (None, 8)
 
 

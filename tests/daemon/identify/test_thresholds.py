@@ -10,8 +10,9 @@ import pytest
 from bench.rigs.lockstep import SINGLE_JOINT
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from daemon.identify.measured import COLUMNS, from_csv, from_states, raised
-from daemon.identify.steps import thresholds_step
+from daemon.identify.csv_log import COLUMNS
+from daemon.identify.levels import thresholds_step
+from daemon.identify.measured import from_csv, from_states, raised
 from daemon.protocol.messages import State
 from daemon.tick.arming_checks import RAISED
 from estimator.transmission import stiction_range
@@ -39,6 +40,7 @@ def moved(state: State, seconds: float, c: Configuration, begins_s: float) -> li
             motor_position=[0.2 * np.sin(T * k)],
             residual=[float(r)],
             thresholded=[0.0],
+            level_share=None,
             threshold=[level + 0.1 * max(np.sin(T * k), 0.0)],
         )
         for k, r in enumerate(rng.uniform(-0.2, 0.2, round(seconds / T)))
@@ -62,15 +64,18 @@ def test_a_level_is_that_of_its_own_recording(make_state) -> None:
     assert alone > 0.15
 
 
-@pytest.mark.parametrize("per_speed", [0.0, 0.5])
-def test_what_grows_with_speed_goes_on_to_grow(make_state, per_speed: float) -> None:
-    robot = load_robot(SINGLE_JOINT)
-    c = with_levels(robot.configuration, per_speed=per_speed)
-    states = raised(moved(make_state(0), 120.0, c, 0.0), c)
-    outcome = thresholds_step(
-        replace(robot, configuration=c), from_states(states, ["joint"]), 1.0, "2026-01-02"
-    )
-    assert outcome.entries["joint"].thresholds.per_speed == per_speed
+def test_what_grew_with_speed_is_no_raise_near_rest(make_state) -> None:
+    """A threshold that grew with speed while it was recorded is not learned from."""
+    c = load_robot(SINGLE_JOINT).configuration
+    growing = with_levels(c, per_speed=0.5)
+    states = moved(make_state(0), 60.0, c, 0.0)
+    fast = [
+        msgspec.structs.replace(s, threshold=[s.threshold[0] + 0.5 * abs(s.motor_velocity[0])])
+        for s in states
+    ]
+    plain, grown = raised(states, c), raised(fast, growing)
+    for one, other in zip(plain, grown, strict=True):
+        assert other.threshold == pytest.approx(one.threshold, abs=1e-12)
 
 
 def test_a_level_is_one_that_arm_accepts_at_rest(make_state) -> None:
@@ -102,11 +107,23 @@ def test_what_was_discarded_is_told(make_state) -> None:
     states = raised(moved(make_state(0), 60.0, c, 0.0), c)
     states[3000] = msgspec.structs.replace(states[3000], thresholded=[0.1])
     outcome = thresholds_step(robot, from_states(states, ["joint"]), 1.0, "2026-01-02")
-    (note,) = outcome.notes
-    assert note.startswith(
-        "2 s discarded, in which a joint was beyond its contact level, or samples"
-    )
-    assert "joint" in outcome.entries
+    listed, why = outcome.notes
+    assert listed.startswith("joint: discarded ")
+    assert " Nm at 30.0 s for 0.0 s" in listed
+    assert "contacts were false" in why
+    (line,) = outcome.lines
+    assert "discarded 1 x, up to " in line.figures
+    (kept,) = outcome.entries["joint"].discarded
+    assert kept.at_s == pytest.approx(30.0)
+
+
+def test_what_a_level_has_seen_is_written_with_it(make_state) -> None:
+    robot = load_robot(SINGLE_JOINT)
+    states = raised(moved(make_state(0), 60.0, robot.configuration, 0.0), robot.configuration)
+    outcome = thresholds_step(robot, from_states(states, ["joint"]), 1.0, "2026-01-02")
+    seen = outcome.entries["joint"].seen
+    assert seen.speed == pytest.approx(0.2, rel=0.02)
+    assert (seen.lower, seen.upper) == pytest.approx((-0.2, 0.2), rel=0.02)
 
 
 def test_a_pause_is_no_part_of_rounded_times(tmp_path: Path) -> None:

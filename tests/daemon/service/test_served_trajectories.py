@@ -13,6 +13,7 @@ from bench.rigs.served_daemon import ServedDaemon
 from daemon.clients.client import Client
 from daemon.clients.trajectory_recorder import Recorded, record_trajectory
 from daemon.modes.table import Mode
+from daemon.motion.seen import SeenMotion
 from daemon.motion.trajectory_file import read_trajectory
 from errors import ControlError, LogError, TrajectoryError
 
@@ -53,6 +54,33 @@ def test_a_file_is_run_to_its_end(served: ServedDaemon, tmp_path: Path) -> None:
     assert served.rig.mode is Mode.HOLDING
     assert stands(served) == pytest.approx(began, abs=0.01)
     assert served.rig.tick.controller.machine.cause == "move.csv came to its end"
+
+
+def test_a_path_beyond_what_the_thresholds_have_seen_is_started_with_a_warning(
+    served: ServedDaemon, tmp_path: Path
+) -> None:
+    """0.3 rad within 2 s, up to 0.47 rad/s."""
+    served.rig.enable()
+    here = np.array([stands(served)])
+    process = served.service.process
+
+    def seen(speed: float, further: float) -> SeenMotion:
+        return SeenMotion(np.array([speed]), here - further, here + further)
+
+    for motion, words in (
+        (seen(0.45, 0.25), []),
+        (seen(0.3, 0.25), ["joint will reach 0.47 rad/s; its thresholds have seen 0.3"]),
+        (seen(0.45, 0.1), ["joint will move within ["]),
+    ):
+        process.seen = motion
+        result = served.contactctl("start", str(csv(tmp_path, swing(served))))
+        assert result.exit_code == 0, result.stderr
+        told = [line for line in result.stderr.splitlines() if "warning" in line]
+        assert len(told) == len(words), result.stderr
+        assert all(word in line for word, line in zip(words, told, strict=True)), told
+        while served.rig.mode is Mode.TRACKING:
+            served.tick()
+        served.run(0.5)
 
 
 def test_the_name_of_a_file_forges_no_line(served: ServedDaemon, tmp_path: Path) -> None:

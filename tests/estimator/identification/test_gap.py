@@ -16,6 +16,7 @@ from estimator.identification.gap_in_motion import from_motion
 from estimator.identification.gap_result import GapVerdict
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.plateaus import from_plateaus
+from estimator.identification.ramps import from_ramps
 from simulator.description import SimulationSettings
 
 DATA = Path(os.environ.get("CONTACTD_DATA", Path(__file__).parents[4] / "shared" / "data"))
@@ -129,6 +130,38 @@ def test_a_hand_that_stops_short_of_a_border_is_told(arm, nominal):
     assert refused >= 8, refused  # of fifteen
 
 
+def test_a_gear_that_bends_under_the_hand_is_told_from_its_gap(arm, nominal):
+    """Gears of 1000 Nm/rad, pressed with 3.5 Nm by a hand that is not gentle."""
+    settings = SimulationSettings(velocity_bias=0.001, friction="dahl", presliding=0.001)
+    arms = [replace(nominal, half_gap=np.full(7, alpha)) for alpha in (0.007, 0.02)]
+    q0 = np.array([joint.initial_position for joint in arm.description.joints])
+    hand = PressingHand(arms, q0, arm.model.gravity(q0), settings.step_s)
+    still = (q0, np.zeros_like(q0))
+    logs = record_fleet(
+        arm.description, arms, lambda t: still, 20.0, settings, push=hand, motors_only=True
+    )[0]
+    for log, true in zip(logs, arms, strict=True):
+        for i in (0, 1):  # the shoulder, whose motors withstand it
+            gap = identify_gap(log, i, arm.transmission.torque_constant[i])
+            assert gap.verdict is GapVerdict.CLEAR, gap
+            assert gap.half_gap == pytest.approx(true.half_gap[i], abs=5e-4), gap
+            assert abs(gap.half_gap - true.half_gap[i]) < gap.confidence < 1e-3, gap
+            assert 1.0 / gap.compliance == pytest.approx(true.stiffness[i], rel=0.15)
+            assert "the gear bends by" in gap.reason
+
+
+class PressingHand(SoftHand):
+    """Leads every link to and fro within 1 s, the shoulder with 3.5 Nm and more."""
+
+    def __call__(self, t, q, q_dot):
+        visit, phase = divmod(t, 1.0)
+        strong = np.arange(len(q)) % 7 < 2
+        strength = np.where(strong, 3.5, self._strongest) * (1.0 + 0.25 * np.sin(1.7 * visit))
+        way = min(phase / 0.15 - 1.0, 1.0) * (1.0 if int(visit) % 2 == 0 else -1.0)
+        pull = 60.0 * strength * (self._q0 + way * (self._half_gap + 0.03) - q)
+        return self._gravity + np.clip(pull, -strength, strength) - self._damping * q_dot
+
+
 class StoppingHand(SoftHand):
     """On the way to a border that it does not reach it stops at 0.6 of the half-gap: with the first
     arm on both sides, with the second only upwards, with the third only downwards."""
@@ -190,6 +223,32 @@ def test_motion_shows_gap_and_skew_apart():
     assert np.percentile(np.abs(q - theta), 95) > 1.3 * alpha
 
 
+@pytest.mark.parametrize("turns", [40.0, 100.0, 160.0])
+def test_errors_that_repeat_with_a_turn_are_told_and_hide_no_gap(turns):
+    alpha = 0.0015
+    t, q, theta = two_encoders(0.001, alpha)
+    off = 0.0005 * np.sin(turns * theta + 1.0) + 0.0003 * np.sin(2.0 * turns * theta)
+    off += 0.0004 * np.cos(2.0 * q + 0.3)
+    gap = from_motion("j", t, q + off, theta, np.gradient(theta, t), gear=turns)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(alpha, rel=0.02)
+    found = {(one.encoder, one.order): one.amplitude for one in gap.harmonics}
+    assert found["motor", 1] == pytest.approx(0.0005, rel=0.1)
+    assert found["motor", 2] == pytest.approx(0.0003, rel=0.1)
+    assert ("link", 2) in found
+    # Without the gear's ratio the motor's turns are not known: refused, with figure and cause.
+    blind = from_motion("j", t, q + off, theta, np.gradient(theta, t))
+    assert blind.verdict is GapVerdict.UNCLEAR
+    assert blind.estimate == pytest.approx(alpha, rel=0.1)
+    assert blind.limit is not None
+    assert "scatter of phi" in blind.reason
+
+
+def test_good_encoders_are_not_accused():
+    t, q, theta = two_encoders(0.0, 0.004)
+    assert from_motion("j", t, q, theta, np.gradient(theta, t), gear=100.0).harmonics == ()
+
+
 def test_borders_that_wander_in_motion_are_none():
     t, q, theta = two_encoders(0.0, 0.004)
     wander = 0.003 * np.sin(2 * np.pi * 0.05 * t)
@@ -231,10 +290,59 @@ def test_real_torque_ramps_with_a_dead_zone():
     assert abs(gap.half_gap - 0.0325) < gap.confidence < 0.006
 
 
+@pytest.mark.parametrize("begin_s", [0.0, 3.0, 6.0, 10.0])
+@pytest.mark.parametrize("every", [1, 8, 16, 17, 20, 25])  # up to 60 ms
+def test_real_torque_ramps_however_slowly_and_from_wherever_they_are_sampled(begin_s, every):
+    def answer(name: str):
+        log, constant = clamped(name)
+        rows = slice(round(begin_s / log.period_s), None, every)
+        return identify_gap(log.select(rows), 0, constant)
+
+    gap = answer("base_runin1")
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.0325, abs=0.0015), gap
+    preloaded = answer("split_3pre1")
+    assert preloaded.verdict is GapVerdict.UNCLEAR, preloaded
+
+
+def sharp_gap(alpha: float, period_s: float) -> tuple[np.ndarray, ...]:
+    """Time, phi and torque of two ramps from rest to 20 Nm and back against a clamped link: gear of
+    1000 Nm/rad, friction of 2 Nm, and a gap that the motor crosses within a sample."""
+    t = np.arange(0.0, 40.0, period_s)
+    torque = 20.0 * np.interp(t, [0, 5, 15, 25, 35, 40], [0, 1, -1, 1, -1, 0])
+    bent = np.zeros_like(t)
+    for k in range(1, len(t)):
+        bent[k] = min(max(bent[k - 1], (torque[k] - 2.0) / 1000.0), (torque[k] + 2.0) / 1000.0)
+    rng = np.random.default_rng(0)
+    theta = bent + alpha * np.sign(bent) + 2e-5 * rng.standard_normal(len(t))
+    return t, -theta, torque + 0.05 * rng.standard_normal(len(t))
+
+
+@pytest.mark.parametrize("period_s", [0.01, 0.06])
+def test_the_sharpest_gap_is_the_clearest(period_s):
+    gap = from_ramps("j", *sharp_gap(0.02, period_s))
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.02, rel=0.02)
+    assert gap.stiffness == pytest.approx(1000.0, rel=0.05)
+
+
+def test_the_first_ramp_counts_from_its_end_on():
+    t, phi, torque = sharp_gap(0.02, 0.01)
+    from_rest = from_ramps("j", t, phi, torque)
+    torque = np.where(t < 3.0, -torque, torque)  # whatever the friction was before
+    assert from_ramps("j", t, phi, torque) == from_rest
+
+
 def test_real_torque_ramps_of_preloaded_gears():
+    """What is refused shows its figure, the limit that it broke, and why that may be."""
     gap = identify_gap(*clamped_with("split_3pre1"))
     assert gap.verdict is GapVerdict.UNCLEAR, gap
     assert np.isnan(gap.half_gap)
+    assert 0.01 < gap.estimate < 0.03
+    assert gap.limit is not None
+    assert gap.limit.value > gap.limit.most
+    assert "slope inside over slope outside" in gap.reason
+    assert "preloaded" in gap.reason
 
 
 def columns(name: str) -> np.ndarray:

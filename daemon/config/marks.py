@@ -1,0 +1,72 @@
+"""Marks of what each step of the identification depends on: a change voids only what it touches.
+
+| changed | void are |
+|---|---|
+| drives, wiring, gear, period, or the URDF's joints and frames | all steps |
+| torque constants | all but the gap |
+| the URDF's masses | friction, thresholds |
+| limits, gains, the URDF's pictures | none |
+"""
+
+import hashlib
+
+import msgspec
+
+from daemon.config.schema import Configuration, Step
+from estimator.urdf import parsed
+
+_JOINT = ("origin", "axis", "parent", "child", "mimic")
+
+
+def fingerprint(c: Configuration, urdf: str) -> str:
+    """SHA-256 of everything in a configuration that changes what any measurement means, the URDF
+    letter by letter: the one mark of files of before."""
+    joints = [(joint.name, joint.wiring, joint.torque_constant) for joint in c.joints]
+    return _digest((_drives(c), joints, c.period_ms, urdf))
+
+
+def marks(c: Configuration, urdf: str) -> dict[Step, str]:
+    """SHA-256 of what each step depends on. Old values do not count; nor does which product may
+    answer, for a drive is known by its serial number."""
+    geometry, masses = _urdf(urdf)
+    wiring = [(joint.name, joint.wiring) for joint in c.joints]
+    everything = (_drives(c), wiring, c.period_ms, geometry)
+    constants = [joint.torque_constant for joint in c.joints]
+    moving = _digest((everything, constants, masses))
+    return {
+        "wiring": _digest((everything, constants)),
+        "gap": _digest(everything),
+        "friction": moving,
+        "thresholds": moving,
+    }
+
+
+def _drives(c: Configuration) -> object:
+    drives = msgspec.to_builtins(c.drives)
+    for profile in drives.values():
+        del profile["any_product"]
+    return drives
+
+
+def _urdf(text: str) -> tuple[object, object]:
+    """Joints and frames, and masses, of a URDF that was loaded before."""
+    root, _ = parsed(text)
+    joints = {
+        joint.get("name"): (
+            joint.get("type"),
+            [(part.tag, sorted(part.attrib.items())) for part in joint if part.tag in _JOINT],
+        )
+        for joint in root.iter("joint")
+        if joint.find("parent") is not None
+    }
+    masses = {
+        link.get("name"): [
+            (part.tag, sorted(part.attrib.items())) for part in link.iterfind("inertial/*")
+        ]
+        for link in root.iter("link")
+    }
+    return joints, masses
+
+
+def _digest(about: object) -> str:
+    return hashlib.sha256(msgspec.json.encode(about, order="sorted")).hexdigest()

@@ -1,0 +1,135 @@
+"""Logs of anybody's arm as CSV files: the columns that a step needs, at even times."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from arrays import Matrix, Vector
+from daemon.protocol.messages import printable
+from errors import LogError
+from estimator.identification.motion_log import PAUSE_S, MotionLog
+from regular_file import open_text
+
+COLUMNS = ("current", "link_position", "motor_velocity", "motor_position")
+_ALSO = "torque"
+_JITTER = 0.2  # of the period: beyond it, samples are put on a raster
+
+
+def read_csv(
+    path: Path, joints: Sequence[str], constants: Mapping[str, float], *, of_gap: bool = False
+) -> tuple[MotionLog, tuple[str, ...]]:
+    """Log of these joints from a CSV file, and what was done to its times.
+
+    Its columns are `time` [s] and, for every joint, `current.JOINT` [A], or `torque.JOINT` [Nm at
+    the link] (divided by the torque constant), `link_position.JOINT` [rad], `motor_velocity.JOINT`
+    [rad/s at the link] and perhaps `motor_position.JOINT` [rad at the link]. A gap (`of_gap`) needs
+    either of the last two. Other columns may hold anything.
+
+    Times rounded so coarsely that neighbours are equal are spread evenly, and samples at uneven
+    times put on an even raster. Raises LogError.
+    """
+    table = _table(path, joints)
+    if len(table["time"]) == 0:
+        raise LogError(f"{path}: there are no samples in it")
+    missing: list[str] = []
+    for joint in joints:
+        torque = table.get(f"{_ALSO}.{joint}")
+        if torque is not None and joint in constants:
+            table.setdefault(f"current.{joint}", torque / constants[joint])
+        wanted = COLUMNS[:2] if of_gap else COLUMNS[:3]
+        missing += [f"{name}.{joint}" for name in wanted if f"{name}.{joint}" not in table]
+        sides = [f"{name}.{joint}" for name in COLUMNS[2:]]
+        if of_gap and not any(side in table for side in sides):
+            missing.append(" or ".join(sides))
+    if missing:
+        raise LogError(f"{path}: no column {', '.join(missing)}")
+    time_s, notes = _even(table["time"])
+    columns: dict[str, Matrix] = {}
+    for name in COLUMNS:
+        found = [table[f"{name}.{j}"] for j in joints if f"{name}.{j}" in table]
+        if len(found) == len(joints):
+            columns[name] = np.stack(found, axis=1)
+    if "motor_velocity" not in columns:
+        safe = np.maximum.accumulate(time_s + 1e-9 * np.arange(len(time_s)))
+        columns["motor_velocity"] = np.gradient(columns["motor_position"], safe, axis=0)
+    # Refuses what is not a number, and times that do not grow, before anything is interpolated.
+    log = MotionLog(tuple(joints), time_s, **columns)
+    return _on_a_raster(log, notes)
+
+
+def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
+    """Columns that any step may need, by name."""
+    try:
+        with open_text(path, newline="") as stream:
+            rows = csv.reader(stream)
+            header = [name.strip() for name in next(rows, [])]
+            known = {"time", *(f"{c}.{j}" for c in (*COLUMNS, _ALSO) for j in joints)}
+            if "time" not in header:
+                raise LogError(f"{path}: no column time")
+            if twice := sorted({name for name in header if name and header.count(name) > 1}):
+                raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
+            places = [k for k, name in enumerate(header) if name in known]
+            values = []
+            for line, row in enumerate(rows, start=2):
+                if len(row) != len(header):
+                    raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
+                                   f"{len(header)}: is the file cut off?")  # fmt: skip
+                values.append(_numbers(path, line, [row[k] for k in places]))
+    except csv.Error as error:
+        raise LogError(f"{path}:{rows.line_num}: is not CSV: {error}") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"cannot read {path}: {error}") from error
+    table = np.array(values, dtype=np.float64).reshape(-1, len(places))
+    return {header[k]: table[:, i] for i, k in enumerate(places)}
+
+
+def _numbers(path: Path, line: int, row: list[str]) -> list[float]:
+    try:
+        return [float(field) for field in row]
+    except ValueError as error:
+        raise LogError(f"{path}:{line}: not a number: {printable(str(error))[:100]}") from error
+
+
+def _even(time_s: Vector) -> tuple[Vector, tuple[str, ...]]:
+    """Times of which neighbours are equal, spread evenly: each stretch for itself, as a pause is no
+    part of any period."""
+    steps = np.diff(time_s)
+    rounded = (steps >= 0.0).all() and (steps == 0.0).any() and (steps > 0.0).any()
+    if not rounded:
+        return time_s, ()
+    stretches = np.split(time_s, np.flatnonzero(steps > PAUSE_S) + 1)
+    spread = np.concatenate([np.linspace(t[0], t[-1], len(t)) for t in stretches])
+    coarse = float(np.median(steps[steps > 0.0]))
+    return spread, (f"times are rounded to {1e3 * coarse:.3g} ms: spread evenly",)
+
+
+def _on_a_raster(log: MotionLog, notes: tuple[str, ...]) -> tuple[MotionLog, tuple[str, ...]]:
+    """The log as it is, or where its clock jitters, interpolated every median interval."""
+    period = log.period_s
+    stretches = log.stretches(2.5 * period)
+    steps = np.concatenate([np.diff(log.time_s[rows]) for rows in stretches])
+    jitter = float(np.percentile(np.abs(steps - period), 95.0))
+    if jitter <= _JITTER * period:
+        return log, notes
+    times = [np.arange(log.time_s[r.start], log.time_s[r.stop - 1], period) for r in stretches]
+
+    def rastered(values: Matrix) -> Matrix:
+        parts = [
+            np.stack([np.interp(t, log.time_s[rows], column) for column in values[rows].T], axis=1)
+            for t, rows in zip(times, stretches, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    even = replace(
+        log,
+        time_s=np.concatenate(times),
+        current=rastered(log.current),
+        link_position=rastered(log.link_position),
+        motor_velocity=rastered(log.motor_velocity),
+        motor_position=None if log.motor_position is None else rastered(log.motor_position),
+    )
+    about = f"times jitter by {1e3 * jitter:.2g} ms: resampled every {1e3 * period:.3g} ms"
+    return even, (*notes, about)

@@ -1,0 +1,117 @@
+"""A change voids only what depends on it."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from bench.rigs.lockstep import ROMEO
+from daemon.config.identified import (
+    Entry,
+    FrictionEntry,
+    GapEntry,
+    Identified,
+    ThresholdsEntry,
+    WiringEntry,
+    outdated,
+    parameters_missing,
+    write_identified,
+)
+from daemon.config.load import Robot, load_robot
+from daemon.config.marks import fingerprint
+from daemon.config.schema import Friction, Levels, Step
+from daemon.identify.steps import merged
+
+DAY = {"date": "2026-01-02T03:04:05+00:00", "log": "0"}
+ENTRIES: dict[Step, Entry] = {
+    "wiring": WiringEntry(**DAY, follows=1.0),
+    "gap": GapEntry(**DAY, half_gap=0.1, confidence=0.001),
+    "friction": FrictionEntry(
+        **DAY, friction=Friction(motor_coulomb=0.3), errors={}, r2=1.0, condition=1.0
+    ),
+    "thresholds": ThresholdsEntry(
+        **DAY, thresholds=Levels(contact=0.4, collision=3.0), per_hour=1.0, largest=0.3
+    ),
+}
+ALL = set(ENTRIES)
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """The single joint, with all steps passed."""
+    for name in ("romeo_left_arm", "single_joint"):
+        shutil.copytree(ROMEO.parent / name, tmp_path / name, dirs_exist_ok=True)
+    place = tmp_path / "single_joint"
+    (place / "identified.yaml").unlink()
+    edit(place / "config.yaml", r"(?m)^ *known:.*\n", "")
+    for step, entry in ENTRIES.items():
+        found = merged(load_robot(place), step, {"joint": entry}, {"joint": 1})
+        write_identified(place / "identified.yaml", found)
+    return place
+
+
+def void(robot: Robot) -> set[str]:
+    c, urdf = robot.configuration, robot.urdf
+    return {step for step in ENTRIES if outdated(step, robot.identified, c, urdf)}
+
+
+def edit(path: Path, pattern: str, new: str) -> None:
+    text, count = re.subn(pattern, new, path.read_text(), count=1)
+    assert count == 1, pattern
+    path.write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("file", "pattern", "new", "expected"),
+    [
+        ("config.yaml", r"gear: [\d.]+", "gear: 77.0", ALL),
+        ("config.yaml", r"(period_ms: )[\d.]+", r"\g<1>20", ALL),
+        ("config.yaml", r"torque_constant: [\d.]+", "torque_constant: 3.1", ALL - {"gap"}),
+        ("config.yaml", r"admittance_gain: [\d.]+", "admittance_gain: 0.05", set()),
+        ("arm.urdf", r'(<mass value=")[\d.]+', r"\g<1>1.05", {"friction", "thresholds"}),
+        ("arm.urdf", r'(<axis xyz=")[^"]+', r"\g<1>1 0 0", ALL),
+        ("arm.urdf", r"(<robot[^>]*>)", r"\g<1><!-- no more than a word -->", set()),
+    ],
+)
+def test_a_change_voids_what_depends_on_it(
+    place: Path, file: str, pattern: str, new: str, expected: set[str]
+) -> None:
+    assert void(load_robot(place)) == set()
+    edit(place / file, pattern, new)
+    assert void(load_robot(place)) == expected
+
+
+def test_what_is_void_is_asked_for_again_and_comes_back(place: Path) -> None:
+    """With the old masses the old friction is right again."""
+    before = (place / "arm.urdf").read_text()
+    edit(place / "arm.urdf", r'(<mass value=")[\d.]+', r"\g<1>1.05")
+    robot = load_robot(place)
+    friction, levels = parameters_missing(robot.identified, robot.configuration, robot.urdf)
+    assert "the friction of joint identified before" in friction
+    assert "`contactd identify thresholds` again" in levels
+    found = merged(robot, "gap", {"joint": ENTRIES["gap"]}, {"joint": 1})
+    write_identified(place / "identified.yaml", found)
+    (place / "arm.urdf").write_text(before)
+    assert void(load_robot(place)) == set()
+
+
+def test_a_file_of_before_is_valid_as_a_whole_and_marked_when_it_is_written(place: Path) -> None:
+    robot = load_robot(place)
+    mark = fingerprint(robot.configuration, robot.urdf)
+    assert robot.identified is not None
+    old = robot.identified.joints["joint"]
+    without = {step: ENTRIES[step] for step in ENTRIES}
+    joint = type(old)(serial=1, **without)
+    write_identified(
+        place / "identified.yaml", Identified(configuration=mark, joints={"joint": joint})
+    )
+    robot = load_robot(place)
+    assert void(robot) == set()
+    again = merged(robot, "gap", {"joint": ENTRIES["gap"]}, {"joint": 1})
+    assert again.joints["joint"] == old
+    edit(place / "arm.urdf", r'(<mass value=")[\d.]+', r"\g<1>1.05")
+    changed = load_robot(place)
+    assert void(changed) == ALL
+    left = merged(changed, "gap", {"joint": ENTRIES["gap"]}, {"joint": 1}).joints["joint"]
+    assert (left.wiring, left.friction, left.thresholds) == (None, None, None)
