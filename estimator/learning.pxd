@@ -4,7 +4,7 @@ cimport cython
 
 cdef Py_ssize_t _CONSTANT, _VISCOUS, _COULOMB, _COLUMNS
 cdef double _NOISE, _NOISE_S, _OFF, _REMAINS, _FREEZES, _FROZEN_S
-cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _LEAST_LEVEL, _GROWS
+cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _LEAST_LEVEL, _GROWS, _LARGEST
 
 cdef class Learning:
     cdef double[:, ::1] _variance

@@ -55,6 +55,8 @@ _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING = 1.8, 20.0, 0.05, 0.7
 _LEAST_LEVEL = LEAST_SHARE
 # One peak raises the level by no more than this: it may have been a person all the same.
 _GROWS = 1.1
+# Of the configured level: whatever is larger shows a sample that was none, and must not last.
+_LARGEST = 10.0
 
 
 class Learning:
@@ -177,7 +179,7 @@ class Learning:
     def _measure(self, i: int, size: float, needed: float, dt: float) -> None:
         """Put the size of a residual, and what it needed, both over the configured level, to those
         before."""
-        fade = dt / _RMS_S
+        fade, size = dt / _RMS_S, min(size, _LARGEST)
         self.squares_s[i] += dt * size * size - fade * self.squares_s[i]
         self.moved_s[i] += dt - fade * self.moved_s[i]
         self.peak[i] -= dt / _PEAK_S * self.peak[i]

@@ -196,3 +196,16 @@ def test_reset_keeps_the_level_that_was_found() -> None:
     assert (learning.peak_seen[0], learning.crossing_seen[0]) == (0.0, 0.0)
     for name, values in before.items():
         np.testing.assert_array_equal(getattr(learning, name), values, name)
+
+
+@pytest.mark.parametrize("size", [1e3, 1e160, 1e300])
+def test_a_sample_that_is_none_does_not_last(size: float) -> None:
+    """One that is finite inflates the level in force, too, so that what it shows is within it; its
+    square is not even finite."""
+    learning = shown(1800.0, 0.1)
+    before = learning.level(0)
+    shown(DT, size, learning, level=2.0 * size)
+    assert np.isfinite(learning.squares_s[0])
+    learning.reset(0)
+    shown(1800.0, 0.1, learning)
+    assert learning.level(0) == pytest.approx(before, rel=0.05)

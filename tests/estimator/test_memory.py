@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from errors import ModelError
+from estimator.estimate import Flag
 from estimator.estimator import Estimator
 from estimator.motor_position import Side
 from estimator.settings import Variant
@@ -121,3 +122,39 @@ def test_memory_of_one_that_learns_is_no_other_ones(make_estimator, learns: bool
     memory = make_estimator(learning=learns).memory()
     with pytest.raises(ModelError, match="memory of an estimator"):
         make_estimator(learning=not learns).restore(memory)
+
+
+@pytest.mark.parametrize("source", ["integrated", "measured"])
+def test_memory_of_every_tick_goes_on_bit_identically(
+    make_estimator, pushed_motion, source: str
+) -> None:
+    """While it learns, with samples missing: also that of a tick in which a joint lands, a contact
+    begins, a joint has no sample, or one starts anew."""
+    rng = np.random.default_rng(11)
+    came = rng.random((300, 7)) > 0.1
+    came[100:110, 2] = came[220:227, 6] = False
+    settings = {"beside": BESIDE, "motor_position": source, "debounce": 2, "learning": True}
+    original, copy = make_estimator(**settings), make_estimator(**settings)
+    flags, landed, before = Flag(0), 0, None
+    for k in range(300):
+        row = (pushed_motion.current, pushed_motion.q, pushed_motion.theta_dot, pushed_motion.theta)
+        samples = [values[650 + k] for values in row]
+        one = original.step(*samples, T, fresh=came[k])
+        if before is not None:
+            other = copy.step(*samples, T, fresh=came[k])
+            for name in ("residual", "threshold", "thresholded", "level_share", "side", "sensing"):
+                values = (getattr(e, name) for e in (one, other))
+                np.testing.assert_array_equal(*values, f"{k} {name}")
+            for name in ("contacts", "touched_link", "flags"):
+                assert getattr(one, name) == getattr(other, name), k
+            landed += np.any((before.side == Side.GAP) & (one.side != Side.GAP))
+        memory = json.loads(json.dumps(original.memory()))
+        copy = make_estimator(**settings) if k % 50 == 0 else copy
+        copy.restore(memory)
+        assert original.memory() == copy.memory() == memory
+        for name in ("above", "share", "crossing"):
+            levels = (getattr(e.detector.levels, name) for e in (original, copy))
+            np.testing.assert_array_equal(*levels, f"{k} {name}")
+        flags, before = flags | one.flags, one
+    assert landed > 5
+    assert Flag.RESTARTED | Flag.BRIDGED | Flag.RAISED in flags
