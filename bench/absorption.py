@@ -6,15 +6,15 @@
 Every arm works for four minutes; then a hand leans on all joints at once for N minutes while it
 works on, with a share of the threshold in force in motion: 0.25, 0.5, 0.7 or 0.9. What is taken off
 the residual meanwhile, less what is taken off where no hand is, was absorbed. Afterwards each joint
-gets a step of twice the threshold then in force, which must be felt. In another run the hand's
-torque grows by 0.1 threshold a second, until it is felt.
+gets a step of twice the threshold then in force, which must be felt if it moves. In another run the
+hand's torque grows by 0.1 threshold a second, until it is felt.
 
 Arms are those of `bench.false_contacts`, but their friction does not drift: learning that follows
 it, and rests while a hand is there, would count as absorbed.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -222,13 +222,18 @@ def table(results: Sequence[Result], n: int) -> Table:
     for k, share in enumerate(SHARES):
         absorbed = 100.0 * np.array([r.absorbed[k] for r in results])
         raised = np.array([r.raised[k] for r in results])
-        for name, row in (
-            (f"{share:g}: median", np.nanmedian(absorbed, axis=0)),
-            ("     largest", np.nanmax(absorbed, axis=0)),
-        ):
-            shown.add_row(name, *(f"{x:.0f}" for x in row))
-        shown.add_row("     threshold grew", *(f"{x:.1f}x" for x in np.nanmedian(raised, axis=0)))
+        shown.add_row(f"{share:g}: median", *_over_arms(absorbed, np.median, "{:.0f}"))
+        shown.add_row("     largest", *_over_arms(absorbed, np.max, "{:.0f}"))
+        shown.add_row("     threshold grew", *_over_arms(raised, np.median, "{:.1f}x"))
     return shown
+
+
+def _over_arms(
+    values: NDArray[np.float64], of: Callable[[NDArray[np.float64]], Any], words: str
+) -> list[str]:
+    """What the arms (arms, n) come to, joint by joint; `-` where none moved enough to tell."""
+    told = [column[np.isfinite(column)] for column in values.T]
+    return [words.format(of(column)) if column.size else "-" for column in told]
 
 
 @click.command(help=__doc__)

@@ -33,6 +33,7 @@ from bench.study.detection_report import joint_table, picture, table
 from bench.study.detection_score import Score, score
 from bench.study.monte_carlo import Job, Kind, Result, run, spread
 from bench.study.world import LAWS, Law
+from daemon.commands.options import Range
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 
@@ -162,13 +163,19 @@ def plain(value: Any) -> Any:
 
 
 @click.command(help=__doc__)
-@click.option("--minutes", default=10.0, show_default=True, help="Contact-free, per friction.")
-@click.option("--step-minutes", type=float, show_default="as --minutes", help="With steps.")
+@click.option(
+    "--minutes",
+    type=Range(1, 600),
+    default=10.0,
+    show_default=True,
+    help="Contact-free, per friction.",
+)
+@click.option("--step-minutes", type=Range(1, 600), show_default="as --minutes", help="With steps.")
 @click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
 @click.option("--seed", default=1, show_default=True)
 @click.option("--friction", default="all", type=click.Choice([*LAWS, "all"]))
 @click.option("--motor-position", default="measured", type=click.Choice(["measured", "integrated"]))
-@click.option("--stiction-share", type=float, help="In place of the configured one.")
+@click.option("--stiction-share", type=Range(0, 2), help="In place of the configured one.")
 @click.option("--json", "as_json", is_flag=True)
 def main(
     minutes: float,
@@ -204,7 +211,7 @@ def main(
     if not as_json:
         filter_ms = 1000 * math.log(2) / c.estimator.gain
         title = (
-            f"{len(seeds)} arms (seeds {seeds[0]} to {seeds[-1]}) of a minute without contact, "
+            f"arms of seeds {seeds[0]} to {seeds[-1]}, a minute each without contact, "
             f"{stepped} with steps, theta {motor_position}, ln 2 / K = {filter_ms:.1f} ms"
         )
         console = Console()

@@ -38,6 +38,7 @@ from bench.study.detection_report import NARROW
 from bench.study.estimates import VARIANTS, Estimates, build, estimates
 from bench.study.monte_carlo import GRACE_S, spread
 from bench.study.world import LAWS, Law
+from daemon.commands.options import Range
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from estimator.alarms import count_alarms
@@ -183,9 +184,9 @@ def by_joint(law: Law, whole: Tally, c: Configuration) -> Table:
 @click.option(
     "--motor-position", default="integrated", type=click.Choice(["measured", "integrated"])
 )
-@click.option("--learning/--no-learning", default=True, help="Of friction, gain and levels.")
+@click.option("--learning/--no-learning", default=True, help="Of friction and levels.")
 @click.option("--residual", default="backlash", type=click.Choice(get_args(Kind)))
-@click.option("--stiction-share", type=float, help="In place of the configured one.")
+@click.option("--stiction-share", type=Range(0, 2), help="In place of the configured one.")
 @click.option("--json", "as_json", is_flag=True)
 def main(
     arms: int,
@@ -229,7 +230,7 @@ def main(
         "learning": learning,
         "motor_position": motor_position,
         "residuals": names,
-        "stiction_share": stiction_share or c.estimator.stiction_share,
+        "stiction_share": c.estimator.stiction_share if stiction_share is None else stiction_share,
         "parts": PARTS,
         "laws": {
             law: {

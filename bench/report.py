@@ -1,6 +1,7 @@
 """Report of a bench: targets with their measured figures, as a table or as one JSON line."""
 
 import json
+import math
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -21,7 +22,7 @@ class Target:
 
     @property
     def met(self) -> bool:
-        """True where the figure is on the good side of its limit."""
+        """True where the figure is on the good side of its limit; NaN, nothing measured, is not."""
         value = float(self.value)  # a numpy number would give a numpy bool, which JSON lacks
         return value <= self.limit if self.better == "lower" else value >= self.limit
 
@@ -31,7 +32,11 @@ def print_report(
 ) -> None:
     """Targets as lines, or everything as one object on the last line."""
     if as_json:
-        rows = [{**asdict(target), "met": target.met} for target in targets]
+        rows = [
+            {**asdict(target), "value": None if math.isnan(target.value) else target.value}
+            | {"met": target.met}
+            for target in targets
+        ]  # JSON knows no NaN
         machine = f"{platform.machine()} {platform.python_version()}"
         report = {"bench": bench, "seed": seed, "machine": machine, "targets": rows, "data": data}
         click.echo(json.dumps(report))
@@ -39,6 +44,7 @@ def print_report(
     for target in targets:
         sign = "<=" if target.better == "lower" else ">="
         met = "met" if target.met else "NOT MET"
-        click.echo(
-            f"  {target.name}: {target.value:.4g} {target.unit} ({sign} {target.limit:g}) {met}"
-        )
+        measured = f"{target.value:.4g} {target.unit}"
+        if math.isnan(target.value):
+            measured = "too few trials to tell"
+        click.echo(f"  {target.name}: {measured} ({sign} {target.limit:g}) {met}")

@@ -38,7 +38,9 @@ class GapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     hold_ticks: Annotated[int, Meta(ge=1, le=100)] = 3
     margin: Annotated[float, Meta(ge=0.12, lt=1)] = 0.12  # of alpha
     hysteresis: Annotated[float, Meta(ge=0, le=0.01)] = 0.0001  # at the border [rad]
-    friction_error: Annotated[float, Meta(ge=0, le=1)] = 0.27  # of the motor's side
+    friction_error: Annotated[float, Meta(ge=0, le=1)] = (
+        0.27  # of the motor's side, where nothing is learned
+    )
     rotor_error: Annotated[float, Meta(ge=0, le=1)] = 0.15
     current_error: Annotated[float, Meta(ge=0, le=1)] = 0.05
     half_gap_error: Annotated[float, Meta(ge=0, le=1)] = 0.07
@@ -55,12 +57,15 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     motor_position: Literal["integrated", "measured"] = "integrated"
     sign_width: Annotated[float, Meta(gt=0, le=1)] = 0.02  # [rad/s], goes to the Transmission
     debounce: Annotated[int, Meta(ge=1, le=100)] = 1  # ticks
-    stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.9  # raises thresholds at rest
+    # Of the joint's Coulomb friction: raises thresholds at rest.
+    stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.9
     # Of the contact level: raises thresholds of a joint whose side of the gap is unknown.
     unknown_side_share: Annotated[float, Meta(ge=0, le=2)] = 0.25
-    # Corrects friction by what the arm shows while it works.
+    # Corrects friction by what the arm shows while it works, and sinks contact levels as far as
+    # that allows; before it has shown it, they are raised.
     learning: bool = True
-    # [rad] until friction is built up, at least and at most: where it is not known, all of it.
+    # [rad] of motion until friction is built up, at least and at most; the default suits gears
+    # of which nobody knows it.
     presliding: tuple[Presliding, Presliding] = (0.0001, 0.002)
     current_delay_ms: Delay = 3.0  # of the drive's current filter
     link_position_delay_ms: Delay = 0.0

@@ -35,7 +35,7 @@ def table(friction: str, by_name: dict[str, Score], title: str) -> Table:
             name,
             f"{s.alarms}",
             f"{s.alarms_per_hour:.0f}",
-            *(f"{p50:.0f}/{p95:.0f}" for p50, p95 in pairs),
+            *("-" if math.isnan(p50) else f"{p50:.0f}/{p95:.0f}" for p50, p95 in pairs),
             f"{s.missed_moving}/{s.tried_moving}",
             f"{s.missed_rest}/{s.tried_rest}",
         )

@@ -23,7 +23,8 @@ def felt_over_poses(c: Configuration, urdf: str) -> list[str]:
         ("at rest", estimator.levels_at(np.zeros(len(c.joints)))),
     )
     return [
-        f"felt at {estimator.model.tool}, from, over {_POSES} poses within the limits:",
+        f"felt just after switching on at {estimator.model.tool}, from, over {_POSES} poses within "
+        "the limits:",
         *(_in_words(name, [tool_sense(J, level) for J in jacobians]) for name, level in cases),
     ]
 

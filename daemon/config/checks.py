@@ -97,6 +97,13 @@ def _estimator(c: Configuration) -> Iterator[Problem]:
             f"{gain:g} /s makes the residual oscillate at a period of {c.period_ms} ms: T K must "
             f"be less than 2, so less than {limit:g} /s",
         )
+    least, most = c.estimator.presliding
+    if least > most:
+        yield Problem(
+            ["estimator", "presliding"],
+            "estimator.presliding",
+            f"[{least:g}, {most:g}] rad: at least comes first, at most second",
+        )
     if c.estimator.motor_position == "measured":
         for i, joint in enumerate(c.joints):
             profile = c.drives.get(joint.wiring.profile)

@@ -80,3 +80,6 @@ def test_the_report_of_a_short_day(monkeypatch: pytest.MonkeyPatch) -> None:
     result = CliRunner().invoke(absorption.main, words, catch_exceptions=False)
     report = json.loads(result.stdout.splitlines()[-1])
     assert list(report["data"]["by_arm"]) == ["smooth 1"]
+    done.absorbed[:, 1] = done.raised[:, 1] = np.nan
+    result = CliRunner().invoke(absorption.main, words[:-1], catch_exceptions=False)
+    assert "nan" not in result.stdout

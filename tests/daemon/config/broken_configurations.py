@@ -185,6 +185,13 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "estimator.gain",
         ("T K must be less than 2", "less than 200 /s"),
     ),
+    "a range of pre-sliding from its end": (
+        "gain: 25.0",
+        "gain: 25.0\n  presliding: [0.002, 0.0001]",
+        "presliding: [",
+        "estimator.presliding",
+        ("[0.002, 0.0001] rad", "at least comes first"),
+    ),
     "contact at the collision level": (
         "contact: 0.8, collision: 6.0",
         "contact: 0.8, collision: 0.8",
