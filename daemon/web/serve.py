@@ -119,7 +119,8 @@ def listen(bind: str, port: int) -> socket.socket:
         listener.listen(64)
     except OSError as error:
         where = bind if bind.startswith(UNIX) else f"{bind} port {port}"
-        why = os.strerror(error.errno) if error.errno else str(error)
+        number = error.errno or 0  # below zero: of a name that was looked up, not of the system
+        why = os.strerror(number) if number > 0 else "no such address" if number else str(error)
         raise UnreachableError(f"cannot listen at {where}: {why}") from error
     return listener
 

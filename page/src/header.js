@@ -1,7 +1,7 @@
 // What is always in sight: mode and cause, permission with its countdown, fault, connection, tabs.
 
 import { at, make, say, show } from "./dom.js";
-import { MODES, clock, duration, felt, next } from "./words.js";
+import { MODES, clock, deaf, duration, felt, next } from "./words.js";
 
 export class Header {
   #words = null; #advice = null; #left_s = NaN; #wall_s = NaN; #stale = true; #tick = null; #joints = [];
@@ -98,8 +98,10 @@ export class Header {
     say(live, this.#stale ? `◌ not live${time && `, as of ${time}`}` : `● live, ${time}`);
     if (this.#tick === null) return;
     const what = felt(this.#joints, this.#tick);
+    const unknown = deaf(this.#joints, this.#tick);
+    const known = what ? `▲ ${what}` : unknown ? "" : "nothing beyond its level";
     at("felt").dataset.beyond = what !== "";
-    say(at("felt"), `${this.#stale ? "Felt then" : "Feels"}: ${what ? `▲ ${what}` : "nothing beyond its level"}`);
+    say(at("felt"), `${this.#stale ? "Felt then" : "Feels"}: ${[known, unknown].filter(Boolean).join(" · ")}`);
   }
 
   #drawLoad(load) {

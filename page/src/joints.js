@@ -3,7 +3,7 @@
 import { COLUMNS, Curve } from "./curve.js";
 import { make, say, show } from "./dom.js";
 import { Series } from "./series.js";
-import { SIDES, fixed, learned, signed } from "./words.js";
+import { SIDES, fixed, isBeyond, learned, signed } from "./words.js";
 
 const METERS_EVERY_MS = 1000; // for screen readers
 const GOOD_DRIVE = "operation enabled";
@@ -92,14 +92,15 @@ class Card {
     const i = this.#index;
     const level = tick.threshold[i];
     const flags = tick.joints[i];
-    const felt = flags.collision ? 2 : Math.abs(tick.residual[i]) > level ? 1 : 0;
+    const felt = flags.collision ? 2 : isBeyond(tick, i) ? 1 : 0;
     this.#series.add([tick.time_s, tick.residual[i], level, -level, tick.mode, felt]);
   }
 
   draw(tick, curves) {
     const i = this.#index;
     const [residual, level, flags] = [tick.residual[i], tick.threshold[i], tick.joints[i]];
-    const beyond = Math.abs(residual) > level;
+    const beyond = isBeyond(tick, i);
+    const was = flags.sensing || flags.fresh ? "" : "was ";
     // Twice the level is the end of the bar.
     const share = level > 0 ? Math.max(-1, Math.min(1, residual / (2 * level))) : 0;
     const p = this.#parts;
@@ -107,7 +108,7 @@ class Card {
     p.fill.style.width = `${50 * Math.abs(share)}%`;
     this.element.classList.toggle("beyond", beyond);
     this.element.classList.toggle("touched", flags.touched);
-    say(p.torque, `${signed(residual)} of ${level.toFixed(2)} Nm${beyond ? " ▲" : ""}`);
+    say(p.torque, `${was}${signed(residual)} of ${level.toFixed(2)} Nm${beyond ? " ▲" : ""}`);
     this.#drawGap(tick.phi[i], tick.phi_sigma[i], flags.side);
     this.#drawState(flags, beyond);
     if (curves) this.curve.draw(this.#series.window(tick.time_s), tick.time_s);

@@ -8,6 +8,7 @@ import {
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import URDFLoader from "urdf-loader";
+import { isBeyond } from "./words.js";
 
 const EVERY_MS = 33;
 const FRAME_EVERY_MS = 500;
@@ -70,9 +71,9 @@ export class Scene {
     for (const joint of this.#joints) {
       const i = names.indexOf(joint.name);
       if (i < 0) continue;
-      const [residual, level] = [tick.residual[i], tick.threshold[i]];
-      joint.light(joint.name === this.#touched, Math.abs(residual) > level);
-      joint.feel(Math.abs(residual) > level ? residual / level : 0);
+      const beyond = isBeyond(tick, i);
+      joint.light(joint.name === this.#touched, beyond);
+      joint.feel(beyond ? tick.residual[i] / tick.threshold[i] : 0);
     }
     this.#drawn_ms = now;
     this.#renderer.render(this.#space, this.#camera);

@@ -22,10 +22,23 @@ export function next(mode, moving, quiet_s) {
   return `quiet for ${quiet_s.toFixed(1)} s, then it ${moving ? "goes on" : "holds"}`;
 }
 
+/** Whether joint i feels more than its level. One that senses nothing does not, whatever its residual was last. */
+export function isBeyond({ residual, threshold, joints }, i) {
+  return joints[i].sensing && Math.abs(residual[i]) > threshold[i];
+}
+
+/** Of which joints it is not known what they feel, since they sense nothing; empty where all sense. */
+export function deaf(names, { joints }) {
+  const which = names.filter((_, i) => !joints[i].sensing);
+  if (which.length === names.length) return "not known, no joint senses";
+  return which.length ? `not known of ${which.join(", ")}` : "";
+}
+
 /** What joints feel beyond their level, in words, the strongest first; empty for nothing. */
-export function felt(joints, { residual, threshold }) {
+export function felt(joints, tick) {
+  const { residual, threshold } = tick;
   const share = (i) => Math.abs(residual[i]) / threshold[i];
-  const beyond = joints.map((_, i) => i).filter((i) => share(i) > 1).sort((a, b) => share(b) - share(a));
+  const beyond = joints.map((_, i) => i).filter((i) => isBeyond(tick, i)).sort((a, b) => share(b) - share(a));
   return beyond.map((i) => `${joints[i]} ${signed(residual[i], 1)} Nm`).join(", ");
 }
 

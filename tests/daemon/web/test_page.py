@@ -167,6 +167,21 @@ def test_what_is_felt_is_said_above_all_joints(
     screen.until("document.querySelector('#felt').innerText === 'Feels: nothing beyond its level'")
 
 
+def test_a_joint_that_senses_nothing_feels_nothing_that_it_felt_last(
+    screens: Screens, arm: FakeDaemon, page: Page
+) -> None:
+    """Its residual stands still; of it nothing is known, which is not nothing felt."""
+    deaf = {"residual": [0.0] * 6 + [0.9], "sensing": [True] * 6 + [False]}
+    arm.changes = {**deaf, "fresh": [True] * 6 + [False]}
+    screen = screens.open(f"{page.url}?scene=off", PHONE)
+    screen.live()
+    assert screen.text("#felt") == "Feels: not known of LWristPitch"
+    assert screen.page.locator(".joint.beyond").count() == 0
+    assert screen.text("article[aria-label=LWristPitch] .torque").startswith("was +0.90 of ")
+    arm.changes = {**deaf, "sensing": [False] * 7}
+    screen.until("document.querySelector('#felt').innerText.endsWith('no joint senses')")
+
+
 def test_events_are_filtered(screens: Screens, arm: FakeDaemon, page: Page) -> None:
     screen = screens.open(f"{page.url}?scene=off")
     screen.until("document.querySelectorAll('#events li[data-kind=contact]').length")

@@ -18,7 +18,9 @@ from daemon.protocol.doors import view_socket_path
 from daemon.protocol.messages import Reply
 from daemon.web import frames
 from daemon.web.guard import COMMAND_HEADER
+from daemon.web.serve import listen
 from daemon.web.stopping import carry_out
+from errors import UnreachableError
 
 FakeDaemon = Any  # of tests/daemon/conftest.py, which nothing imports
 
@@ -200,3 +202,8 @@ def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) -> Non
                     kinds.append(json.loads((await live.receive()).data)["kind"])
 
     asyncio.run(visit())
+
+
+def test_a_name_that_is_no_address_is_said_to_be_none() -> None:
+    with pytest.raises(UnreachableError, match=r"at no address port 0: no such address"):
+        listen("no address", 0)
