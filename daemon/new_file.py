@@ -20,4 +20,4 @@ def refuse_unless_new(path: Path) -> None:
         return
     except OSError as error:
         raise LogError(f"cannot write {path}: {error.strerror}") from error
-    raise LogError(f"{path} exists: a recording is never overwritten")
+    raise LogError(f"{path} exists: it is never overwritten")

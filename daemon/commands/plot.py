@@ -20,7 +20,7 @@ def plot_recording(
 ) -> bool:
     """Draw `file` to `output`, by default a page beside the working directory's other files, and
     print where it is; True if the recording was whole. Raises LogError."""
-    target = output or Path(file.stem).with_suffix(".html")
+    target = output or Path(f"{file.stem}.html")  # a stem may have dots of its own
     refuse_suffix(target, SUFFIXES)
     with reading(file) as progress:
         view = read_view(file, joints, around, window_s, progress)

@@ -18,7 +18,7 @@ from daemon.recordings.detection import Detection, Point, Total
 from daemon.recordings.html import filled
 from daemon.recordings.labels import labels_of, proposed, read_labels, template
 from daemon.recordings.many import Asked, answers, recordings_in
-from daemon.recordings.question import ARM, Question
+from daemon.recordings.question import ARM, Answer, Question
 from daemon.recordings.reading import read_contents
 from daemon.recordings.settings import parse_change
 from errors import LogError
@@ -82,8 +82,12 @@ def print_whatif(request: Request) -> bool:
         for line in lines(question, request.per_hour, total, found):
             click.echo(line)
     for answer in sorted([*total.failed, *total.broken], key=lambda answer: answer.file):
-        click.echo(f"contactd: {answer.failed or answer.broken}", err=True)
+        click.echo(f"contactd: {answer.failed or _ends_early(answer)}", err=True)
     return total.complete
+
+
+def _ends_early(answer: Answer) -> str:
+    return f"{answer.file} {answer.broken}"
 
 
 def write_template(places: Sequence[Path], target: Path) -> bool:
@@ -151,7 +155,7 @@ def data(total: Total, found: Sequence[Detection]) -> dict[str, Any]:
     return {
         "files": total.files,
         "failed": [{"file": a.file, "why": a.failed} for a in total.failed],
-        "broken": [{"file": a.file, "why": a.broken} for a in total.broken],
+        "broken": [{"file": a.file, "why": _ends_early(a)} for a in total.broken],
         "watched_s": total.watched_s,
         "outside_labels_s": total.outside_s,
         "curves": [curve_data(one) for one in found],

@@ -103,7 +103,11 @@ def _curve(question: Question, bearable: float, total: Total, one: Detection) ->
         )
     hours = total.outside_s / 3600.0
     if not labelled:
-        told.append("  every contact counts as an alarm here: label the touches (--labels)")
+        told.append(
+            "  no label is of this joint: every contact outside of all labels counts as an alarm"
+            if total.outside_s < total.watched_s
+            else "  every contact counts as an alarm here: label the touches (--labels)"
+        )
     if one.chosen is None:
         told.append(f"  no level has at most {bearable:g} an hour")
     elif bearable * hours < 1.0:

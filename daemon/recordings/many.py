@@ -25,7 +25,7 @@ from daemon.recordings.whatif import ask
 from errors import ContactdError, LogError
 
 _ADDRESS = re.compile(r"[a-z]+://[^/\s]+:\d+", re.ASCII)
-_KEPT = 4  # layout of the answers in the cache
+_KEPT = 5  # layout of the answers in the cache
 
 
 class Asked(msgspec.Struct, frozen=True):

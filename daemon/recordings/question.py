@@ -67,7 +67,7 @@ class Answer(msgspec.Struct, kw_only=True):
 
     file: str
     failed: str = ""
-    broken: str = ""  # reason why the recording ends early: what came before counts
+    broken: str = ""  # reason why the recording ends early, without its name: the rest counts
     duration_s: float = 0.0
     watched_s: float = 0.0  # in which contacts are reported, and counted here
     outside_s: float = 0.0  # of that, outside of every label

@@ -27,7 +27,7 @@ from errors import LogError
 from regular_file import open_regular
 
 PART: Final = 16384  # rows at once
-LAYOUT: Final = 2  # of the files
+LAYOUT: Final = 3  # of the files
 PARTIAL_S: Final = 24 * 3600.0  # after which nobody writes on
 MOST_BYTES: Final = 4 << 30  # of all recordings
 
@@ -191,7 +191,7 @@ def _write(
     except LogError as error:
         if gatherer is None or not gatherer.rows:
             raise
-        broken = str(error)
+        broken = str(error).removeprefix(f"{path} ")  # it may be asked under another name
     if gatherer is None or not gatherer.rows:
         raise LogError(f"{path} is a recording without any state")
     return gatherer.header(broken)
@@ -200,7 +200,7 @@ def _write(
 def _forget_oldest(root: Path, keep: Path) -> None:
     """Remove the columns that were used longest ago, beyond MOST_BYTES."""
     with contextlib.suppress(OSError):
-        folders = sorted(root.glob(f"*-{LAYOUT}"), key=lambda f: f.stat().st_mtime, reverse=True)
+        folders = sorted(root.glob("[!.]*"), key=lambda f: f.stat().st_mtime, reverse=True)
         total = 0
         for left in root.glob(".partial-*"):  # by a process that was killed
             if time.time() - left.stat().st_mtime > PARTIAL_S:

@@ -56,7 +56,7 @@ class RowsHeader(msgspec.Struct, frozen=True, kw_only=True):
     stretches: list[int]  # rows before which ticks are missing
     duration_s: float
     reaction_s: float | None  # when the arm first reacted to a contact
-    broken: str = ""  # reason why the recording ends early
+    broken: str = ""  # reason why the recording ends early, without its name
 
 
 def beside_column(number: int) -> str:

@@ -157,6 +157,9 @@ def said_at(view: View) -> list[str]:
         return []
     armed = ", armed" if state.armed else ""
     told = [f"at {at_s:.2f} s: {state.mode}{armed} ({printable(state.cause)})"]
+    told += [
+        f"  fault: {printable(one.text)}" for one in view.contents.faults if one.time_s == at_s
+    ]
     for i in view.joints:
         beyond = " beyond its threshold" if state.thresholded[i] else ""
         told.append(

@@ -308,6 +308,14 @@ def test_a_broken_recording_is_named_and_the_rest_goes_on(folder: Path) -> None:
     assert "cut.mcap ends in the middle" in answer.stderr
 
 
+def test_a_copy_of_a_broken_recording_is_named_by_its_own_name(folder: Path) -> None:
+    whatif(folder / "cut.mcap", "--threshold", "joint=1.0")
+    copy = (folder / "cut.mcap").rename(folder / "copy.mcap")
+    for level in ("joint=1.0", "joint=2.0"):  # its answer is kept, or its columns are
+        answer = whatif(copy, "--threshold", level)
+        assert answer.stderr.startswith(f"contactd: {copy} ends in the middle: ")
+
+
 def test_what_was_answered_before_is_not_asked_again(
     recording: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
