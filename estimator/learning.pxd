@@ -3,6 +3,7 @@
 cimport cython
 
 cdef Py_ssize_t _CONSTANT, _VISCOUS, _COULOMB, _COLUMNS
+cdef double _RESTS_S, _RESTING
 cdef double _NOISE, _NOISE_S, _OFF, _REMAINS, _FREEZES, _FROZEN_S
 cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _LEAST_LEVEL, _GROWS, _LARGEST
 
@@ -36,6 +37,9 @@ cdef class Learning:
     ) noexcept
     @cython.locals(fade=double)
     cdef void _measure(self, Py_ssize_t i, double size, double needed, double dt) noexcept
+    @cython.locals(fade=double)
+    cdef void _rest(self, Py_ssize_t i, double dt) noexcept
+    cdef void _say_what_is_left(self, Py_ssize_t i) noexcept
     @cython.locals(fade=double)
     cdef void _drift(self, Py_ssize_t i, Py_ssize_t column, double dt) noexcept
     @cython.locals(variance=double, error=double, gain_k=double, gain_m=double)

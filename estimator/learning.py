@@ -11,8 +11,8 @@ A Kalman filter follows the shares w, which drift in minutes, and b, which drift
 w1 c + w2 v is taken off the residual; b, the torque of a hand that leans on the arm as well as of
 masses that are off, never is: friction turns with the motion, and a hand does not. While a contact
 is on, and for a moment after the residual was far from what these make of it, only b is followed;
-at rest and inside a gap, nothing. Near rest, where friction may be anything, what shows is believed
-less. No share goes beyond its bound.
+at rest and inside a gap, nothing, and what is known fades in hours. Near rest, where friction may
+be anything, what shows is believed less. No share goes beyond its bound.
 
 What is not known yet raises the levels: `unknown` is the torque that friction, wrong by _OFF,
 would make there, less by what the joint has shown since. What is known sinks them: `level(i)` is
@@ -43,6 +43,9 @@ _OFF, _REMAINS = 0.5, 0.15
 # For _FROZEN_S after the residual was further than this share of the level in force from what is
 # expected, no share is learned; and beyond it, the residual is loud.
 _FREEZES, _FROZEN_S = 0.5, 0.3
+# At rest a gear cools down: what its joint needed is forgotten in so long, and its friction so many
+# times as slowly as in motion.
+_RESTS_S, _RESTING = 7200.0, 12.0
 
 # Of the level is needed what was _OF_RMS root mean squares, over _RMS_S of motion that began with
 # _AT_FIRST_S at which all of it was; and _OF_PEAK peaks, which fade in _PEAK_S. What is loud
@@ -144,7 +147,9 @@ class Learning:
         calm = surprise <= _FREEZES * level and size <= level  # NaN is not
         self.calm_s[i] = self.calm_s[i] + dt if calm else 0.0
         self._drift(i, _CONSTANT, dt)
-        if moving:
+        if not moving:
+            self._rest(i, dt)
+        else:
             known = self.calm_s[i] > _FROZEN_S
             if known:
                 self._drift(i, _VISCOUS, dt)
@@ -185,6 +190,15 @@ class Learning:
         self.peak[i] -= dt / _PEAK_S * self.peak[i]
         self.peak_seen[i] = max(self.peak_seen[i], needed)
 
+    def _rest(self, i: int, dt: float) -> None:
+        """Know less of joint i after dt [s] in which its motion told nothing."""
+        fade = dt / _RESTS_S
+        self._drift(i, _VISCOUS, dt / _RESTING)
+        self._drift(i, _COULOMB, dt / _RESTING)
+        self._say_what_is_left(i)
+        self.squares_s[i] += fade * (_AT_FIRST_S / _OF_RMS**2 - self.squares_s[i])
+        self.moved_s[i] += fade * (_AT_FIRST_S - self.moved_s[i])
+
     def _drift(self, i: int, column: int, dt: float) -> None:
         """Know less of one share of joint i, after dt [s]: a process of Ornstein and Uhlenbeck."""
         P, fade = self.covariance, dt / self._forgets_s[column]
@@ -214,6 +228,9 @@ class Learning:
             for m in range(_COLUMNS):
                 gain_m = x[m] / variance if known or m == _CONSTANT else 0.0
                 P[i, k, m] -= (gain_k * x[m] + x[k] * gain_m) - gain_k * gain_m * variance
+        self._say_what_is_left(i)
+
+    def _say_what_is_left(self, i: int) -> None:
         self.coulomb_left[i] = self._left(i, _COULOMB)
         self.viscous_left[i] = self._left(i, _VISCOUS)
 

@@ -20,7 +20,7 @@ from daemon.modes.table import Mode
 MOTION_S = 3.0
 """Motion after which a step has measured something [s]."""
 HEARING_S = 0.02
-"""Time that a command has to hear Ctrl-C, each of some ticks [s]."""
+"""Time that a command has to hear Ctrl-C, at each tick until the arm is stopped [s]."""
 
 
 def wired_joint(folder: Path) -> CommissionedArm:
@@ -68,13 +68,13 @@ class TypedCommand:
             self.tick()
 
     def ctrl_c(self) -> None:
-        """Interrupt the command as a person would; it has time to hear it, on a busy machine
-        too."""
+        """Interrupt the command as a person would. Until the arm is stopped each tick gives it
+        time to hear that, on a busy machine too."""
         number = ctypes.c_ulong(self._thread.ident or 0)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(KeyboardInterrupt))
-        for _ in range(5):
-            self.tick()
+        while self._thread.is_alive() and self.served.rig.mode is Mode.TRACKING:
             self._thread.join(HEARING_S)
+            self.tick()
 
     def ends(self) -> tuple[int, str]:
         """Exit status and output, in one line."""

@@ -34,6 +34,13 @@ class Finding:
         return f"{words} ({self.figures})" if self.figures else words
 
 
+def advice_on(cause: str) -> str:
+    """Advice of the condition that a cause begins with, as `str(Finding)` writes it; empty where
+    it begins with none."""
+    begins = cause.partition(":")[0].partition(" (")[0]
+    return TABLE[Condition(begins)].advice if begins in set(Condition) else ""
+
+
 def strongest(findings: tuple[Finding, ...]) -> Finding | None:
     """The finding whose response wins; the first among equals."""
     return max(findings, key=lambda finding: finding.response, default=None)

@@ -21,6 +21,8 @@ from regular_file import read_text
 
 IDENTIFIED: Final = "identified"
 PAYLOAD: Final = "payload"
+REPLAYED: Final = ("estimator", "joints", "payloads")
+"""What of a configuration a replay goes by."""
 _EXPONENT: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+", re.ASCII)
 Change = tuple[str, str]
 """PATH and VALUE."""
@@ -50,11 +52,16 @@ def changed_configuration(snapshot: Snapshot, changes: Sequence[Change]) -> Conf
     )
     for path, value in changes:
         if path not in (IDENTIFIED, PAYLOAD):
-            parsed = parsed_value(path, value)
+            keys, parsed = path.split("."), parsed_value(path, value)
             try:
-                configuration = _with(configuration, path.split("."), parsed, path)
+                configuration = _with(configuration, keys, parsed, path)
             except msgspec.ValidationError as error:
                 raise ConfigurationError(f"{said(path, value)}: {error}") from error
+            if keys[0] not in REPLAYED:
+                raise ConfigurationError(
+                    f"{said(path, value)}: would change nothing: a replay goes by "
+                    f"{', '.join(REPLAYED)}, {IDENTIFIED} and {PAYLOAD}"
+                )
     if configuration.joint_names != snapshot.joints:
         raise ConfigurationError("--set: the joints' names are those of the recording")
     return configuration

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import os
+import re
 import signal
 import socket
 import stat
@@ -26,6 +27,7 @@ MOST_CONNECTIONS_OF_ONE: Final = 32
 NICE: Final = 10
 THREADS: Final = 4
 END_S: Final = 2.0
+_HOST: Final = re.compile(r"([\w.-]+|\[[\da-fA-F:.]+\])(:\d{1,5})?")
 
 
 def settings_of(
@@ -41,6 +43,14 @@ def settings_of(
 ) -> Settings:
     """Settings from the command line. Raises ConfigurationError for what does not fit together."""
     proxied = bind.startswith(UNIX)
+    if twice := [path for path in view_sockets if view_sockets.count(path) > 1]:
+        raise ConfigurationError(f"{twice[0]}: given twice; one tab for each arm")
+    for name in hosts:
+        if not _HOST.fullmatch(name):
+            raise ConfigurationError(
+                f"--host {name}: a name or an address, [in brackets] if it has colons, and perhaps "
+                ":PORT behind it"
+            )
     if proxied and not hosts:
         raise ConfigurationError("--bind unix:...: say by --host under which name the proxy serves")
     if tls and not proxied:

@@ -6,6 +6,7 @@ import msgspec
 
 from daemon.clients.sensed import lost_samples
 from daemon.clients.user_names import user_name
+from daemon.faults.finding import advice_on
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Check, Learned, Permit, Snapshot, State, Status
 
@@ -43,6 +44,7 @@ class Words(msgspec.Struct, frozen=True, tag="words", tag_field="kind"):
     arm: int
     mode: str
     cause: str
+    advice: str  # on that cause, if it is a fault's: of a daemon that ended, too
     armed: bool
     owner: str
     until_told: bool  # the lease ends by time alone; otherwise also with its program
@@ -137,6 +139,7 @@ def words(arm: int, state: State) -> Words:
         arm=arm,
         mode=str(state.mode),
         cause=state.cause,
+        advice=advice_on(state.cause),
         armed=state.armed,
         owner=owner(state.permit) if state.permit else "",
         until_told=bool(state.permit and state.permit.detached),

@@ -127,7 +127,9 @@ export class Header {
   }
 
   #todo() {
-    const advice = this.#advice?.advice.replaceAll("`", "") ?? "";
+    const [asked, known] = [this.#advice?.advice ?? "", this.#words?.advice ?? ""];
+    // What was asked for may be of before the fault: its daemon may have ended since.
+    const advice = (asked.includes(known) ? asked : known).replaceAll("`", "");
     return advice ? `What to do: ${advice.replaceAll("\n", "; ")}.` : "";
   }
 }

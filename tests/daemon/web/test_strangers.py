@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import gzip
 import os
+import re
 import socket
 from pathlib import Path
 from typing import Any
@@ -243,14 +244,20 @@ def test_no_connection_is_used_twice(fake_daemon: FakeDaemon) -> None:
         ({"bind": "10.0.0.7"}, "give a --token-file, or --read-only"),
         ({"bind": "unix:/tmp/page.sock"}, "say by --host"),
         ({"tls": True}, "--bind unix:PATH"),
+        ({"hosts": ("arm.local/page",)}, "--host arm.local/page: a name or an address"),
+        ({"hosts": ("https://arm.local",)}, "a name or an address"),
+        ({"hosts": ("fe80::1",)}, "in brackets"),
+        ({"hosts": ("",)}, "a name or an address"),
+        ({"view_sockets": [Path("x"), Path("y"), Path("x")]}, "x: given twice"),
     ],
 )
-def test_what_would_let_others_in_unasked_is_refused(options: dict[str, Any], text: str) -> None:
-    given: dict[str, Any] = {"bind": "127.0.0.1", "hosts": (), "tls": False, **options}
-    with pytest.raises(ConfigurationError, match=text):
-        settings_of(
-            [Path("x")], port=8420, read_only=False, token_file=None, recordings=None, **given
-        )
+def test_what_lets_others_in_unasked_or_makes_no_sense_is_refused(
+    options: dict[str, Any], text: str
+) -> None:
+    given: dict[str, Any] = {"view_sockets": [Path("x")], "bind": "127.0.0.1", "hosts": ()}
+    given |= {"tls": False, **options}
+    with pytest.raises(ConfigurationError, match=re.escape(text)):
+        settings_of(port=8420, read_only=False, token_file=None, recordings=None, **given)
 
 
 @pytest.mark.parametrize(

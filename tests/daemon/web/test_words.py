@@ -9,6 +9,8 @@ from typing import Any, cast
 import pytest
 from msgspec.structs import replace
 
+from daemon.faults.finding import Finding
+from daemon.faults.table import TABLE, Condition
 from daemon.protocol.messages import Permit, State
 from daemon.web.words import Load, load, owner, words
 
@@ -31,6 +33,17 @@ def test_words_change_only_with_what_they_say(make_state: Callable[..., State]) 
     state = replace(make_state(5), armed=True, permit=permit())
     later = replace(make_state(6), cause=state.cause, permit=permit(left_s=2.0))
     assert words(0, state) == words(0, replace(later, mode=state.mode))
+
+
+@pytest.mark.parametrize("condition", list(Condition))
+def test_what_to_do_about_a_fault_needs_no_answer_of_its_daemon(
+    make_state: Callable[..., State], condition: Condition
+) -> None:
+    for finding in (Finding(condition), Finding(condition, "LElbowRoll (left)", "3: 4 Nm")):
+        state = replace(make_state(5), cause=str(finding))
+        assert words(0, state).advice == TABLE[condition].advice
+    for cause in ("", "started", f"not {condition}", f"{condition}er"):
+        assert words(0, replace(make_state(5), cause=cause)).advice == ""
 
 
 @pytest.mark.parametrize(
