@@ -109,7 +109,7 @@ class LoadWatch:
 
     def told(self, payload: Payload | None) -> None:
         """Begin anew with another payload, or none."""
-        self._recognition.forget()
+        self._recognition.begin()
         self._estimator.freeze_learning(False)
         self._change = self._left * self._change + _moments(payload) - _moments(self._payload)
         self._left = self._fades  # by the tick that comes
