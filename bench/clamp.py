@@ -18,6 +18,7 @@ import click
 import msgspec
 import numpy as np
 
+from bench.options import help_of
 from bench.report import Target, print_report
 from bench.rigs.clamps import Clamps, Obstacle
 from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
@@ -226,7 +227,7 @@ def targets_of(rows: list[tuple[Case, Squeeze]]) -> list[Target]:
     ]
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--arm", "arms", multiple=True, type=click.Choice(list(ARMS)), help="Only this one.")
 @click.option("--json", "as_json", is_flag=True)
 def main(arms: tuple[str, ...], as_json: bool) -> None:

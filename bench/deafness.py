@@ -22,6 +22,7 @@ import click
 import msgspec
 import numpy as np
 
+from bench.options import help_of
 from bench.report import Target, print_report
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
@@ -372,7 +373,7 @@ def targets_of(
     ]
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--repeat", type=click.IntRange(min=0), default=2, help="Of the whole population.")
 @click.option("--pairs", type=click.IntRange(min=0), default=60, help="Of pushes at 1 % of losses.")
 @click.option(

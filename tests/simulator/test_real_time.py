@@ -92,18 +92,20 @@ def test_a_sync_is_answered_by_a_plant_of_the_present(
     romeo: ArmDescription, clock: FakeTime
 ) -> None:
     """After a stall the daemon's interval is a long one, and so must the motion in it be."""
-    with contextlib.closing(Server(romeo, SimulationSettings(), port=0)) as server:
-        with socket.create_connection(("127.0.0.1", server.port)) as client:
-            client.sendall(b"< open can0 >< rawmode >")
-            while not server.arm.now:
-                clock.now_s += 0.001
-                server.turn(0.1)
-            clock.now_s += 0.05
-            before_s = server.arm.now
-            client.sendall(b"< send 80 0 >")
-            while server.arm.now - before_s <= 2 * LONGEST_TURN_S:
-                server.turn(0.1)
-            assert server.arm.now - before_s == pytest.approx(0.05, abs=0.002)
+    with (
+        contextlib.closing(Server(romeo, SimulationSettings(), port=0)) as server,
+        socket.create_connection(("127.0.0.1", server.port)) as client,
+    ):
+        client.sendall(b"< open can0 >< rawmode >")
+        while not server.arm.now:
+            clock.now_s += 0.001
+            server.turn(0.1)
+        clock.now_s += 0.05
+        before_s = server.arm.now
+        client.sendall(b"< send 80 0 >")
+        while server.arm.now - before_s <= 2 * LONGEST_TURN_S:
+            server.turn(0.1)
+        assert server.arm.now - before_s == pytest.approx(0.05, abs=0.002)
 
 
 @pytest.mark.parametrize("behind_s", [0.5 * LONGEST_GAP_S, 2.0 * LONGEST_GAP_S, 1000.0])
