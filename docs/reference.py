@@ -1,8 +1,9 @@
 """Writer of the reference pages from the code: `python docs/reference.py`, or `make reference`.
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
-`contactctl.md` from the commands' own help. `faults.md`, `modes.md` and `recording.md` are written
-by hand but for the parts between two markers, which come from what the program runs on.
+`contactctl.md` from the commands' own help. `faults.md`, `modes.md`, `mistakes.md` and
+`recording.md` are written by hand but for the parts between two markers, which come from what the
+program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
@@ -19,6 +20,7 @@ import click
 import msgspec
 from msgspec import inspect as types
 
+from bench.study.mistakes import MISTAKES
 from daemon.commands.contactctl import main
 from daemon.config.schema import Configuration
 from daemon.faults.table import TABLE, Condition, Response
@@ -81,6 +83,12 @@ def recording_page() -> str:
     """docs/recording.md, with the messages of a recording."""
     page = (DOCS / "recording.md").read_text(encoding="utf-8")
     return filled(page, {"messages": _messages()})
+
+
+def mistakes_page() -> str:
+    """docs/mistakes.md, with the mistakes that `contactd check` is tried with."""
+    page = (DOCS / "mistakes.md").read_text(encoding="utf-8")
+    return filled(page, {"mistakes": _mistakes()})
 
 
 def filled(page: str, parts: Mapping[str, str]) -> str:
@@ -200,6 +208,17 @@ def _message(cls: type) -> str:
     rows = [(f"`{f.encode_name}`", _words(f.type), said.get(f.name, "")) for f in info.fields]
     table = _table(("field", "value", "meaning"), *rows)
     return f"### {cls.__name__}\n\n{inspect.getdoc(cls) or ''}\n\n{table}"
+
+
+# --- mistakes -----------------------------------------------------------------------------------
+
+
+def _mistakes() -> str:
+    rows = [
+        (mistake.words, "`identify wiring`" if mistake.only_wiring else f"`{mistake.field}`")
+        for mistake in MISTAKES
+    ]
+    return _table(("what is written", "told at"), *rows)
 
 
 # --- contactctl -----------------------------------------------------------------------------------
@@ -349,6 +368,7 @@ PAGES = {
     "faults": faults_page,
     "modes": modes_page,
     "recording": recording_page,
+    "mistakes": mistakes_page,
 }
 
 

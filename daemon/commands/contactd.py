@@ -88,14 +88,25 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
 
 
 @main.command()
-@CONFIG
-def check(config: Path) -> None:
+@click.argument("config", type=PATH, required=False)
+@click.option(
+    "--explain",
+    "field",
+    metavar="FIELD",
+    help="Instead: what a field is, how to find it, and what is typical.",
+)
+def check(config: Path | None, field: str | None) -> None:
     """Check a configuration and print what follows from it: quantities, PDOs, bus load, loads by
     gravity, how far each joint still goes if its drive or the daemon fails, which touch is felt,
-    what comes near its bounds, and why `arm` would be refused."""
-    from daemon.commands.check import print_check
+    what comes near its bounds, what most likely is not meant, and why `arm` would be refused."""
+    from daemon.commands.check import print_check, print_explanation
 
-    print_check(config)
+    if field is not None:
+        print_explanation(field)
+    elif config is None:
+        raise click.UsageError("Missing argument 'CONFIG'.")
+    else:
+        print_check(config)
 
 
 @main.command()

@@ -23,7 +23,9 @@ def reference() -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize("page", ["configuration", "contactctl", "faults", "modes", "recording"])
+@pytest.mark.parametrize(
+    "page", ["configuration", "contactctl", "faults", "modes", "recording", "mistakes"]
+)
 def test_the_page_is_current(reference: ModuleType, page: str) -> None:
     made = reference.PAGES[page]()
     on_disk = (DOCS / f"{page}.md").read_text(encoding="utf-8")
