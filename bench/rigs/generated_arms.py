@@ -45,6 +45,8 @@ class GeneratedArm:
     make: Make
     bodies: tuple[Body, ...]
     urdf: str
+    stops: tuple[tuple[float, float], ...]
+    """end stops of each joint [rad]"""
     joints: tuple[dict[str, Any], ...]
     """as `config.yaml` has them"""
 
@@ -71,6 +73,34 @@ class GeneratedArm:
             "trajectory": {"sinusoids": {self.names[-1]: {"amplitude": 0.2, "frequency_Hz": 0.2}}},
         }  # fmt: skip
 
+    def truth(self) -> dict[str, Any]:
+        """The arm as it is, for `simulation.yaml`: near what the data sheets say, and not that."""
+        rng = np.random.default_rng((self.seed, 23))
+        joints = []
+        for joint, (lower, upper) in zip(self.configuration()["joints"], self.stops, strict=True):
+            wiring = joint["wiring"]
+            near = {
+                "torque_constant": joint["torque_constant"] * rng.uniform(0.97, 1.03),
+                "rotor_inertia": joint["rotor_inertia"] * rng.uniform(0.8, 1.2),
+                "half_gap": rng.uniform(0.003, 0.012),
+                "gear_stiffness": rng.uniform(600.0, 2000.0),
+            }
+            friction = {k: float(v * rng.uniform(0.7, 1.4)) for k, v in joint["friction"].items()}
+            kept = {k: v for k, v in wiring.items() if k != "profile"}
+            joints.append(
+                {"name": joint["name"], "drive": PROFILE, **kept, "friction": friction,
+                 **{k: float(v) for k, v in near.items()}, "lower": lower, "upper": upper,
+                 "brake": True}
+            )  # fmt: skip
+        return {
+            "urdf": URDF,
+            # Bent: stretched out along its first axis an arm has next to no inertia about it.
+            "initial_position": {"shoulder": 0.6, "elbow": 0.8},
+            "joints": joints,
+            "drives": {PROFILE: self.make.truth(EDS)},
+            "settings": {"seed": self.seed},
+        }
+
     def write(self, folder: Path) -> Path:
         """Write all files of a right configuration to a folder, anew; returns it."""
         shutil.rmtree(folder, ignore_errors=True)
@@ -78,6 +108,7 @@ class GeneratedArm:
         (folder / URDF).write_text(self.urdf)
         (folder / EDS).write_text(self.make.eds())
         (folder / "config.yaml").write_text(in_yaml(self.configuration()))
+        (folder / "simulation.yaml").write_text(in_yaml(self.truth()))
         return folder
 
 
@@ -101,12 +132,12 @@ def generate(seed: int) -> GeneratedArm:
               for _ in range(n)]  # fmt: skip
     urdf = _urdf(bodies, ranges, hanging)
     make = MAKES[seed % len(MAKES)]
-    joints = _joints(rng, urdf, ranges, make)
-    return GeneratedArm(seed, hanging, make, bodies, urdf, joints)
+    joints = _joints(rng, urdf, ranges)
+    return GeneratedArm(seed, hanging, make, bodies, urdf, tuple(ranges), joints)
 
 
 def _joints(
-    rng: np.random.Generator, urdf: str, ranges: list[tuple[float, float]], make: Make
+    rng: np.random.Generator, urdf: str, ranges: list[tuple[float, float]]
 ) -> tuple[dict[str, Any], ...]:
     """Joints whose motors carry the arm with some room, as one who built it chose them."""
     names = _NAMES[: len(ranges)]
@@ -123,7 +154,9 @@ def _joints(
         most = round(motor / constant, 2)
         rated = round(0.5 * most, 2)
         shaft = constant * rated / gear
-        rotor = float(f"{float(rng.uniform(0.6, 1.6)) * 3e-4 * shaft ** (5 / 3) * gear**2:.3g}")
+        usual = float(rng.uniform(0.6, 1.6)) * 3e-4 * shaft ** (5 / 3) * gear**2
+        # No velocity loop is stable in the gap whose rotor is much lighter than the link.
+        rotor = float(f"{max(usual, 0.15 * float(inertia[i])):.3g}")
         lower, upper = ranges[i]
         joint: dict[str, Any] = {
             "name": name,
@@ -147,8 +180,6 @@ def _joints(
             },
             "admittance_gain": 0.2,
         }  # fmt: skip
-        if make.quantities.get("torque"):
-            joint["wiring"]["rated_torque_Nm"] = round(shaft, 4)
         joints.append(joint)
     return tuple(joints)
 

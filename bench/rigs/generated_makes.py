@@ -38,6 +38,17 @@ class Quantity:
             row["offset"] = self.offset
         return row
 
+    def encoder(self) -> dict[str, Any]:
+        """As `simulation.yaml` has an encoder."""
+        counts = self.sign * round(TURN / self.scale)
+        zero = round(-self.offset / self.scale)
+        return {"object": self.index, "subindex": self.subindex, "counts": counts, "zero": zero}
+
+    def unit(self) -> dict[str, Any]:
+        """As `simulation.yaml` has a quantity with a unit."""
+        place = {"object": self.index, "subindex": self.subindex}
+        return {**place, "unit": self.scale, "sign": self.sign}
+
 
 @dataclass(frozen=True, slots=True)
 class Make:
@@ -60,6 +71,25 @@ class Make:
             "tpdo": {number: list(entries) for number, entries in self.tpdo.items()},
             "rpdo": {number: list(entries) for number, entries in self.rpdo.items()},
         }
+
+    def truth(self, eds: str) -> dict[str, Any]:
+        """As `simulation.yaml` has it under `drives`."""
+        of = self.quantities
+        effort = of["current" if "current" in of else "torque"]
+        drive = {
+            "eds": eds,
+            "link_position": of["link_position"].encoder(),
+            "motor_velocity": of["motor_velocity"].unit(),
+            "effort": effort.unit(),
+            "target_velocity_unit": of["target_velocity"].scale,
+            "deceleration_unit": of["quick_stop_deceleration"].scale,
+            "quirks": dict(self.quirks),
+        }
+        if "motor_position" in of:
+            drive["motor_position"] = of["motor_position"].encoder()
+        if "max_motor_speed" in of:
+            drive["speed_limit"] = of["max_motor_speed"].unit()
+        return drive
 
     def eds(self) -> str:
         """The EDS, as text."""

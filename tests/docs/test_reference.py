@@ -24,7 +24,8 @@ def reference() -> ModuleType:
 
 
 @pytest.mark.parametrize(
-    "page", ["configuration", "contactctl", "faults", "modes", "recording", "mistakes"]
+    "page",
+    ["configuration", "contactctl", "faults", "modes", "recording", "mistakes", "rehearsing"],
 )
 def test_the_page_is_current(reference: ModuleType, page: str) -> None:
     made = reference.PAGES[page]()
