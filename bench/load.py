@@ -18,7 +18,6 @@ Arms are those of `bench.false_contacts`, simulated without a bus. The day of th
 than a real one: a day of 20 minutes shows a gap ten times as often as one of two.
 """
 
-import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any, Final, Literal
@@ -26,6 +25,7 @@ from typing import Any, Final, Literal
 import click
 import numpy as np
 
+from bench.options import FIRST_SEED, JOBS, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO
 from bench.study.armed_loads import ArmedJob, ArmedResult, armed_load
@@ -150,7 +150,7 @@ def wears(
     return sorted(done, key=lambda r: (r.job.joint, r.job.seed)), c.joint_names
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--arms", type=click.IntRange(min=1), default=100, show_default=True)
 @click.option("--armed-arms", type=click.IntRange(min=1), default=12, show_default=True)
 @click.option("--hand-minutes", type=click.FloatRange(min=1), default=60.0, show_default=True)
@@ -158,8 +158,8 @@ def wears(
 @click.option("--days", type=click.IntRange(min=1), default=30, show_default=True)
 @click.option("--day-minutes", type=click.FloatRange(min=1), default=4.0, show_default=True)
 @click.option("--part", type=click.Choice(["load", "armed", "hand", "wear", "all"]), default="all")
-@click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
-@click.option("--seed", default=1, show_default=True, help="Of the first arm.")
+@JOBS
+@FIRST_SEED
 @click.option("--json", "as_json", is_flag=True)
 def main(
     arms: int,

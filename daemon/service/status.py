@@ -22,6 +22,7 @@ from daemon.protocol.messages import (
     Trajectory,
 )
 from daemon.service.payloads import Payloads
+from daemon.service.poses import Poses
 from daemon.tick.controller import Controller
 from daemon.tick.felt import felt_now
 from daemon.tick.loop import Loop
@@ -42,10 +43,12 @@ class Process:
     serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
     place: str = field(init=False)  # of config.yaml; the file system is asked only once
     payloads: Payloads = field(init=False)
+    poses: Poses = field(init=False)
     seen: SeenMotion = field(init=False)
 
     def __post_init__(self) -> None:
         self.payloads = Payloads(self.robot)
+        self.poses = Poses(self.robot)
         self.seen = seen_motion(self.robot)
         self.place = str(self.robot.place())
 
@@ -100,6 +103,7 @@ def status_of(
         hand=process.payloads.hand,
         payload=tick.payload,
         payloads=list(process.payloads.named.values()),
+        poses=process.poses.named,
         recognised=_recognised(tick),
     )
 
