@@ -141,10 +141,10 @@ class Client:
         """Tell what the hand carries: a mass [kg] with its centre `com` (3,) [m] in the frame of
         the URDF's last link (by default the tool point), or the `name` of one in the configuration;
         neither, or 0 kg: nothing. The answer may be a refusal."""
-        if name:
-            return self.ask(Request("payload", name=name))
         place = None if com is None else list(com)
-        return self.ask(Request("payload", mass=mass or 0.0, com=place))
+        if name or place is not None:  # the daemon refuses what does not go together
+            return self.ask(Request("payload", name=name or None, mass=mass, com=place))
+        return self.ask(Request("payload", mass=mass or 0.0))
 
     def go(
         self,

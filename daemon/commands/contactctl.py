@@ -283,6 +283,8 @@ def payload(options: Options, what: str | None, com: tuple[float, float, float] 
     else:
         if not math.isfinite(mass):
             raise click.UsageError(f"{what} is not a mass")
+        if com is not None and not all(map(math.isfinite, com)):
+            raise click.UsageError(f"--com {' '.join(map(str, com))} is not a place")
         request = Request("payload", mass=mass, com=None if com is None else list(com))
     with options.connect() as client:
         answer(options, client.ask(request))
