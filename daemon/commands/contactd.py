@@ -88,6 +88,29 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
 
 
 @main.command()
+@click.argument("folder", type=PATH, metavar="DIR")
+@click.option("--urdf", type=PATH, required=True, metavar="FILE", help="Links and joints.")
+@click.option(
+    "--eds",
+    "sheets",
+    multiple=True,
+    required=True,
+    metavar="[NAME=]FILE",
+    help="Electronic data sheet of the drives; may be repeated.",
+)
+def new(folder: Path, urdf: Path, sheets: tuple[str, ...]) -> None:
+    """Write a configuration for a new arm into a new folder DIR, from its URDF and the EDS of its
+    drives.
+
+    What they do not say is guessed, so that the arm can be checked and simulated at once, and
+    marked `# CHECK`. Nothing is overwritten.
+    """
+    from daemon.commands.new import new_arm
+
+    new_arm(folder, urdf, sheets)
+
+
+@main.command()
 @click.argument("config", type=PATH, required=False)
 @click.option(
     "--explain",
@@ -107,6 +130,21 @@ def check(config: Path | None, field: str | None) -> None:
         raise click.UsageError("Missing argument 'CONFIG'.")
     else:
         print_check(config)
+
+
+@main.command()
+@CONFIG
+@PORT
+def scan(config: Path, port: int | None) -> None:
+    """List who is on the bus of CONFIG: node, vendor, product, serial number, modes, and which EDS
+    in the folder is theirs.
+
+    It reads by SDO and sends nothing else, and is refused where a master is heard. Of CONFIG only
+    `bus` is read: the rest may be wrong yet.
+    """
+    from daemon.commands.scan import run_scan
+
+    run_scan(config, port)
 
 
 @main.command()
