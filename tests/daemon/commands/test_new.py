@@ -62,6 +62,17 @@ def test_the_draft_has_the_objects_of_the_data_sheet_and_passes_the_check(seed, 
         assert drive["rpdo"] == {n: list(e) for n, e in arm.make.rpdo.items()}
 
 
+def test_an_object_that_no_pdo_takes_is_passed_over(tmp_path):
+    text = (ROMEO / "drive.eds").read_text()
+    text, count = re.subn(r"(?s)(\[60E4sub1\].*?PDOMapping=)1", r"\g<1>0", text, count=1)
+    assert count
+    (tmp_path / "drive.eds").write_text(text)
+    assert new(tmp_path / "mine", ROMEO / "arm.urdf", str(tmp_path / "drive.eds")).exit_code == 0
+    drive = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())["drives"]["drive"]
+    assert drive["link_position"]["object"] == 0x6064
+    assert "motor_position" not in drive
+
+
 def test_every_guess_of_a_data_sheet_is_marked(given):
     text = (given(0) / "config.yaml").read_text()
     lines = text.splitlines()
