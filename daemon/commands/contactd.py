@@ -15,6 +15,7 @@ from daemon.commands import recordings
 from daemon.commands.options import PATH, Range
 from errors import ContactdError, ProgramError
 
+ENDED_BY_CTRL_C = 130  # as shells say it
 CONFIG = click.argument("config", type=PATH)
 SOCKET = click.option(
     "--socket",
@@ -228,12 +229,17 @@ def demo(as_json: bool, seconds: float, file: Path | None, web: bool, web_port: 
     """The paper's third experiment: a hand pushes, guides and lets go of a simulated Romeo arm.
 
     Simulator and daemon are two processes that speak CANopen in real time; the page is a third.
-    Exit status 0 only if the story happened.
+    Exit status 0 only if the story happened, 130 if Ctrl-C ended it.
     """
     from daemon.commands.demo import run_demo
 
     port = web_port if web else None
-    sys.exit(0 if run_demo(as_json=as_json, seconds=seconds, file=file, page_port=port) else 1)
+    try:
+        happened = run_demo(as_json=as_json, seconds=seconds, file=file, page_port=port)
+    except KeyboardInterrupt:
+        click.echo("ended by Ctrl-C", err=True)
+        sys.exit(ENDED_BY_CTRL_C)
+    sys.exit(0 if happened else 1)
 
 
 @main.command("black-box")

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from daemon.commands.contactctl import main
 from errors import BusError, ConfigurationError
-from simulator.hand import VISIT_S, Clamp, Gap, Give, Hand, Lean, Push, Release
+from simulator.hand import TAKING_S, VISIT_S, Clamp, Gap, Give, Hand, Lean, Push, Release
 from simulator.hand_door import HandDoor
 
 NAMES = ("shoulder", "elbow")
@@ -68,14 +68,18 @@ def test_gap_goes_to_both_borders_and_carries_the_weight():
     hand = a_hand(weight=lambda q: np.array([5.0, 7.0]))
     hand.take(Gap(at_s=0.0, joint="elbow", torque=1.5, times=2))
     hand.update(0.0, Q)
+    hand.update(0.5 * TAKING_S, Q)
+    assert torque(hand) == pytest.approx([0.0, 3.5])  # half of the weight, and no push yet
     pressed = []
     for visit in (0, 1):
-        hand.update((visit + 0.9) * VISIT_S, Q)
+        hand.update(TAKING_S + (visit + 0.9) * VISIT_S, Q)
         pressed.append(torque(hand)[1] - 7.0)
     assert pressed == pytest.approx([1.5, -1.5])
     # A link in motion is damped.
     assert torque(hand, Q, [0.0, 0.1])[1] == pytest.approx(7.0 - 1.5 - 0.3)
-    assert hand.update(2.1 * VISIT_S, Q) == ["end move elbow in its gap with 1.5 Nm, 2 times"]
+    assert hand.update(TAKING_S + 2.1 * VISIT_S, Q) == [
+        "end move elbow in its gap with 1.5 Nm, 2 times"
+    ]
     assert torque(hand) == [0.0, 0.0]
 
 
