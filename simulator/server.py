@@ -85,6 +85,12 @@ class RealTimeArm:
         self.arm.advance(min(now - self._origin, self.arm.now + LONGEST_TURN_S))
         return now
 
+    def catch_up(self) -> None:
+        """Bring the plant up to the present at once, as far as `live` would: before a frame, which
+        may be a SYNC, and drives sample where they are then."""
+        while self.live() - self._origin - self.arm.now > PULSE_S:
+            pass
+
     def _complain(self, now: float, text: str) -> None:
         if now - self._complained_s > 1.0:
             self._complained_s = now
@@ -224,6 +230,7 @@ class Server:
             else:
                 client.takes_frames_from = min(client.takes_frames_from, now)
                 self._broadcast(answer, client)
+                self._real_time.catch_up()
                 self._real_time.arm.receive(answer)
 
     def _broadcast(self, message: can.Message, sender: _Client | None = None) -> None:
@@ -287,6 +294,7 @@ def serve_on_bus(
             message = bus_end.receive(PULSE_S)
             real_time.live()
             while message is not None:
+                real_time.catch_up()
                 real_time.arm.receive(message)
                 message = bus_end.receive(0.0)
             while reports:

@@ -33,6 +33,7 @@ def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[
         *_profiles(configuration, folder),
         *_counts(configuration),
         *_trajectory(configuration),
+        *_poses(configuration),
         *_urdf(configuration, urdf),
     ]
     # What is computed from many fields can only be where each is right.
@@ -231,6 +232,22 @@ def _trajectory(c: Configuration) -> Iterator[Problem]:
                 f"its swing of {2 * wave.amplitude:g} rad does not fit between the limits "
                 f"{limits.lower:g} and {limits.upper:g}",
             )
+
+
+def _poses(c: Configuration) -> Iterator[Problem]:
+    joints = {joint.name: joint.limits for joint in c.joints}
+    for pose, values in c.poses.items():
+        if "=" in pose or pose.startswith("-"):
+            text = "a name that `contactctl go` takes for something else"
+            yield Problem(["poses", pose], f"poses.{pose}", text)
+        for name, value in values.items():
+            keys: list[str | int] = ["poses", pose, name]
+            where = f"poses.{pose}.{name}"
+            if name not in joints:
+                yield Problem(keys, where, f"no such joint; there are: {', '.join(joints)}")
+            elif not (joints[name].lower <= value <= joints[name].upper):
+                limits = f"[{joints[name].lower:g}, {joints[name].upper:g}]"
+                yield Problem(keys, where, f"{value:g} rad is outside its limits {limits}")
 
 
 def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:

@@ -267,6 +267,7 @@ def test_help_is_sentences() -> None:
     assert set(contactctl.main.commands) == set(COMMANDS) - {"subscribe", "load", "renew"} | {
         "hand",
         "health",
+        "home",
         "watch",
         "record",
     }

@@ -3,6 +3,34 @@
 # What is edited (old, new), a mark in the line that must be named, the path in the file, and what
 # the message must say of what is wrong and allowed.
 BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
+    "pose of an unknown joint": (
+        "control: {position_gain: 8.0}",
+        "poses:\n  home:\n    LElbow: 0.1\ncontrol: {position_gain: 8.0}",
+        "    LElbow: 0.1",
+        "poses.home.LElbow",
+        ("no such joint", "LElbowRoll"),
+    ),
+    "pose outside the limits": (
+        "control: {position_gain: 8.0}",
+        "poses:\n  home:\n    LElbowYaw: 0.1\ncontrol: {position_gain: 8.0}",
+        "    LElbowYaw: 0.1",
+        "poses.home.LElbowYaw",
+        ("0.1 rad is outside its limits [-1.53, -0.04]",),
+    ),
+    "empty pose": (
+        "control: {position_gain: 8.0}",
+        "poses: {home: {}}\ncontrol: {position_gain: 8.0}",
+        "poses: {home: {}}",
+        "poses.home",
+        ("1",),
+    ),
+    "pose that reads like a target": (
+        "control: {position_gain: 8.0}",
+        "poses: {a=1: {LElbowYaw: -0.1}}\ncontrol: {position_gain: 8.0}",
+        "poses: {a=1",
+        "poses.a=1",
+        ("takes for something else",),
+    ),
     "unknown key": (
         "control: {position_gain: 8.0}",
         "control: {position_gian: 8.0}",
