@@ -36,7 +36,8 @@ endef
 $(STAMP): requirements.lock requirements-web.lock requirements-dev.lock pyproject.toml
 	$(check-python)
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock -r requirements-web.lock -r requirements-dev.lock
+	@echo "installing the packages of the lock files, some minutes the first time"
+	@$(BIN)/pip install --disable-pip-version-check --no-deps -r requirements.lock -r requirements-web.lock -r requirements-dev.lock | grep -E '^(Collecting|Installing|Successfully)'
 	@command -v gcc >/dev/null || command -v cc >/dev/null || $(BIN)/pip install --quiet --disable-pip-version-check ziglang==0.17.1
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
@@ -48,7 +49,7 @@ compiled: $(STAMP)  ## build the compiled modules where a source is another
 
 # WEB=1: on a page in your browser, too.
 demo: $(STAMP) compiled  ## the paper's third experiment on a simulated arm, about 30 s
-	@$(BIN)/contactd demo $(if $(WEB),--web)
+	@trap : INT; $(BIN)/contactd demo $(if $(WEB),--web) || test $$? -eq 130 # Ctrl-C is no error
 
 test: $(STAMP) compiled  ## all tests, some four minutes
 	$(BIN)/python -m pytest -q -n auto --dist loadfile

@@ -15,6 +15,7 @@ from daemon.commands import recordings
 from daemon.commands.options import PATH, Range
 from errors import ContactdError, ProgramError
 
+ENDED_BY_CTRL_C = 130  # as shells say it
 CONFIG = click.argument("config", type=PATH)
 SOCKET = click.option(
     "--socket",
@@ -88,6 +89,29 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
 
 
 @main.command()
+@click.argument("folder", type=PATH, metavar="DIR")
+@click.option("--urdf", type=PATH, required=True, metavar="FILE", help="Links and joints.")
+@click.option(
+    "--eds",
+    "sheets",
+    multiple=True,
+    required=True,
+    metavar="[NAME=]FILE",
+    help="Electronic data sheet of the drives; may be repeated.",
+)
+def new(folder: Path, urdf: Path, sheets: tuple[str, ...]) -> None:
+    """Write a configuration for a new arm into a new folder DIR, from its URDF and the EDS of its
+    drives.
+
+    What they do not say is guessed, so that the arm can be checked and simulated at once, and
+    marked `# CHECK`. Nothing is overwritten.
+    """
+    from daemon.commands.new import new_arm
+
+    new_arm(folder, urdf, sheets)
+
+
+@main.command()
 @click.argument("config", type=PATH, required=False)
 @click.option(
     "--explain",
@@ -107,6 +131,21 @@ def check(config: Path | None, field: str | None) -> None:
         raise click.UsageError("Missing argument 'CONFIG'.")
     else:
         print_check(config)
+
+
+@main.command()
+@CONFIG
+@PORT
+def scan(config: Path, port: int | None) -> None:
+    """List who is on the bus of CONFIG: node, vendor, product, serial number, modes, and which EDS
+    in the folder is theirs.
+
+    It reads by SDO and sends nothing else, and is refused where a master is heard. Of CONFIG only
+    `bus` is read: the rest may be wrong yet.
+    """
+    from daemon.commands.scan import run_scan
+
+    run_scan(config, port)
 
 
 @main.command()
@@ -190,12 +229,17 @@ def demo(as_json: bool, seconds: float, file: Path | None, web: bool, web_port: 
     """The paper's third experiment: a hand pushes, guides and lets go of a simulated Romeo arm.
 
     Simulator and daemon are two processes that speak CANopen in real time; the page is a third.
-    Exit status 0 only if the story happened.
+    Exit status 0 only if the story happened, 130 if Ctrl-C ended it.
     """
     from daemon.commands.demo import run_demo
 
     port = web_port if web else None
-    sys.exit(0 if run_demo(as_json=as_json, seconds=seconds, file=file, page_port=port) else 1)
+    try:
+        happened = run_demo(as_json=as_json, seconds=seconds, file=file, page_port=port)
+    except KeyboardInterrupt:
+        click.echo("ended by Ctrl-C", err=True)
+        sys.exit(ENDED_BY_CTRL_C)
+    sys.exit(0 if happened else 1)
 
 
 @main.command("black-box")
