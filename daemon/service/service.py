@@ -8,7 +8,7 @@ from typing import Literal
 from msgspec.structs import replace
 
 from daemon.config.motion import limits_of
-from daemon.modes.table import Event, ModeMachine
+from daemon.modes.table import Event, Mode, ModeMachine
 from daemon.motion.path import Place
 from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Reply, Request, Status
@@ -50,6 +50,7 @@ SEEN_TO_STAND = frozenset({"disarm", "stop", "disable", "reset"})
 ENTRANCE_SHARE = 0.28
 TURNS_SHARE = 0.1
 LOOKS_EVERY = 100  # ticks, after the black box's helper
+AT_REST = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})
 
 _LEVELS = {"fault": logging.ERROR, "contact": logging.INFO, "mode": logging.INFO}
 _log = logging.getLogger("contactd")
@@ -136,7 +137,9 @@ class Service:
         if left_out := self._limit.summary(self.loop.time_s):
             self._tell("mode", left_out)
         if self.black_box is not None and self.loop.tick.number % LOOKS_EVERY == 0:
-            self.black_box.look_after(self.loop.time_s)
+            # A new process may cost a tick: none that moves the arm.
+            if self.loop.tick.controller.machine.mode in AT_REST:
+                self.black_box.look_after(self.loop.time_s)
         # After the State, which tells of what was decided in its tick: the next one tells of this.
         self.permission.expire(self.loop.time_s)
         period_s = self.process.robot.configuration.period_s
