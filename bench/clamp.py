@@ -194,7 +194,7 @@ def line(case: Case, found: Squeeze) -> str:
 
 
 def targets_of(rows: list[tuple[Case, Squeeze]]) -> list[Target]:
-    """Held against the issue's figures; a person behind the arm is another matter."""
+    """Held against limits; a person behind the arm is another matter."""
     alone = [found for case, found in rows if not case.hand and found.collided]
     let_go = [found for found in alone if Mode.RELEASING in found.modes]
     pressed = [found.hand - found.contact for case, found in rows if case.hand]

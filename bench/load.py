@@ -52,15 +52,15 @@ def load_targets(results: Sequence[LoadResult]) -> list[Target]:
     """Recognised in time, with its mass; and told, nothing is left of it."""
     rows = []
     for mass, share in zip(MASSES, (95.0, 100.0), strict=True):
-        judged = [r for r in results if r.job.mass == mass and r.enough]
+        judged = [r for r in results if r.given == mass and r.enough]
         within = [r for r in judged if r.found_s is not None and r.found_s <= WITHIN_S]
-        found = [r for r in results if r.job.mass == mass and r.found_s is not None]
+        found = [r for r in results if r.given == mass and r.found_s is not None]
         name = f"{mass:g} kg recognised within {WITHIN_S:g} s of motion, of {len(judged)} arms"
         rows.append(Target(name, 100.0 * len(within) / len(judged), share, "%", "higher"))
         wrong = sum(abs(r.mass - mass) > max(0.15 * mass, 0.05) for r in found)
         name = f"{mass:g} kg: masses off by more than 15 % and 50 g, of {len(found)}"
         rows.append(Target(name, wrong, 0, "", "lower"))
-        ratios = np.array([r.ratio for r in results if r.job.mass == mass])
+        ratios = np.array([r.ratio for r in results if r.given == mass])
         name = f"{mass:g} kg told: rms of r over that without it, median"
         rows.append(Target(name, float(np.median(ratios)), 1.1, "x", "lower"))
         name = f"{mass:g} kg told: the same, 95 % of the arms"
@@ -88,10 +88,9 @@ def wear_targets(results: Sequence[WearResult], joints: Sequence[str]) -> list[T
 
 def loads(arms: int, seed: int, processes: int) -> list[LoadResult]:
     """Arms with each mass."""
-    todo = [
-        LoadJob(ROMEO, LAWS[k % len(LAWS)], seed + k, mass) for mass in MASSES for k in range(arms)
-    ]
-    return sorted(spread(load, todo, processes, "loads"), key=lambda r: (r.job.mass, r.job.seed))
+    todo = [LoadJob(ROMEO, LAWS[k % len(LAWS)], seed + k, MASSES) for k in range(arms)]
+    found = [result for one in spread(load, todo, processes, "loads") for result in one]
+    return sorted(found, key=lambda r: (r.given, r.job.seed))
 
 
 def hands(minutes: float, seed: int, processes: int) -> list[tuple[HandJob, list[Any]]]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 
+from daemon.commands.hand import hand
 from daemon.commands.live_states import record_csv, record_states, show_live, stream_json
 from daemon.commands.options import PATH, Group, Options, Range, json_option, socket_option
 from daemon.commands.replies import answer, carry_out, print_json
@@ -374,6 +375,8 @@ def record(options: Options, file: Path, seconds: float | None) -> None:
     if ended:
         raise UnreachableError(ended)
 
+
+main.add_command(hand)
 
 if __name__ == "__main__":
     main(prog_name="contactctl")

@@ -136,10 +136,10 @@ class Service:
                 self.notifier.status(self.summary())
         if left_out := self._limit.summary(self.loop.time_s):
             self._tell("mode", left_out)
-        if self.black_box is not None and self.loop.tick.number % LOOKS_EVERY == 0:
-            # A new process may cost a tick: none that moves the arm.
-            if self.loop.tick.controller.machine.mode in AT_REST:
-                self.black_box.look_after(self.loop.time_s)
+        # A new process may cost a tick: none that moves the arm.
+        at_rest = self.loop.tick.controller.machine.mode in AT_REST
+        if self.black_box is not None and at_rest and self.loop.tick.number % LOOKS_EVERY == 0:
+            self.black_box.look_after(self.loop.time_s)
         # After the State, which tells of what was decided in its tick: the next one tells of this.
         self.permission.expire(self.loop.time_s)
         period_s = self.process.robot.configuration.period_s

@@ -25,7 +25,6 @@ from daemon.service.payloads import Payloads
 from daemon.service.poses import Poses
 from daemon.tick.controller import Controller
 from daemon.tick.felt import felt_now
-from daemon.tick.load_watch import in_words
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
 from daemon.tick.tick import Tick
@@ -136,8 +135,8 @@ def _learned(tick: Tick) -> Learned | None:
 
 
 def _recognised(tick: Tick) -> str:
-    found = tick.loads.found
-    return f"{in_words(found)}: {tick.loads.advice}" if found else ""
+    loads = tick.loads
+    return f"{loads.words}: {loads.advice}" if loads.found else ""
 
 
 def _trajectory(controller: Controller) -> Trajectory:
