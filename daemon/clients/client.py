@@ -26,7 +26,12 @@ from daemon.protocol.messages import (
     format_refusal,
     printable,
 )
-from daemon.protocol.socket_path import default_socket_path, how_to_be_let_in
+from daemon.protocol.socket_path import (
+    SERVICE_SOCKET,
+    how_to_be_let_in,
+    service_installed,
+    usual_socket_path,
+)
 from errors import ControlError, TrajectoryError, UnreachableError
 
 # More than the daemon's socket can hold (twice its send buffer).
@@ -48,7 +53,7 @@ class Client:
     """
 
     def __init__(self, path: Path | None = None, timeout_s: float = 2.0) -> None:
-        self.path = path or default_socket_path()
+        self.path = path or usual_socket_path()
         self._timeout_s = timeout_s
         self._socket = _connect(self.path, timeout_s)
         self._buffer = bytearray(MAX_PACKET_BYTES)
@@ -312,7 +317,10 @@ def why_unreachable(path: Path, error: OSError) -> str:
     """Reason why the daemon's socket at `path` cannot be connected to, in words for a person."""
     match error:
         case FileNotFoundError() | ConnectionRefusedError():
-            return f"no contactd serves {path}: is it running? (systemctl status contactd)"
+            if path == SERVICE_SOCKET and service_installed():
+                how = "`sudo systemctl start contactd`; `systemctl status contactd` says why not"
+                return f"no contactd serves {path}: its service does not run ({how})"
+            return f"no contactd serves {path}: is it running? (`contactd run CONFIG`)"
         case PermissionError():
             return how_to_be_let_in(path)
         case TimeoutError():

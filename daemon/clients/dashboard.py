@@ -8,6 +8,7 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
@@ -231,8 +232,8 @@ def residual_bar(residual: float, threshold: float, half_width: int, ascii_only:
     return bar.append(other[::-1], "dim").append(middle).append(side, style)
 
 
-def status_view(status: Status) -> RenderableType:
-    """Report of `contactctl status`."""
+def status_view(status: Status, socket: Path | None = None) -> RenderableType:
+    """Report of `contactctl status`, of the daemon at this control socket."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold", no_wrap=True, overflow="crop")
     table.add_column()
@@ -265,6 +266,8 @@ def status_view(status: Status) -> RenderableType:
     table.add_row("real time", _grants(status.realtime))
     uptime = _duration(status.uptime_s)
     table.add_row("process", f"pid {status.pid}, up {uptime}, {status.readers} readers")
+    if socket is not None:
+        table.add_row("socket", Text(str(socket)))
     frame = Table.grid()
     frame.add_row(table)
     frame.add_row("")

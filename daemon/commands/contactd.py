@@ -1,6 +1,7 @@
 """`contactd`: the command line of the daemon, of its configuration and of its recordings."""
 # ruff: noqa: PLC0415 - each command imports what it needs, so that `--help` starts at once
 
+import os
 import sys
 import traceback
 from contextlib import closing
@@ -82,10 +83,13 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
 
     single_threaded()  # before anything loads numpy
 
-    from daemon.config.load import load_robot
-    from daemon.run import run_daemon
+    from daemon.service.notify import why_told
 
-    run_daemon(load_robot(config).with_port(port), socket)
+    with why_told(os.environ, os.getpid()):
+        from daemon.config.load import load_robot
+        from daemon.run import run_daemon
+
+        run_daemon(load_robot(config).with_port(port), socket)
 
 
 @main.command()

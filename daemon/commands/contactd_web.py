@@ -9,7 +9,7 @@ import click
 
 from daemon.commands.options import PATH
 from daemon.protocol.doors import view_socket_path
-from daemon.protocol.socket_path import default_socket_path
+from daemon.protocol.socket_path import usual_socket_path
 from errors import ConfigurationError, ContactdError
 
 
@@ -72,7 +72,7 @@ def main(
 
         with listen(bind, port) as listener:
             settings = settings_of(
-                view_sockets or (view_socket_path(default_socket_path()),),
+                view_sockets or (view_socket_path(usual_socket_path()),),
                 bind=bind,
                 port=port or listener.getsockname()[1],
                 hosts=hosts,

@@ -17,6 +17,10 @@ from daemon.protocol.doors import DOORS, GROUPS, Door
 from errors import ControlError
 
 LISTEN_BACKLOG = 256  # net.core.somaxconn is 4096 on Linux 5.4 and newer
+SERVICE_SOCKET = Path("/run/contactd/control")
+UNIT_FOLDERS = tuple(
+    Path(f"{root}/systemd/system") for root in ("/etc", "/usr/local/lib", "/usr/lib", "/lib")
+)
 _UCRED = struct.Struct("3i")  # pid, uid, gid
 _SO_PEERGROUPS = 59  # Linux 4.13; not in Python's socket module
 _MOST_GROUPS = 256
@@ -25,7 +29,7 @@ _log = logging.getLogger("contactd")
 
 
 def default_socket_path() -> Path:
-    """Path of the control socket where no other is given.
+    """Path of the control socket of a daemon that is given no other.
 
     `$CONTACTD_SOCKET`, else `/run/contactd/control` where that directory exists, else
     `$XDG_RUNTIME_DIR/contactd.sock`, else `/tmp/contactd-UID.sock`. Any user may create files in
@@ -33,8 +37,8 @@ def default_socket_path() -> Path:
     """
     if chosen := os.environ.get("CONTACTD_SOCKET"):
         return Path(chosen)
-    if Path("/run/contactd").is_dir():
-        return Path("/run/contactd/control")
+    if SERVICE_SOCKET.parent.is_dir():
+        return SERVICE_SOCKET
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     if runtime and Path(runtime).is_dir():
         return Path(runtime) / "contactd.sock"
@@ -44,6 +48,21 @@ def default_socket_path() -> Path:
         if owner != os.getuid():
             raise ControlError(f"{path} belongs to user {owner}, not to you: refused as unsafe")
     return path
+
+
+def usual_socket_path() -> Path:
+    """Path at which clients look for a daemon: as `default_socket_path`, but where none of that
+    user's own is there, that of the installed service, also before its first start. Raises
+    ControlError."""
+    path = default_socket_path()
+    if os.environ.get("CONTACTD_SOCKET") or path.exists() or not service_installed():
+        return path
+    return SERVICE_SOCKET
+
+
+def service_installed() -> bool:
+    """True if systemd has a contactd.service on this machine."""
+    return any((folder / "contactd.service").exists() for folder in UNIT_FOLDERS)
 
 
 def default_hand_path() -> Path:
