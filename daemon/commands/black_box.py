@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from daemon.protocol.socket_path import default_socket_path, how_to_be_let_in
+from contactd_client.paths import default_socket_path, how_to_be_let_in
 from daemon.service.black_box import (
     default_directory,
     new_log,

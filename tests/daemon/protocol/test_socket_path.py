@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from daemon.protocol.doors import DOORS, Door, view_socket_path
+from contactd_client.paths import default_socket_path, view_socket_path
+from daemon.protocol.doors import DOORS, Door
 from daemon.protocol.messages import Reply
-from daemon.protocol.socket_path import default_socket_path
 from daemon.service.socket import ControlSocket
 from errors import ControlError
 

@@ -13,8 +13,8 @@ import msgspec
 import pytest
 
 from bench.rigs.visitor import PATIENCE_S, messages, visiting
+from contactd_client.paths import view_socket_path
 from daemon.modes.table import Mode
-from daemon.protocol.doors import view_socket_path
 from daemon.protocol.messages import Reply
 from daemon.web import frames
 from daemon.web.guard import COMMAND_HEADER
