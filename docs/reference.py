@@ -2,8 +2,9 @@
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
 `contactctl.md` from the commands' own help; `schemas/` and `contactd_client/messages.py` from the
-messages of the socket. `faults.md`, `modes.md` and `recording.md` are written
-by hand but for the parts between two markers, which come from what the program runs on.
+messages of the socket; `daemon/ros/type_hashes.py` from the definitions of ROS 2. `faults.md`,
+`modes.md` and `recording.md` are written by hand but for the parts between two markers, which come
+from what the program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
@@ -30,6 +31,7 @@ sys.path.append(str(DOCS.parent))  # for `docs` itself, which is in no wheel
 
 from docs.door import SCHEMAS, client_messages, schema  # noqa: E402
 from docs.fields import comments_of, structs_of  # noqa: E402
+from docs.ros_types import type_hashes  # noqa: E402
 
 MADE = "<!-- Made from the code by `make reference`: change it there. -->\n"
 
@@ -306,7 +308,10 @@ def files() -> dict[Path, str]:
     """Text of every file that is made here."""
     made = {DOCS / f"{name}.md": page() for name, page in PAGES.items()}
     made |= {DOCS / "schemas" / f"{name}.json": schema(cls) for name, cls in SCHEMAS.items()}
-    return made | {DOCS.parent / "contactd_client/messages.py": client_messages()}
+    return made | {
+        DOCS.parent / "contactd_client/messages.py": client_messages(),
+        DOCS.parent / "daemon/ros/type_hashes.py": type_hashes(),
+    }
 
 
 def write() -> None:

@@ -1,6 +1,6 @@
 """Connection to one daemon for asyncio: requests that are answered, and States as they come.
 
-`clients/client.py` blocks; here one thread serves many daemons and browsers.
+`client.py` blocks; here one thread serves many daemons and browsers.
 """
 
 from pathlib import Path
