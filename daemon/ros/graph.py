@@ -48,7 +48,6 @@ class Publisher:
             node.key(endpoint),
             congestion_control=zenoh.CongestionControl.DROP,
             reliability=zenoh.Reliability.RELIABLE,
-            express=True,
             cache=ext.CacheConfig(max_samples=1) if latched else None,
             publisher_detection=latched,
         )
@@ -191,6 +190,9 @@ def configuration(connect: tuple[str, ...], file: str | None) -> zenoh.Config:
         "connect/exit_on_failure": "false",
         "scouting/multicast/enabled": "false",
         "timestamping/enabled": "true",  # what is latched is found by it
+        # Beside a machine's other work a link pauses for some ms; what is behind it is not lost.
+        "transport/link/tx/queue/size/data": "16",
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": "50000",
     }
     for key, value in values.items():
         config.insert_json5(key, value)
