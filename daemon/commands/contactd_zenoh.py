@@ -11,6 +11,7 @@ import click
 
 from contactd_client.paths import default_socket_path, view_socket_path
 from daemon.commands.options import PATH
+from daemon.commands.zenoh_options import zenoh_options
 from errors import ConfigurationError, ContactdError
 
 EXTRA = frozenset({"zenoh", "xxhash"})
@@ -31,37 +32,13 @@ END_S = 3.0  # more than the longest silence of a daemon that is waited for
     help="Control socket of the daemon: offers the service `reset`, too.",
 )
 @click.option(
-    "--connect",
-    multiple=True,
-    default=("tcp/localhost:7447",),
-    show_default=True,
-    metavar="ENDPOINT",
-    help="Zenoh router; may be repeated.",
-)
-@click.option(
-    "--config",
-    "configuration",
-    type=click.Path(exists=True, dir_okay=False),
-    metavar="FILE.json5",
-    help="Configuration of the Zenoh session (TLS, access control); --connect is then not used.",
-)
-@click.option(
     "--namespace",
     default="/contactd",
     show_default=True,
     metavar="NAME",
     help="Namespace of the node and its topics: one for each arm, / for none.",
 )
-@click.option(
-    "--domain", type=click.IntRange(0, 232), default=0, show_default=True, help="ROS_DOMAIN_ID."
-)
-@click.option(
-    "--distro",
-    type=click.Choice(["humble", "jazzy", "kilted", "rolling"]),
-    default="jazzy",
-    show_default=True,
-    help="Distribution of the others: Humble has no type hashes in its keys.",
-)
+@zenoh_options
 @click.version_option(package_name="contactd", prog_name="contactd-zenoh")
 def main(
     view_socket: Path | None,

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Final
 
 HEADER: Final = b"\x00\x01\x00\x00"
+LONGEST: Final = 1 << 18  # of a message that is read
 
 
 class CdrError(ValueError):
@@ -62,13 +63,42 @@ class Writer:
         return len(self.payload) - 8 * count
 
 
-def decode_bool(payload: bytes) -> bool:
-    """The message of one bool, as of `std_srvs/srv/SetBool`. Raises CdrError for anything else."""
-    if not 5 <= len(payload) <= 8 or payload[:2] not in (b"\x00\x01", b"\x00\x00"):
-        raise CdrError("no SetBool request: a header of 4 bytes and one of data")
-    if payload[4] > 1:
-        raise CdrError(f"no bool: {payload[4]}")
-    return payload[4] == 1
+class Reader:
+    """Message of somebody else that is being read. Every method raises CdrError where it ends too
+    soon, is longer than it may be, or holds what it may not."""
+
+    def __init__(self, payload: bytes) -> None:
+        if payload[:4] not in (b"\x00\x01\x00\x00", b"\x00\x00\x00\x00") or len(payload) > LONGEST:
+            raise CdrError(f"no plain CDR of at most {LONGEST} bytes")
+        self._order = "<" if payload[1] else ">"
+        self._payload, self._at = payload, len(HEADER)
+
+    def byte(self) -> int:
+        """One byte."""
+        return self._take(1)[0]
+
+    def uint32(self) -> int:
+        """Unsigned, 32 bits."""
+        self._at += -(self._at - len(HEADER)) % 4
+        return int(struct.unpack(f"{self._order}I", self._take(4))[0])
+
+    def text(self) -> str:
+        """String; what is no UTF-8 in it is replaced."""
+        return self._take(self.uint32())[:-1].decode("utf-8", "replace")
+
+    def count(self, least_bytes: int) -> int:
+        """Length of a sequence, each of whose elements has at least so many bytes."""
+        found = self.uint32()
+        if found * least_bytes > len(self._payload) - self._at:
+            raise CdrError(f"a sequence of {found} does not fit")
+        return found
+
+    def _take(self, size: int) -> bytes:
+        taken = self._payload[self._at : self._at + size]
+        if len(taken) != size:
+            raise CdrError("it ends too soon")
+        self._at += size
+        return taken
 
 
 def refuse_unless_empty(payload: bytes) -> None:

@@ -169,9 +169,11 @@ class Graph:
                 self._say(why)
 
 
-def configuration(connect: tuple[str, ...], file: str | None) -> zenoh.Config:
-    """Configuration of a session: the file's, or a client of a router that it waits for as long as
-    it takes. As a client it listens at no port, and asks nobody by multicast.
+def configuration(
+    connect: tuple[str, ...], file: str | None, patience_ms: int = -1
+) -> zenoh.Config:
+    """Configuration of a session: the file's, or a client of a router that it waits for, as long as
+    it takes unless told otherwise. A client listens at no port, and asks nobody by multicast.
 
     Raises zenoh.ZError for a file that is none, ConfigurationError for an endpoint that is none.
     """
@@ -186,8 +188,8 @@ def configuration(connect: tuple[str, ...], file: str | None) -> zenoh.Config:
     values: dict[str, Any] = {
         "mode": '"client"',
         "connect/endpoints": "[" + ", ".join(f'"{where}"' for where in connect) + "]",
-        "connect/timeout_ms": "-1",
-        "connect/exit_on_failure": "false",
+        "connect/timeout_ms": str(patience_ms),
+        "connect/exit_on_failure": "false" if patience_ms < 0 else "true",
         "scouting/multicast/enabled": "false",
         "timestamping/enabled": "true",  # what is latched is found by it
         # Beside a machine's other work a link pauses for some ms; what is behind it is not lost.

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
-from daemon.ros.cdr import Writer
+from daemon.ros.cdr import CdrError, Reader, Writer
+
+_LEAST_BYTES = 8  # of a status, and of a pair: two lengths at least
 
 
 class Level(IntEnum):
@@ -117,3 +119,33 @@ def _write(writer: Writer, diagnosis: Diagnosis) -> None:
     for key, value in diagnosis.values:
         writer.text(key)
         writer.text(value)
+
+
+def read_diagnostic_array(payload: bytes) -> list[Diagnosis]:
+    """What a DiagnosticArray of anybody says. Raises CdrError for anything else."""
+    reader = Reader(payload)
+    reader.uint32()
+    reader.uint32()
+    reader.text()
+    return [_read(reader) for _ in range(reader.count(_LEAST_BYTES))]
+
+
+def read_diagnostic_status(payload: bytes) -> Diagnosis:
+    """What a DiagnosticStatus of anybody says. Raises CdrError for anything else."""
+    return _read(Reader(payload))
+
+
+def read_outcome(payload: bytes) -> tuple[bool, str]:
+    """Success and message of a response. Raises CdrError for anything else."""
+    reader = Reader(payload)
+    return reader.byte() == 1, reader.text()
+
+
+def _read(reader: Reader) -> Diagnosis:
+    level = reader.byte()
+    if level > Level.STALE:
+        raise CdrError(f"no level of a diagnosis: {level}")
+    name, message, hardware_id = reader.text(), reader.text(), reader.text()
+    pairs = range(reader.count(_LEAST_BYTES))
+    values = tuple((reader.text(), reader.text()) for _ in pairs)
+    return Diagnosis(Level(level), name, message, hardware_id, values)

@@ -2,10 +2,8 @@
 
 import contextlib
 import re
-import socket
 import textwrap
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +18,8 @@ from zenoh_ros2_sdk.session import ZenohSession
 from zenoh_ros2_sdk.subscriber import ROS2Subscriber
 from zenoh_ros2_sdk.utils import compute_service_type_hash
 
-from contactd_client.paths import view_socket_path
+from bench.rigs.bridge import LONGEST_S, until
+from bench.rigs.zenoh_router import session_at
 from daemon.protocol.messages import State
 from daemon.ros.messages import outcome
 from daemon.ros.names import Distro, Endpoint, Kind, Node, Qos, attachment, read_attachment
@@ -32,85 +31,6 @@ from errors import ConfigurationError
 STORE = get_typestore(Stores.ROS2_JAZZY)
 NODE = Node(0, "/left_arm", "contactd", Distro.JAZZY)
 EMPTY = b"\0\1\0\0\0"
-LONGEST_S = 60.0
-QUIET: dict[str, Any] = {"scouting/multicast/enabled": "false", "timestamping/enabled": "true"}
-
-
-def until(true: Callable[[], Any]) -> Any:
-    """What `true` returns once it is something. Fails where that never comes."""
-    end_s = time.monotonic() + LONGEST_S
-    while not (found := true()):
-        assert time.monotonic() < end_s, "never came"
-        time.sleep(0.005)
-    return found
-
-
-def session(**settings: str) -> zenoh.Session:
-    config = zenoh.Config()
-    for key, value in {**QUIET, **settings}.items():
-        config.insert_json5(key.replace("__", "/"), value)
-    return zenoh.open(config)
-
-
-def router(port: int) -> zenoh.Session:
-    return session(mode='"router"', listen__endpoints=f'["tcp/127.0.0.1:{port}"]')
-
-
-@pytest.fixture
-def port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return int(free.getsockname()[1])
-
-
-@pytest.fixture
-def routed(port: int) -> Iterator[int]:
-    with contextlib.closing(router(port)):
-        yield port
-
-
-@pytest.fixture
-def other(routed: int) -> Iterator[zenoh.Session]:
-    """A session of somebody else."""
-    where = f'["tcp/127.0.0.1:{routed}"]'
-    with contextlib.closing(session(mode='"client"', connect__endpoints=where)) as opened:
-        yield opened
-
-
-class Bridge:
-    """`contactd-zenoh` in a thread; `said` is what it tells its log."""
-
-    def __init__(self, daemon: Any, port: int, **more: Any) -> None:
-        self.said: list[str] = []
-        self.ended = threading.Event()
-        view = view_socket_path(daemon.path)
-        settings = Settings(view, None, NODE, (f"tcp/127.0.0.1:{port}",), None)
-        settings = settings if not more else Settings(**{**_fields(settings), **more})
-        self.thread = threading.Thread(target=serve, args=(settings, self.said.append, self.ended))
-        self.thread.start()
-
-    def heard(self, words: str) -> bool:
-        return any(words in line for line in self.said)
-
-    def close(self) -> None:
-        self.ended.set()
-        self.thread.join()
-
-
-def _fields(settings: Settings) -> dict[str, Any]:
-    return {name: getattr(settings, name) for name in Settings.__slots__}
-
-
-@pytest.fixture
-def start() -> Iterator[Callable[..., Bridge]]:
-    started: list[Bridge] = []
-
-    def begin(*arguments: Any, **more: Any) -> Bridge:
-        started.append(Bridge(*arguments, **more))
-        return started[-1]
-
-    yield begin
-    for bridge in started:
-        bridge.close()
 
 
 def topic(name: str, type_name: str) -> str:
@@ -134,8 +54,8 @@ def sdk(routed: int) -> Iterator[int]:
 
 
 def test_topics_and_services_are_listed(fake_daemon: Any, sdk: int, start: Any) -> None:
-    bridge = start(fake_daemon, sdk)
-    until(lambda: bridge.heard("joined"))
+    bridge = start(fake_daemon.path, sdk)
+    bridge.joined()
     listed = dict(discovery.get_topic_names_and_types(0, "127.0.0.1", sdk))
     assert listed == {
         "/diagnostics": ["diagnostic_msgs/msg/DiagnosticArray"],
@@ -164,8 +84,8 @@ def test_the_hash_of_a_service_is_what_others_compute() -> None:
 def test_joint_states_are_read_and_disarm_is_called(
     fake_daemon: Any, sdk: int, start: Any, make_state: Callable[..., State]
 ) -> None:
-    bridge = start(fake_daemon, sdk)
-    until(lambda: bridge.heard("joined"))
+    bridge = start(fake_daemon.path, sdk)
+    bridge.joined()
     got: list[Any] = []
     definition, _ = STORE.generate_msgdef("sensor_msgs/msg/JointState", ros_version=2)
     subscriber = ROS2Subscriber(
@@ -204,8 +124,8 @@ def test_an_answer_carries_the_number_and_the_gid_of_its_call(
     fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
     """By which rmw_zenoh finds who waits for it."""
-    bridge = start(fake_daemon, routed)
-    until(lambda: bridge.heard("joined"))
+    bridge = start(fake_daemon.path, routed)
+    bridge.joined()
     about = attachment(7, 1, b"a gid of 16 byte")
     (reply,) = other.get(service("stop"), payload=EMPTY, attachment=about)
     number, _, gid = read_attachment(reply.ok.attachment.to_bytes())
@@ -226,7 +146,7 @@ def test_every_state_arrives_in_order(
 
     key = topic("external_torque", "sensor_msgs/msg/JointState")
     subscriber = other.declare_subscriber(key, take)
-    start(fake_daemon, routed)
+    start(fake_daemon.path, routed)
     until(lambda: len(got) >= 100)
     subscriber.undeclare()
     numbers = [about[0] for _, about in got]
@@ -250,7 +170,7 @@ def test_a_contact_is_an_event(
     other.declare_subscriber(
         topic("contact", kind), lambda sample: got.append(sample.payload.to_bytes())
     )
-    start(fake_daemon, routed)
+    start(fake_daemon.path, routed)
     message = STORE.deserialize_cdr(until(lambda: got and got[0]), kind)
     assert (message.level, message.name, message.hardware_id) == (1, "LShoulderYaw", "left_arm")
     values = {pair.key: pair.value for pair in message.values}
@@ -265,7 +185,7 @@ def test_a_joint_that_senses_nothing_feels_nan(
     got: list[bytes] = []
     key = topic("external_torque", "sensor_msgs/msg/JointState")
     other.declare_subscriber(key, lambda sample: got.append(sample.payload.to_bytes()))
-    start(fake_daemon, routed)
+    start(fake_daemon.path, routed)
     message = STORE.deserialize_cdr(until(lambda: got and got[0]), "sensor_msgs/msg/JointState")
     assert [torque != torque for torque in message.effort] == [False, True] + [False] * 5  # noqa: PLR0124
 
@@ -273,8 +193,8 @@ def test_a_joint_that_senses_nothing_feels_nan(
 def test_whoever_comes_late_gets_the_description(
     fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
-    bridge = start(fake_daemon, routed)
-    until(lambda: bridge.heard("joined"))
+    bridge = start(fake_daemon.path, routed)
+    bridge.joined()
     got: list[bytes] = []
     subscriber = ext.declare_advanced_subscriber(
         other,
@@ -305,7 +225,7 @@ def test_a_daemon_that_ends_is_stale_and_comes_back(
     fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
     got = diagnostics(other)
-    bridge = start(fake_daemon, routed)
+    bridge = start(fake_daemon.path, routed)
     first = until(lambda: got and got[-1])
     assert [status.name for status in first.status][:2] == [
         "contactd: left_arm",
@@ -325,12 +245,12 @@ def test_a_daemon_that_ends_is_stale_and_comes_back(
 
 def test_a_router_that_dies_and_returns(fake_daemon: Any, port: int, start: Any) -> None:
     """The bridge goes on, the daemon's subscriber loses nothing, and what others hear resumes."""
-    where = f'["tcp/127.0.0.1:{port}"]'
-    bridge = start(fake_daemon, port)  # there is no router yet
+    where = f"tcp/127.0.0.1:{port}"
+    bridge = start(fake_daemon.path, port)  # there is no router yet
     for _ in range(2):
-        opened = router(port)
+        opened = session_at(where, "router")
         got: list[Any] = []
-        with contextlib.closing(session(mode='"client"', connect__endpoints=where)) as other:
+        with contextlib.closing(session_at(where, "client")) as other:
             other.declare_subscriber("0/left_arm/joint_states/**", got.append)
             until(lambda got=got: len(got) > 10)
         opened.close()
@@ -361,8 +281,8 @@ def test_hostile_calls_do_nothing(
     about: bytes | None,
     words: str,
 ) -> None:
-    bridge = start(fake_daemon, routed)
-    until(lambda: bridge.heard("joined"))
+    bridge = start(fake_daemon.path, routed)
+    bridge.joined()
     replies = list(other.get(key, payload=payload, attachment=about))
     refused = [reply.err.payload.to_string() for reply in replies if reply.err is not None]
     assert refused
@@ -373,8 +293,8 @@ def test_hostile_calls_do_nothing(
 def test_a_thousand_stops_are_a_few_commands(
     fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
-    bridge = start(fake_daemon, routed)
-    until(lambda: bridge.heard("joined"))
+    bridge = start(fake_daemon.path, routed)
+    bridge.joined()
     answered: list[bool] = []
 
     def take(reply: zenoh.Reply) -> None:
@@ -392,8 +312,8 @@ def test_a_thousand_stops_are_a_few_commands(
 def test_nothing_that_moves_is_offered(
     fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
-    bridge = start(fake_daemon, routed)
-    until(lambda: bridge.heard("joined"))
+    bridge = start(fake_daemon.path, routed)
+    bridge.joined()
     tokens = [str(reply.ok.key_expr) for reply in other.liveliness().get("@ros2_lv/**")]
     services = {token.split("/")[9] for token in tokens if token.split("/")[5] == "SS"}
     assert services == {"%left_arm%stop", "%left_arm%disarm"}
@@ -408,7 +328,7 @@ def test_another_distribution_is_said(
     token += "sensor_msgs::msg::dds_::JointState_/TypeHashNotSupported/::,10:,:,:,,"
     with contextlib.ExitStack() as opened:
         opened.callback(other.liveliness().declare_token(token).undeclare)
-        bridge = start(fake_daemon, routed)
+        bridge = start(fake_daemon.path, routed)
         until(lambda: bridge.heard("/planner is of Humble"))
 
 

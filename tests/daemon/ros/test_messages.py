@@ -1,6 +1,7 @@
 """Messages for ROS 2 against two implementations that are not ours: rosbags reads every byte, and
 cyclonedds writes the same bytes."""
 
+import contextlib
 import math
 import struct
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from daemon.ros.cdr import CdrError, decode_bool, refuse_unless_empty
+from daemon.ros.cdr import CdrError, refuse_unless_empty
 from daemon.ros.messages import (
     Diagnosis,
     JointStates,
@@ -21,6 +22,9 @@ from daemon.ros.messages import (
     diagnostic_array,
     diagnostic_status,
     outcome,
+    read_diagnostic_array,
+    read_diagnostic_status,
+    read_outcome,
     stamp,
     string,
 )
@@ -182,19 +186,41 @@ def test_hashes_are_those_that_rosbags_computes(name: str) -> None:
 # --- what others send --------------------------------------------------------------------------
 
 
-@given(st.booleans(), st.integers(0, 3))
-def test_a_bool_is_read(value: bool, padding: int) -> None:
-    assert decode_bool(b"\0\1\0\0" + bytes([value]) + bytes(padding)) is value
+@given(TIMES, st.lists(DIAGNOSES, max_size=4), st.booleans(), NAMES)
+def test_what_is_written_is_read(
+    wall_s: float, diagnoses: list[Diagnosis], done: bool, text: str
+) -> None:
+    assert read_diagnostic_array(diagnostic_array(wall_s, diagnoses)) == diagnoses
+    for diagnosis in diagnoses:
+        assert read_diagnostic_status(diagnostic_status(diagnosis)) == diagnosis
+    assert read_outcome(outcome(done, text)) == (done, text)
 
 
-@given(st.binary(max_size=12))
-def test_what_is_no_request_is_an_error_and_no_surprise(payload: bytes) -> None:
-    for decode in (decode_bool, refuse_unless_empty):
-        try:
-            decode(payload)
-        except CdrError:
-            continue
-        assert payload[:2] in (b"\0\0", b"\0\1")
+@given(st.binary(max_size=80), st.booleans())
+def test_what_is_no_message_is_an_error_and_no_surprise(payload: bytes, headed: bool) -> None:
+    for read in (read_diagnostic_array, read_diagnostic_status, read_outcome):
+        with contextlib.suppress(CdrError):
+            read(b"\0\1\0\0" + payload if headed else payload)
+
+
+@given(st.data(), DIAGNOSES)
+def test_a_damaged_message_is_an_error_or_another(
+    data: st.DataObject, diagnosis: Diagnosis
+) -> None:
+    payload = bytearray(diagnostic_status(diagnosis))
+    at = data.draw(st.integers(0, len(payload) - 1))
+    payload[at] = data.draw(st.integers(0, 255))
+    with contextlib.suppress(CdrError):
+        read_diagnostic_status(bytes(payload))
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"\0\1\0\0" + b"\xff" * 60, b"\0\1\0\0" + bytes(1 << 18), b"\0\7\0\0\0", b"\0\1\0\0\4"],
+)
+def test_what_claims_too_much_is_refused(payload: bytes) -> None:
+    with pytest.raises(CdrError):
+        read_diagnostic_status(payload)
 
 
 @pytest.mark.parametrize(
