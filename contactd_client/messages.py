@@ -12,6 +12,7 @@ Command = Literal[
     "enable",
     "load",
     "start",
+    "go",
     "pause",
     "arm",
     "renew",
@@ -76,6 +77,16 @@ class Request(TypedDict):
     mass: NotRequired[float | None]
     # beside `mass`: its centre in the hand's frame [m]
     com: NotRequired[list[float] | None]
+    # `go`: to this one, or
+    pose: NotRequired[str | None]
+    # to these positions; joints that are not named stay [rad]
+    targets: NotRequired[dict[str, float] | None]
+    # `go`: of the joint that goes furthest; 0.2 unless given [rad/s]
+    speed: NotRequired[float | None]
+    # `go`: answer only what it would do
+    plan: NotRequired[bool]
+    # `go`: positions for which it was planned; refused if the arm stands elsewhere by now [rad]
+    planned_from: NotRequired[list[float] | None]
 
 
 class Check(TypedDict):
@@ -113,6 +124,22 @@ class Felt(TypedDict):
     resting: list[float | None]
     tool_moving: ToolForce
     tool_resting: ToolForce
+
+
+class Way(TypedDict):
+    """Way to a pose: a straight line through joint space, which knows nothing of what stands in
+    it. All joints arrive together."""
+
+    name: str
+    joints: list[str]
+    # [rad]
+    start: list[float]
+    # [rad]
+    goal: list[float]
+    # largest on the way [rad/s]
+    speed: list[float]
+    # from standstill to standstill, unless a contact comes in between
+    duration_s: float
 
 
 class Permit(TypedDict):
@@ -223,6 +250,8 @@ class Status(TypedDict):
     payload: NotRequired[Payload | None]
     # that can be announced by name
     payloads: NotRequired[list[Payload]]
+    # that `go` can be asked for: joints by name [rad]
+    poses: NotRequired[dict[str, dict[str, float]]]
     # what their trends say, a line for each joint (`contactctl health`)
     gears: NotRequired[list[str]]
     # load that nobody told, in words, with what to do; empty without one
@@ -269,8 +298,10 @@ class Reply(TypedDict):
     row: NotRequired[int | None]
     # joints that are told to stop and not seen to stand
     unproved: NotRequired[list[str]]
-    # of `start` that is done: beyond what the thresholds have seen
+    # of `start` and `go` that are done, and of a plan: beyond what the thresholds have seen
     warnings: NotRequired[list[str]]
+    # of `go` that is done, or planned
+    way: NotRequired[Way | None]
     status: NotRequired[Status | None]
     snapshot: NotRequired[Snapshot | None]
 

@@ -38,7 +38,7 @@ def inner_structs(kind: types.Type) -> Iterator[type]:
 
 
 def comments_of(cls: type) -> dict[str, str]:
-    """What stands beside or above each field, or member of an enum, in the code."""
+    """What stands beside, above or as text below each field, or member of an enum, in the code."""
     source = inspect.getsource(cls)
     tree = ast.parse(source).body[0]
     assert isinstance(tree, ast.ClassDef)
@@ -49,16 +49,20 @@ def comments_of(cls: type) -> dict[str, str]:
             alone = not token.line[: token.start[1]].strip()
             (above if alone else beside)[token.start[0]] = token.string.lstrip("# ")
     said: dict[str, str] = {}
-    for node in tree.body:
+    for i, node in enumerate(tree.body):
         match node:
             case ast.AnnAssign(target=ast.Name(id=name)) | ast.Assign(targets=[ast.Name(id=name)]):
                 pass
             case _:
                 continue
+        below = tree.body[i + 1] if i + 1 < len(tree.body) else None
         words = [beside[n] for n in range(node.lineno, (node.end_lineno or 0) + 1) if n in beside]
         line, lead = node.lineno - 1, []
         while line in above:
             lead.insert(0, above[line])
             line -= 1
+        match below:
+            case ast.Expr(value=ast.Constant(value=str() as text)):
+                words.append(" ".join(text.split()))
         said[name] = " ".join([*lead, *words])
     return said

@@ -3,8 +3,8 @@
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
 `contactctl.md` from the commands' own help; `schemas/` and `contactd_client/messages.py` from the
 messages of the socket; `daemon/ros/type_hashes.py` from the definitions of ROS 2. `faults.md`,
-`modes.md` and `recording.md` are written by hand but for the parts between two markers, which come
-from what the program runs on.
+`modes.md`, `mistakes.md`, `recording.md` and `rehearsing.md` are written by hand but for the parts
+between two markers, which come from what the program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
@@ -19,12 +19,14 @@ import click
 import msgspec
 from msgspec import inspect as types
 
+from bench.study.mistakes import MISTAKES
 from daemon.commands.contactctl import main
 from daemon.config.schema import Configuration
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.contact_reactions import EVENT_OF
 from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
 from daemon.protocol.messages import Snapshot, State
+from simulator.truth import SimulationFile
 
 DOCS = Path(__file__).parent
 sys.path.append(str(DOCS.parent))  # for `docs` itself, which is in no wheel
@@ -87,6 +89,19 @@ def recording_page() -> str:
     """docs/recording.md, with the messages of a recording."""
     page = (DOCS / "recording.md").read_text(encoding="utf-8")
     return filled(page, {"messages": _messages()})
+
+
+def rehearsing_page() -> str:
+    """docs/rehearsing.md, with the schema of `simulation.yaml`."""
+    page = (DOCS / "rehearsing.md").read_text(encoding="utf-8")
+    sections = [_section(cls, fields) for cls, fields in structs_of(SimulationFile)]
+    return filled(page, {"schema": "\n".join(sections).rstrip().replace("## ", "### ")})
+
+
+def mistakes_page() -> str:
+    """docs/mistakes.md, with the mistakes that `contactd check` is tried with."""
+    page = (DOCS / "mistakes.md").read_text(encoding="utf-8")
+    return filled(page, {"mistakes": _mistakes()})
 
 
 def filled(page: str, parts: Mapping[str, str]) -> str:
@@ -209,6 +224,17 @@ def _message(cls: type) -> str:
     return f"### {cls.__name__}\n\n{inspect.getdoc(cls) or ''}\n\n{table}"
 
 
+# --- mistakes -----------------------------------------------------------------------------------
+
+
+def _mistakes() -> str:
+    rows = [
+        (mistake.words, "`identify wiring`" if mistake.only_wiring else f"`{mistake.field}`")
+        for mistake in MISTAKES
+    ]
+    return _table(("what is written", "told at"), *rows)
+
+
 # --- contactctl -----------------------------------------------------------------------------------
 
 
@@ -301,6 +327,8 @@ PAGES = {
     "faults": faults_page,
     "modes": modes_page,
     "recording": recording_page,
+    "mistakes": mistakes_page,
+    "rehearsing": rehearsing_page,
 }
 
 

@@ -86,13 +86,6 @@ class Reader:
         """String; what is no UTF-8 in it is replaced."""
         return self._take(self.uint32())[:-1].decode("utf-8", "replace")
 
-    def count(self, least_bytes: int) -> int:
-        """Length of a sequence, each of whose elements has at least so many bytes."""
-        found = self.uint32()
-        if found * least_bytes > len(self._payload) - self._at:
-            raise CdrError(f"a sequence of {found} does not fit")
-        return found
-
     def _take(self, size: int) -> bytes:
         taken = self._payload[self._at : self._at + size]
         if len(taken) != size:

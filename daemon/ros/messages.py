@@ -7,8 +7,6 @@ from enum import IntEnum
 
 from daemon.ros.cdr import CdrError, Reader, Writer
 
-_LEAST_BYTES = 8  # of a status, and of a pair: two lengths at least
-
 
 class Level(IntEnum):
     """Level of a DiagnosticStatus."""
@@ -127,7 +125,7 @@ def read_diagnostic_array(payload: bytes) -> list[Diagnosis]:
     reader.uint32()
     reader.uint32()
     reader.text()
-    return [_read(reader) for _ in range(reader.count(_LEAST_BYTES))]
+    return [_read(reader) for _ in range(reader.uint32())]
 
 
 def read_diagnostic_status(payload: bytes) -> Diagnosis:
@@ -146,6 +144,6 @@ def _read(reader: Reader) -> Diagnosis:
     if level > Level.STALE:
         raise CdrError(f"no level of a diagnosis: {level}")
     name, message, hardware_id = reader.text(), reader.text(), reader.text()
-    pairs = range(reader.count(_LEAST_BYTES))
+    pairs = range(reader.uint32())
     values = tuple((reader.text(), reader.text()) for _ in pairs)
     return Diagnosis(Level(level), name, message, hardware_id, values)
