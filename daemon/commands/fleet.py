@@ -67,24 +67,14 @@ def _with_supervisor(
     """What `use` makes of the arms at this router: the exit status. Raises UnreachableError where
     there is no router, ConfigurationError where the extra `ros` is not installed."""
     try:
-        import zenoh
-
-        from daemon.ros import graph
         from daemon.ros.names import Distro
-        from daemon.ros.supervisor import Supervisor
+        from daemon.ros.supervisor import supervising
     except ModuleNotFoundError as error:
         raise ConfigurationError(
             f"it needs the extra `ros` ({error.name}): pip install 'contactd[ros]'"
         ) from error
-    where = configuration or ", ".join(connect)
-    try:
-        with (
-            graph.session_of(graph.configuration(connect, configuration, PATIENCE_MS)) as session,
-            Supervisor(session, domain, Distro(distro)) as supervisor,
-        ):
-            return use(supervisor)
-    except zenoh.ZError as error:
-        raise UnreachableError(f"no router at {where}: {error}") from error
+    with supervising(connect, configuration, domain, Distro(distro), PATIENCE_MS) as supervisor:
+        return use(supervisor)
 
 
 def _show(supervisor: "Supervisor", *, as_json: bool) -> int:

@@ -4,7 +4,7 @@ import contextlib
 import itertools
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from types import TracebackType
 from typing import Final, Literal, Self
 
@@ -12,10 +12,12 @@ import zenoh
 
 from daemon.ros.cdr import HEADER, CdrError
 from daemon.ros.fleet import Arm, Fleet, arm_of_token, shown
+from daemon.ros.graph import configuration
 from daemon.ros.messages import read_diagnostic_array, read_diagnostic_status, read_outcome
 from daemon.ros.names import ADMIN, Distro, Endpoint, Kind, Node, Qos, attachment, gid_of
 from daemon.ros.services import TRIGGER
 from daemon.ros.topics import TOPICS
+from errors import UnreachableError
 
 STOP_S: Final = 2.0
 MEET_S: Final = 1.0  # in which a router tells a newcomer of all tokens
@@ -107,6 +109,20 @@ class Supervisor:
             contact = read_diagnostic_status(sample.payload.to_bytes())
             with self._lock:
                 self._fleet.touch(contact)
+
+
+@contextlib.contextmanager
+def supervising(
+    connect: tuple[str, ...], file: str | None, domain: int, distro: Distro, patience_ms: int
+) -> Iterator[Supervisor]:
+    """A supervisor at these routers, or as a file says, while the block lasts. Raises
+    UnreachableError where there is no router within `patience_ms` [ms]."""
+    try:
+        session = zenoh.open(configuration(connect, file, patience_ms))
+    except zenoh.ZError as error:
+        raise UnreachableError(f"no router at {file or ', '.join(connect)}: {error}") from error
+    with contextlib.closing(session), Supervisor(session, domain, distro) as supervisor:
+        yield supervisor
 
 
 def _outcome(replies: Iterable[zenoh.Reply]) -> tuple[Outcome, str]:

@@ -18,7 +18,7 @@ from zenoh_ros2_sdk.session import ZenohSession
 from zenoh_ros2_sdk.subscriber import ROS2Subscriber
 from zenoh_ros2_sdk.utils import compute_service_type_hash
 
-from bench.rigs.bridge import LONGEST_S, until
+from bench.rigs.bridge import LONGEST_S, Bridge, until
 from bench.rigs.zenoh_router import session_at
 from daemon.protocol.messages import State
 from daemon.ros.messages import outcome
@@ -41,6 +41,13 @@ def service(name: str) -> str:
     return NODE.key(Endpoint(Kind.SERVICE, NODE.absolute(name), TRIGGER, Qos.SERVICE))
 
 
+def reached(bridge: Bridge, other: zenoh.Session) -> Bridge:
+    """The bridge, once a call of the other session reaches it; this one is refused."""
+    bridge.joined()
+    until(lambda: list(other.get(service("disarm"), payload=b"none")))
+    return bridge
+
+
 # --- as somebody else sees it --------------------------------------------------------------------
 
 
@@ -54,10 +61,8 @@ def sdk(routed: int) -> Iterator[int]:
 
 
 def test_topics_and_services_are_listed(fake_daemon: Any, sdk: int, start: Any) -> None:
-    bridge = start(fake_daemon.path, sdk)
-    bridge.joined()
-    listed = dict(discovery.get_topic_names_and_types(0, "127.0.0.1", sdk))
-    assert listed == {
+    start(fake_daemon.path, sdk)
+    expected = {
         "/diagnostics": ["diagnostic_msgs/msg/DiagnosticArray"],
         "/left_arm/contact": ["diagnostic_msgs/msg/DiagnosticStatus"],
         "/left_arm/contact_threshold": ["sensor_msgs/msg/JointState"],
@@ -65,9 +70,11 @@ def test_topics_and_services_are_listed(fake_daemon: Any, sdk: int, start: Any) 
         "/left_arm/joint_states": ["sensor_msgs/msg/JointState"],
         "/left_arm/robot_description": ["std_msgs/msg/String"],
     }
-    found = dict(discovery.get_service_names_and_types(0, "127.0.0.1", sdk))
+    where = (0, "127.0.0.1", sdk)
+    until(lambda: dict(discovery.get_topic_names_and_types(*where)) == expected)
     trigger = ["std_srvs/srv/Trigger"]
-    assert found == {"/left_arm/disarm": trigger, "/left_arm/stop": trigger}
+    offered = {"/left_arm/disarm": trigger, "/left_arm/stop": trigger}
+    until(lambda: dict(discovery.get_service_names_and_types(*where)) == offered)
 
 
 def test_the_hash_of_a_service_is_what_others_compute() -> None:
@@ -114,7 +121,7 @@ def test_joint_states_are_read_and_disarm_is_called(
         router_port=sdk,
         timeout=LONGEST_S,
     )
-    reply = client.call(structure_needs_at_least_one_member=0)
+    reply = until(lambda: client.call(structure_needs_at_least_one_member=0))
     client.close()
     assert (reply.success, reply.message) == (True, "stands")
     assert "disarm" in [command for command, _ in fake_daemon.seen]
@@ -124,8 +131,7 @@ def test_an_answer_carries_the_number_and_the_gid_of_its_call(
     fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
     """By which rmw_zenoh finds who waits for it."""
-    bridge = start(fake_daemon.path, routed)
-    bridge.joined()
+    reached(start(fake_daemon.path, routed), other)
     about = attachment(7, 1, b"a gid of 16 byte")
     (reply,) = other.get(service("stop"), payload=EMPTY, attachment=about)
     number, _, gid = read_attachment(reply.ok.attachment.to_bytes())
@@ -281,8 +287,7 @@ def test_hostile_calls_do_nothing(
     about: bytes | None,
     words: str,
 ) -> None:
-    bridge = start(fake_daemon.path, routed)
-    bridge.joined()
+    reached(start(fake_daemon.path, routed), other)
     replies = list(other.get(key, payload=payload, attachment=about))
     refused = [reply.err.payload.to_string() for reply in replies if reply.err is not None]
     assert refused
@@ -293,8 +298,7 @@ def test_hostile_calls_do_nothing(
 def test_a_thousand_stops_are_a_few_commands(
     fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
-    bridge = start(fake_daemon.path, routed)
-    bridge.joined()
+    bridge = reached(start(fake_daemon.path, routed), other)
     answered: list[bool] = []
 
     def take(reply: zenoh.Reply) -> None:
@@ -312,11 +316,14 @@ def test_a_thousand_stops_are_a_few_commands(
 def test_nothing_that_moves_is_offered(
     fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
-    bridge = start(fake_daemon.path, routed)
-    bridge.joined()
-    tokens = [str(reply.ok.key_expr) for reply in other.liveliness().get("@ros2_lv/**")]
-    services = {token.split("/")[9] for token in tokens if token.split("/")[5] == "SS"}
-    assert services == {"%left_arm%stop", "%left_arm%disarm"}
+    reached(start(fake_daemon.path, routed), other)
+
+    def offered() -> set[str]:
+        tokens = [str(reply.ok.key_expr) for reply in other.liveliness().get("@ros2_lv/**")]
+        return {token.split("/")[9] for token in tokens if token.split("/")[5] == "SS"}
+
+    until(lambda: len(offered()) > 1)
+    assert offered() == {"%left_arm%stop", "%left_arm%disarm"}
     for name in ("enable", "arm", "reset", "start"):
         assert list(other.get(service(name), payload=EMPTY)) == []
 
