@@ -45,9 +45,8 @@ class Kind(StrEnum):
 class Qos(StrEnum):
     """Quality of service, as a token says it: what is empty is rmw_zenoh's default."""
 
-    STREAM = "::,10:,:,:,,"  # reliable, volatile, the last 10
+    DEFAULT = "::,10:,:,:,,"  # reliable, volatile, the last 10: of topics and services
     LATCHED = ":1:,1:,:,:,,"  # reliable, transient local, the last one
-    SERVICE = "::,10:,:,:,,"
 
 
 @dataclass(frozen=True, slots=True)

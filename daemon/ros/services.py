@@ -58,7 +58,7 @@ def actions(view: Path, control: Path | None) -> dict[str, Act]:
 
 def endpoint(node: Node, name: str) -> Endpoint:
     """The service's endpoint."""
-    return Endpoint(Kind.SERVICE, node.absolute(name), TRIGGER, Qos.SERVICE)
+    return Endpoint(Kind.SERVICE, node.absolute(name), TRIGGER, Qos.DEFAULT)
 
 
 def _halt(view: Path, command: Command, who: str) -> Outcome:

@@ -82,7 +82,7 @@ class Supervisor:
 
     def _ask(self, name: str) -> Iterable[zenoh.Reply]:
         node = Node(self._domain, f"/{name}", "contactd", self._distro)
-        service = Endpoint(Kind.SERVICE, node.absolute("stop"), TRIGGER, Qos.SERVICE)
+        service = Endpoint(Kind.SERVICE, node.absolute("stop"), TRIGGER, Qos.DEFAULT)
         about = attachment(next(self._numbers), time.time_ns(), self._gid)
         return self._session.get(node.key(service), payload=EMPTY, attachment=about, timeout=STOP_S)
 

@@ -20,12 +20,12 @@ from daemon.ros.names import Endpoint, Kind, Node, Qos
 JOINT_STATE: Final = "sensor_msgs/msg/JointState"
 #: Each topic's type and QoS, by its name below the namespace.
 TOPICS: Final = {
-    "joint_states": (JOINT_STATE, Qos.STREAM),
-    "external_torque": (JOINT_STATE, Qos.STREAM),
-    "contact_threshold": (JOINT_STATE, Qos.STREAM),
-    "contact": ("diagnostic_msgs/msg/DiagnosticStatus", Qos.STREAM),
+    "joint_states": (JOINT_STATE, Qos.DEFAULT),
+    "external_torque": (JOINT_STATE, Qos.DEFAULT),
+    "contact_threshold": (JOINT_STATE, Qos.DEFAULT),
+    "contact": ("diagnostic_msgs/msg/DiagnosticStatus", Qos.DEFAULT),
     "robot_description": ("std_msgs/msg/String", Qos.LATCHED),
-    "/diagnostics": ("diagnostic_msgs/msg/DiagnosticArray", Qos.STREAM),
+    "/diagnostics": ("diagnostic_msgs/msg/DiagnosticArray", Qos.DEFAULT),
 }
 
 

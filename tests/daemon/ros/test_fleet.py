@@ -108,7 +108,7 @@ def arms(
     for bridge in both:
         bridge.joined()
         name = bridge.node.absolute("stop")
-        key = bridge.node.key(Endpoint(Kind.SERVICE, name, TRIGGER, Qos.SERVICE))
+        key = bridge.node.key(Endpoint(Kind.SERVICE, name, TRIGGER, Qos.DEFAULT))
         until(lambda key=key: list(other.get(key, payload=b"none")))  # it is refused
     return both
 
@@ -220,10 +220,10 @@ def test_a_hostile_answer_is_no_stand(other: zenoh.Session, routed: int) -> None
         answer = next(answers)
         query.reply_err("no") if answer is None else query.reply(query.key_expr, answer)
 
-    service = Endpoint(Kind.SERVICE, "/left_arm/stop", TRIGGER, Qos.SERVICE)
+    service = Endpoint(Kind.SERVICE, "/left_arm/stop", TRIGGER, Qos.DEFAULT)
     other.declare_queryable(NODE.key(service), reply)
     diagnostics = Endpoint(
-        Kind.PUBLISHER, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.STREAM
+        Kind.PUBLISHER, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.DEFAULT
     )
     with (
         contextlib.closing(session_at(f"tcp/127.0.0.1:{routed}", "client")) as session,

@@ -25,7 +25,7 @@ from errors import ConfigurationError
 
 NODE = Node(7, "/left_arm", "contactd", Distro.JAZZY, "abc")
 STATES = Endpoint(
-    Kind.PUBLISHER, "/left_arm/joint_states", "sensor_msgs/msg/JointState", Qos.STREAM
+    Kind.PUBLISHER, "/left_arm/joint_states", "sensor_msgs/msg/JointState", Qos.DEFAULT
 )
 HASH = TYPE_HASHES["sensor_msgs/msg/JointState"]
 
@@ -51,7 +51,7 @@ def test_names_below_a_namespace() -> None:
 
 
 def test_qos_reads_back_elsewhere() -> None:
-    stream, latched = QosProfile.decode(Qos.STREAM), QosProfile.decode(Qos.LATCHED)
+    stream, latched = QosProfile.decode(Qos.DEFAULT), QosProfile.decode(Qos.LATCHED)
     assert (stream.history_depth, stream.durability) == (10, QosDurability.VOLATILE)
     assert (latched.history_depth, latched.durability) == (1, QosDurability.TRANSIENT_LOCAL)
 
