@@ -48,11 +48,11 @@ define refuse-strange-robot
   { echo "ROBOT=$(ROBOT): no config.yaml is there; it is the folder of one robot"; exit 1; }
 endef
 
-$(STAMP): requirements.lock requirements-web.lock requirements-dev.lock pyproject.toml
+$(STAMP): requirements.lock requirements-web.lock requirements-ros.lock requirements-dev.lock pyproject.toml
 	$(check-python)
 	$(PYTHON) -m venv --clear $(VENV)
 	@echo "installing the packages of the lock files, some minutes the first time"
-	@$(BIN)/pip install --disable-pip-version-check --no-deps -r requirements.lock -r requirements-web.lock -r requirements-dev.lock | grep -E '^(Collecting|Installing|Successfully)'
+	@$(BIN)/pip install --disable-pip-version-check --no-deps -r requirements.lock -r requirements-web.lock -r requirements-ros.lock -r requirements-dev.lock | grep -E '^(Collecting|Installing|Successfully)'
 	@command -v gcc >/dev/null || command -v cc >/dev/null || $(BIN)/pip install --quiet --disable-pip-version-check ziglang==0.17.1
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
@@ -105,17 +105,20 @@ built:
 # must not say a word, either.
 units: STAGE := $(abspath build/units)
 units: SERVICE := $(STAGE)/usr/local/lib/systemd/system/contactd.service
-units: PAGE := $(STAGE)/usr/local/lib/systemd/system/contactd-web.service
+units: BESIDE := contactd-web contactd-zenoh
 units: $(STAMP)
 	@if ! command -v systemd-analyze >/dev/null; then \
 	  echo "units: not checked, there is no systemd-analyze here (apt install systemd)"; exit 0; fi; \
 	set -e; rm -rf $(STAGE); $(MAKE) -s install-files DESTDIR=$(STAGE) >/dev/null; \
 	sed -i 's|=/opt/contactd|=$(abspath $(VENV))|' $(SERVICE); \
-	sed -i 's|=/opt/contactd|=$(abspath $(VENV))|' $(PAGE); \
-	said=$$(systemd-analyze verify --man=no $(PAGE) 2>&1) && [ -z "$$said" ] || { echo "$$said"; exit 1; }; \
-	systemd-analyze security --no-pager --offline=true --threshold=20 $(PAGE) >$(STAGE)/security || \
-	  { cat $(STAGE)/security; exit 1; }; \
-	echo "units: verified contactd-web: $$(tail -1 $(STAGE)/security)"; \
+	for name in $(BESIDE); do \
+	  unit=$(dir $(SERVICE))$$name.service; \
+	  sed -i 's|=/opt/contactd|=$(abspath $(VENV))|' $$unit; \
+	  said=$$(systemd-analyze verify --man=no $$unit 2>&1) && [ -z "$$said" ] || { echo "$$said"; exit 1; }; \
+	  systemd-analyze security --no-pager --offline=true --threshold=20 $$unit >$(STAGE)/security || \
+	    { cat $(STAGE)/security; exit 1; }; \
+	  echo "units: verified $$name: $$(tail -1 $(STAGE)/security)"; \
+	done; \
 	for conf in systemd/contactd.service.d/bus.conf systemd/examples/bus-*.conf systemd/examples/cpu.conf; do \
 	  cp $$conf $(SERVICE).d/$$(basename $$conf | sed 's/bus-.*/bus.conf/'); \
 	  said=$$(systemd-analyze verify --man=no $(SERVICE) 2>&1) && [ -z "$$said" ] || \
@@ -160,7 +163,7 @@ install-env:
 	  f"{p} is in a home folder, which the service cannot see: make install PYTHON=/usr/bin/python3")'
 	rm -rf $(NEW)
 	$(PUBLIC) $(PYTHON) -m venv $(NEW)
-	$(PUBLIC) $(NEW)/bin/pip install --quiet --disable-pip-version-check --no-compile --no-deps -r requirements.lock -r requirements-web.lock .
+	$(PUBLIC) $(NEW)/bin/pip install --quiet --disable-pip-version-check --no-compile --no-deps -r requirements.lock -r requirements-web.lock -r requirements-ros.lock .
 	@$(NEW)/bin/python -P -m compiled
 	$(PUBLIC) $(NEW)/bin/python -P -m daemon.commands.manual $(NEW)/share
 	grep -rlIF $(NEW) $(NEW)/bin $(NEW)/pyvenv.cfg | xargs sed -i 's|$(NEW)|$(PREFIX)|g'
@@ -171,7 +174,7 @@ install-env:
 install-files:
 	$(refuse-strange-robot)
 	$(PUBLIC) install -d $(addprefix $(DESTDIR),/etc /usr/local/bin) $(SHARE)/configs
-	ln -sf $(PREFIX)/bin/contactd $(PREFIX)/bin/contactctl $(PREFIX)/bin/contactd-web $(DESTDIR)/usr/local/bin/
+	ln -sf $(PREFIX)/bin/contactd $(PREFIX)/bin/contactctl $(PREFIX)/bin/contactd-web $(PREFIX)/bin/contactd-zenoh $(DESTDIR)/usr/local/bin/
 	$(PUBLIC) for page in $(PAGES); do install -d $(DESTDIR)/usr/local/share/$$(dirname $$page) && \
 	  ln -sf $(PREFIX)/share/$$page $(DESTDIR)/usr/local/share/$$page || exit 1; done
 	cp -R --no-preserve=ownership docs systemd/examples $(SHARE)/
@@ -181,6 +184,7 @@ install-files:
 	$(PUBLIC) install -d $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE)
 	$(PUBLIC) sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd.service >$(UNITS)/contactd.service
 	$(PUBLIC) sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd-web.service >$(UNITS)/contactd-web.service
+	$(PUBLIC) sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd-zenoh.service >$(UNITS)/contactd-zenoh.service
 	install -m 644 systemd/contactd.service.d/bus.conf $(UNITS)/contactd.service.d/
 	install -m 644 systemd/$(DEVICE)/contactd.conf $(UNITS)/$(DEVICE)/
 	$(PUBLIC) install -D -m 644 systemd/can0.network $(LIB)/systemd/network/can0.network
@@ -196,16 +200,16 @@ install-files:
 uninstall:  ## stop the service and take it out again; configuration and recordings stay (root)
 	$(refuse-strange-prefix)
 ifneq ($(HERE),)
-	-systemctl disable --now contactd-web.service contactd.service
+	-systemctl disable --now contactd-web.service contactd-zenoh.service contactd.service
 endif
-	rm -rf $(UNITS)/contactd-web.service $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE) $(DESTDIR)$(PREFIX)
+	rm -rf $(UNITS)/contactd-web.service $(UNITS)/contactd-zenoh.service $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE) $(DESTDIR)$(PREFIX)
 	rm -f $(LIB)/systemd/network/can0.network $(LIB)/sysusers.d/contactd.conf
 	-rmdir --ignore-fail-on-non-empty $(UNITS) $(LIB)/systemd/network $(LIB)/systemd $(LIB)/sysusers.d
-	rm -f $(addprefix $(DESTDIR)/usr/local/bin/,contactd contactctl contactd-web) $(addprefix $(DESTDIR)/usr/local/share/,$(PAGES))
+	rm -f $(addprefix $(DESTDIR)/usr/local/bin/,contactd contactctl contactd-web contactd-zenoh) $(addprefix $(DESTDIR)/usr/local/share/,$(PAGES))
 ifneq ($(HERE),)
 	systemctl daemon-reload
 endif
-	@echo "kept: /etc/contactd, /var/lib/contactd, users contactd and contactd-web, groups contact and contact-view,"
+	@echo "kept: /etc/contactd, /var/lib/contactd, users contactd, contactd-web and contactd-zenoh, groups contact and contact-view,"
 	@echo "and what you made yourself: drop-ins below /etc/systemd, and below /etc/systemd/network"
 
 verify: $(STAMP)  ## compare our URDF with the public Romeo description (downloads 400 MB)
@@ -232,8 +236,10 @@ lock:  ## resolve the dependencies anew and write the lock files (names and vers
 	build/lock/bin/pip freeze --exclude contactd > requirements.lock
 	build/lock/bin/pip install --quiet ".[web]"
 	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock > requirements-web.lock
-	build/lock/bin/pip install --quiet ".[bench,cluster,dev,foxglove,web]" hatchling
-	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock -f requirements-web.lock > requirements-dev.lock
+	build/lock/bin/pip install --quiet ".[ros,web]"
+	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock -f requirements-web.lock > requirements-ros.lock
+	build/lock/bin/pip install --quiet ".[bench,cluster,dev,foxglove,ros,web]" hatchling
+	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock -f requirements-web.lock -f requirements-ros.lock > requirements-dev.lock
 
 clean:  ## remove the environment and everything that was built
 	-$(BIN)/python hatch_build.py --clean

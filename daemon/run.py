@@ -11,12 +11,12 @@ import msgspec
 import numpy as np
 
 import compiled
+from contactd_client.paths import default_socket_path
 from daemon.assembly import build_boot, build_estimator, build_tick, check_identification
 from daemon.config.load import Robot
 from daemon.ending import bring_to_rest, stop_on_error
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Grant
-from daemon.protocol.socket_path import default_socket_path
 from daemon.service.black_box import BlackBox, default_directory, ring_path
 from daemon.service.journal import log_to_stderr
 from daemon.service.notify import Notifier, notifier_of

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from daemon.protocol.socket_path import how_to_be_let_in, usual_socket_path
+from contactd_client.paths import how_to_be_let_in, usual_socket_path
 from daemon.service.black_box import (
     default_directory,
     new_log,

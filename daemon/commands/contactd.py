@@ -13,6 +13,7 @@ from click.core import ParameterSource
 
 from compiled import refuse_stale
 from daemon.commands import recordings
+from daemon.commands.fleet import fleet
 from daemon.commands.options import PATH, Range
 from errors import ContactdError, ProgramError
 
@@ -361,6 +362,7 @@ def thresholds(seconds: float, per_hour: float, it_was_me: bool, **asked: Any) -
 
 for command in recordings.COMMANDS:
     main.add_command(command)
+main.add_command(fleet)
 
 
 if __name__ == "__main__":

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import click
 
+from contactd_client.paths import usual_socket_path, view_socket_path
 from daemon.commands.options import PATH
-from daemon.protocol.doors import view_socket_path
-from daemon.protocol.socket_path import usual_socket_path
 from errors import ConfigurationError, ContactdError
 
 

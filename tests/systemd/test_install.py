@@ -35,7 +35,13 @@ def installed(tmp_path: Path) -> Path:
     assert make("install-files", tmp_path).returncode == 0
     environment = tmp_path / "opt/contactd"
     (environment / "bin").mkdir()
-    for name in ("bin/contactd", "bin/contactctl", "bin/contactd-web", "pyvenv.cfg"):
+    for name in (
+        "bin/contactd",
+        "bin/contactctl",
+        "bin/contactd-web",
+        "bin/contactd-zenoh",
+        "pyvenv.cfg",
+    ):
         (environment / name).touch()
     return tmp_path
 

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from daemon.protocol import socket_path
-from daemon.protocol.doors import DOORS, Door, view_socket_path
+from contactd_client import paths
+from contactd_client.paths import default_socket_path, usual_socket_path, view_socket_path
+from daemon.protocol.doors import DOORS, Door
 from daemon.protocol.messages import Reply
-from daemon.protocol.socket_path import default_socket_path, usual_socket_path
 from daemon.service.socket import ControlSocket
 from errors import ControlError
 
@@ -153,8 +153,8 @@ def test_clients_look_for_the_installed_service_also_before_it_ever_ran(
 ) -> None:
     monkeypatch.delenv("CONTACTD_SOCKET", raising=False)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr(socket_path, "SERVICE_SOCKET", tmp_path / "run/control")
-    monkeypatch.setattr(socket_path, "UNIT_FOLDERS", (tmp_path / "a", tmp_path / "b"))
+    monkeypatch.setattr(paths, "SERVICE_SOCKET", tmp_path / "run/control")
+    monkeypatch.setattr(paths, "UNIT_FOLDERS", (tmp_path / "a", tmp_path / "b"))
     mine = tmp_path / "contactd.sock"
     assert usual_socket_path() == mine
     (tmp_path / "b").mkdir()
