@@ -32,7 +32,8 @@ from daemon.assembly import build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import load_robot
 from estimator.identification.excitation import Bounds, fourier_within, trajectory
-from estimator.identification.friction import Verdict, identify_friction
+from estimator.identification.friction import identify_friction
+from estimator.identification.friction_verdict import Verdict
 from estimator.identification.gap import identify_gap
 from estimator.identification.motion_log import MotionLog
 from estimator.model import Model

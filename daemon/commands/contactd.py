@@ -258,11 +258,13 @@ def gap(joints: tuple[str, ...], by_hand: bool, **asked: Any) -> None:
 
 @identify.command()
 @click.option("--seconds", default=60.0, show_default=True, type=Range(20, 600))
+@click.option("--shortest", default=10.0, show_default=True, type=Range(5, 600),
+              help="Motion that a log must have [s]; less than 10 at your own risk.")  # fmt: skip
 @_identification
-def friction(seconds: float, **asked: Any) -> None:
+def friction(seconds: float, shortest: float, **asked: Any) -> None:
     """Move all joints, without contact: friction and rotor inertia."""
     with _begin(**asked) as identification:
-        sys.exit(0 if identification.friction(seconds) else 1)
+        sys.exit(0 if identification.friction(seconds, shortest) else 1)
 
 
 @identify.command()

@@ -151,10 +151,10 @@ class Identification:
             self._draw(partial(plot_gap, measured.log, i, found.half_gap, picture))
         return all(outcomes)
 
-    def friction(self, seconds: float) -> bool:
-        """Identify friction and rotor inertia of all joints."""
+    def friction(self, seconds: float, shortest_s: float) -> bool:
+        """Identify friction and rotor inertia of all joints, from no less than `shortest_s`."""
         measured = self._source.friction(seconds)
-        outcome = friction_step(self._robot, measured, now())
+        outcome = friction_step(self._robot, measured, now(), shortest_s)
         good = self._conclude("friction", "friction", outcome)
         if outcome.shown is not None:
             self._draw(partial(plot_friction, measured.log, outcome.shown, self._folder))

@@ -72,16 +72,16 @@ def read_measured(paths: Sequence[Path], c: Configuration, *, gap_of: str = "") 
         begun = found[0].time_s
         states += [replace(s, time_s=s.time_s - begun + later) for s in raised(found, recorded)]
     if gap_of:
-        states = _moved(states)
+        states = moved(states)
     measured = from_states(states, c.joint_names, tuple(notes))
     return dataclasses.replace(measured, outdated=outdated)
 
 
-def _moved(states: list[State]) -> list[State]:
+def moved(states: list[State]) -> list[State]:
     """States of the motion that was for the gap, without those before and after, in which the arm
     only held; all where most was held, while a hand moved the link."""
-    moved = [s for s in states if s.mode == Mode.TRACKING]
-    return moved if 2 * len(moved) > len(states) else states
+    tracked = [s for s in states if s.mode == Mode.TRACKING]
+    return tracked if 2 * len(tracked) > len(states) else states
 
 
 def raised(states: Iterable[State], c: Configuration) -> list[State]:
