@@ -13,7 +13,6 @@ Arms are those of `bench.false_contacts`, but their friction does not drift: lea
 it, and rests while a hand is there, would count as absorbed.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 from arrays import Matrix, Vector
+from bench.options import FIRST_SEED, JOBS, help_of
 from bench.report import Target, print_report
 from bench.rigs.arm_without_bus import Push, Recording, Scenario, record
 from bench.rigs.lockstep import ROMEO
@@ -236,11 +236,11 @@ def _over_arms(
     return [words.format(of(column)) if column.size else "-" for column in told]
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--arms", type=click.IntRange(min=1), default=2, show_default=True)
 @click.option("--minutes", type=click.FloatRange(1.5, 60.0), default=10.0, show_default=True)
-@click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
-@click.option("--seed", default=1, show_default=True, help="Of the first arm.")
+@JOBS
+@FIRST_SEED
 @click.option("--friction", default="all", type=click.Choice([*LAWS, "all"]))
 @click.option("--json", "as_json", is_flag=True)
 def main(

@@ -28,6 +28,7 @@ from can.interfaces.virtual import VirtualBus
 from numpy.typing import NDArray
 
 from arrays import Vector
+from bench.options import help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.message_wire import MessageWire
@@ -259,7 +260,7 @@ def compare(number: int, rounds: int) -> dict[str, Any]:
     return {"exchanges": number, "rounds": rounds, "us": took}
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--exchanges", default=1000, show_default=True, help="Per round and side.")
 @click.option("--rounds", default=9, show_default=True, help="The median of them counts.")
 @click.option("--json", "as_json", is_flag=True)

@@ -18,6 +18,7 @@ import click
 import msgspec
 import numpy as np
 
+from bench.options import help_of
 from bench.report import Target, print_report
 from bench.rigs.clamps import Clamps, Obstacle
 from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
@@ -193,7 +194,7 @@ def line(case: Case, found: Squeeze) -> str:
 
 
 def targets_of(rows: list[tuple[Case, Squeeze]]) -> list[Target]:
-    """Held against the issue's figures; a person behind the arm is another matter."""
+    """Held against limits; a person behind the arm is another matter."""
     alone = [found for case, found in rows if not case.hand and found.collided]
     let_go = [found for found in alone if Mode.RELEASING in found.modes]
     pressed = [found.hand - found.contact for case, found in rows if case.hand]
@@ -226,7 +227,7 @@ def targets_of(rows: list[tuple[Case, Squeeze]]) -> list[Target]:
     ]
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--arm", "arms", multiple=True, type=click.Choice(list(ARMS)), help="Only this one.")
 @click.option("--json", "as_json", is_flag=True)
 def main(arms: tuple[str, ...], as_json: bool) -> None:

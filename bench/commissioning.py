@@ -20,6 +20,7 @@ import numpy as np
 
 from arrays import Matrix, Vector
 from bench.contact_free import MOTION, moving
+from bench.options import SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import lockstep_rig
 from bench.rigs.person import CommissionedArm, Person, Written, poor_guesses
@@ -115,8 +116,8 @@ def of_friction(arm: CommissionedArm) -> dict[str, Vector]:
     return dict(zip(("coulomb", "viscous", "B"), errors, strict=True)) | {"r2": found[3]}
 
 
-@click.command(help=__doc__)
-@click.option("--seed", default=1, show_default=True)
+@click.command(help=help_of(__doc__))
+@SEED
 @click.option("--json", "as_json", is_flag=True)
 def main(seed: int, as_json: bool) -> None:
     logging.getLogger("contactd").setLevel(logging.ERROR)

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from arrays import Vector
+from bench.options import SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import lockstep_rig
 from bench.study.before import code_before
@@ -128,9 +129,9 @@ def rounded(values: Vector) -> list[float]:
     return [round(float(value), 3) for value in values]
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--seconds", type=click.FloatRange(1.0, 36000.0), default=120.0, show_default=True)
-@click.option("--seed", default=1, show_default=True)
+@SEED
 @click.option("--json", "as_json", is_flag=True)
 def main(seconds: float, seed: int, as_json: bool) -> None:
     runs = []

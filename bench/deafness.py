@@ -14,30 +14,20 @@ lost: in pairs for the delay, and for some minutes with nobody touching the arm.
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from typing import Final, Literal
 
 import click
-import msgspec
 import numpy as np
 
+from bench.options import help_of
 from bench.report import Target, print_report
-from bench.rigs.faulty_wire import FaultyWire
-from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
 from bench.rigs.losses import Loss, Mask, Pattern, lossy_steps
+from bench.rigs.lossy_arm import ARMS, JOINTS, Run, running
 from daemon.commands.options import Range
-from daemon.config.load import load_robot
-from daemon.config.schema import Configuration, Sinusoid, Trajectory
 from daemon.faults.table import Condition
-from daemon.modes.contact_reactions import AfterQuiet
-from daemon.modes.table import GUIDED, Event, Mode
-from drivers.can.wire import Wire
+from daemon.modes.table import Event, Mode
 
-ARMS: Final = {"romeo": ROMEO, "desk arm": DESK_ARM}
-JOINTS: Final = {
-    name: len(load_robot(folder).configuration.joints) for name, folder in ARMS.items()
-}
 MODES: Final = (Mode.TRACKING, Mode.ADMITTANCE, Mode.RETURNING, Mode.HOLDING)
 PERIODIC = (
     Pattern(4, 9),
@@ -80,92 +70,6 @@ class Heard:
     deaf_s: float | None  # its joint began to sense nothing; negative: before the push
     stopped_s: float | None  # the arm had begun to stop, or State said who senses nothing
     resumed_early: bool  # it went on by itself without quiet time that counts
-
-
-def configured(c: Configuration) -> Configuration:
-    """All joints move at once, to and fro, and an interrupted trajectory is returned to."""
-    waves = {
-        name: Sinusoid(amplitude=0.15, frequency_Hz=0.4 + 0.02 * i)
-        for i, name in enumerate(c.joint_names)
-    }
-    return msgspec.structs.replace(
-        c,
-        trajectory=Trajectory(sinusoids=waves, ramp_s=0.3),
-        admittance=msgspec.structs.replace(c.admittance, after_quiet=AfterQuiet.RETURN),
-        estimator=msgspec.structs.replace(c.estimator, beside=()),
-    )
-
-
-class Run:
-    """An arm that is brought to a mode, and pushed."""
-
-    def __init__(self, rig: Rig, wire: FaultyWire) -> None:
-        self.rig, self.wire = rig, wire
-        self.n = len(rig.robot.configuration.joints)
-        self._sure_ticks = 0
-        self._before = rig.mode
-        self.resumed_early = False
-
-    def watch(self) -> None:
-        """Look at the tick that has ended: quiet ticks that count, and what follows from them."""
-        rig = self.rig
-        mode, estimate = rig.mode, rig.last.estimate
-        quiet_s = rig.tick.controller.quiet.limit_s
-        if (
-            self._before in GUIDED
-            and mode in (Mode.TRACKING, Mode.RETURNING)
-            and mode is not self._before
-        ):
-            needed = round(quiet_s / rig.robot.configuration.period_s) - 1
-            returns = self._before is Mode.RETURNING
-            self.resumed_early |= not returns and self._sure_ticks < needed
-        if estimate is None or np.any(estimate.thresholded):
-            self._sure_ticks = 0
-        elif estimate.sensing.all():
-            self._sure_ticks += 1
-        self._before = mode
-
-    def step(self, seconds: float) -> None:
-        """Undisturbed."""
-        self.rig.run(seconds, self.watch)
-
-    def push(self, joint: int, torque: float) -> None:
-        """From now on."""
-        self.rig.arm.external_torque[joint] = torque
-
-    def bring_to(self, mode: Mode, joint: int) -> None:
-        """Arm, and come to a mode; a guided one by a push on `joint`."""
-        rig = self.rig
-        rig.enable()
-        if mode is not Mode.HOLDING:
-            rig.request(Event.START)
-        self.step(0.8)
-        if reasons := rig.permit():
-            raise click.ClickException("; ".join(reasons))
-        if mode in GUIDED:
-            level = rig.robot.configuration.joints[joint].thresholds.contact
-            self.push(joint, 2.0 * level)
-            self.step(0.4)
-            self.push(joint, 0.0)
-            self.step(0.3)
-        for _ in range(400):
-            if rig.mode is mode:
-                return
-            self.step(rig.robot.configuration.period_s)
-        raise click.ClickException(f"did not come to {mode}: {rig.mode}, {rig.last.cause}")
-
-
-@contextmanager
-def running(arm: str) -> Iterator[Run]:
-    """A run of this arm, which can lose frames."""
-    wires: list[FaultyWire] = []
-
-    def between(wire: Wire) -> FaultyWire:
-        wires.append(FaultyWire(wire))
-        return wires[0]
-
-    with lockstep_rig(ARMS[arm], configure=configured, between=between) as rig:
-        yield Run(rig, wires[0])
 
 
 def measure(case: Case, *, lossy: bool) -> Heard:
@@ -220,7 +124,7 @@ def pushed(run: Run, case: Case, torque: float, before: int, lost: Mask) -> Hear
 
 
 def verdict(case: Case, lossless: Heard, lossy: Heard) -> Verdict:
-    """What the issue asks, in this order."""
+    """What came of it, the first that holds."""
     latest = (lossless.felt_s or 0.0) + LATEST_S
     if lossy.felt_s is not None and lossy.felt_s <= latest + 1e-9:
         return "felt"
@@ -354,7 +258,7 @@ def line(case: Case, lossless: Heard, lossy: Heard, found: Verdict) -> str:
 def targets_of(
     verdicts: Counter[Verdict], resumed: int, further: list[float], found: Counter[str]
 ) -> list[Target]:
-    """Held against the issue's figures."""
+    """Held against limits."""
     other = sum(n for what, n in found.items() if what != Condition.STALE.value)
     return [
         Target(
@@ -372,7 +276,7 @@ def targets_of(
     ]
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--repeat", type=click.IntRange(min=0), default=2, help="Of the whole population.")
 @click.option("--pairs", type=click.IntRange(min=0), default=60, help="Of pushes at 1 % of losses.")
 @click.option(

@@ -16,7 +16,6 @@ smallest step is that at the lowest levels for which the contact-free minutes ra
 """
 
 import math
-import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -27,6 +26,7 @@ import click
 import numpy as np
 from rich.console import Console
 
+from bench.options import JOBS, SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO
 from bench.study.detection_report import joint_table, picture, table
@@ -162,7 +162,7 @@ def plain(value: Any) -> Any:
     return value
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option(
     "--minutes",
     type=Range(1, 600),
@@ -171,8 +171,8 @@ def plain(value: Any) -> Any:
     help="Contact-free, per friction.",
 )
 @click.option("--step-minutes", type=Range(1, 600), show_default="as --minutes", help="With steps.")
-@click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
-@click.option("--seed", default=1, show_default=True)
+@JOBS
+@SEED
 @click.option("--friction", default="all", type=click.Choice([*LAWS, "all"]))
 @click.option("--motor-position", default="measured", type=click.Choice(["measured", "integrated"]))
 @click.option("--stiction-share", type=Range(0, 2), help="In place of the configured one.")

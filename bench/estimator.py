@@ -22,6 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from arrays import Matrix
+from bench.options import help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from daemon.assembly import build_estimator, build_transmission
@@ -173,7 +174,7 @@ def kept(step: Callable[[], None]) -> int:
     return sys.getallocatedblocks() - before
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option(
     "--repetitions",
     type=click.IntRange(min=1),

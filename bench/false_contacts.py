@@ -16,7 +16,6 @@ Simulated without a bus. A false contact begins where the residual exceeds the t
 more than half the contact level.
 """
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -30,6 +29,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from bench.options import FIRST_SEED, JOBS, help_of
 from bench.report import Target, print_report
 from bench.rigs.arm_without_bus import Recording, Scenario, recordings
 from bench.rigs.lockstep import ROMEO
@@ -175,11 +175,11 @@ def by_joint(law: Law, whole: Tally, c: Configuration) -> Table:
     return shown
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--arms", type=click.IntRange(min=1), default=2, show_default=True)
 @click.option("--minutes", type=click.FloatRange(0.1, 600.0), default=12.0, show_default=True)
-@click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
-@click.option("--seed", default=1, show_default=True, help="Of the first arm.")
+@JOBS
+@FIRST_SEED
 @click.option("--friction", default="all", type=click.Choice([*LAWS, "all"]))
 @click.option(
     "--motor-position", default="integrated", type=click.Choice(["measured", "integrated"])

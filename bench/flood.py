@@ -21,6 +21,7 @@ from typing import Any
 import click
 import numpy as np
 
+from bench.options import help_of
 from bench.report import Target, print_report
 from bench.rigs.besieged_person import EFFECT_TICKS, Stops, besieged_person
 from bench.rigs.lockstep import SINGLE_JOINT
@@ -133,7 +134,7 @@ def _merged(some: list[Phase], name: str) -> Phase:
     return merged
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--seconds", default=4.0, show_default=True, help="Of each phase.")
 @click.option("--json", "as_json", is_flag=True)
 def main(seconds: float, as_json: bool) -> None:

@@ -17,6 +17,7 @@ import click
 import msgspec
 import numpy as np
 
+from bench.options import SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import lockstep_rig
 from bench.study.leading import lead, lead_limp, stiffness, stroke
@@ -134,11 +135,11 @@ def read_gains(pairs: Sequence[str]) -> dict[str, float]:
         raise click.BadParameter("say JOINT=K_A, like LElbowRoll=0.3") from None
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--speed", default=0.25, show_default=True, help="Of the hand [rad/s].")
 @click.option("--gain", "gains", multiple=True, metavar="JOINT=K_A", help="Another K_a.")
 @click.option("--mass", type=float, help="Another virtual mass, as its time constant [s].")
-@click.option("--seed", default=1, show_default=True)
+@SEED
 @click.option("--json", "as_json", is_flag=True)
 def main(
     speed: float, gains: tuple[str, ...], mass: float | None, seed: int, as_json: bool

@@ -12,7 +12,6 @@ a hand (bench/study/gap_plants.py says which of them are observable). Simulated 
 arm takes some ten seconds of CPU time. A picture goes to bench/out/identification.png.
 """
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -22,6 +21,7 @@ import msgspec
 import numpy as np
 
 from arrays import Vector
+from bench.options import JOBS, SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.arm_batch import Scatter, SoftHand, random_arm, record_fleet
 from bench.rigs.lockstep import ROMEO
@@ -243,12 +243,12 @@ def gaps_without_a_hand(plants: int, seed: int, processes: int) -> list[gap_with
             for one in part]  # fmt: skip
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--arms", default=50, show_default=True)
 @click.option("--plants", default=200, show_default=True, type=click.IntRange(min=1))
 @click.option("--seconds", default=20.0, show_default=True)
-@click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
-@click.option("--seed", default=1, show_default=True)
+@JOBS
+@SEED
 @click.option("--json", "as_json", is_flag=True)
 def main(arms: int, plants: int, seconds: float, processes: int, seed: int, as_json: bool) -> None:
     todo = [

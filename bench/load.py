@@ -15,7 +15,6 @@ Arms are those of `bench.false_contacts`, simulated without a bus. The day of th
 than a real one: a day of 20 minutes shows a gap ten times as often as one of two.
 """
 
-import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any, Final, Literal
@@ -23,6 +22,7 @@ from typing import Any, Final, Literal
 import click
 import numpy as np
 
+from bench.options import FIRST_SEED, JOBS, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO
 from bench.study.loads import (
@@ -52,15 +52,15 @@ def load_targets(results: Sequence[LoadResult]) -> list[Target]:
     """Recognised in time, with its mass; and told, nothing is left of it."""
     rows = []
     for mass, share in zip(MASSES, (95.0, 100.0), strict=True):
-        judged = [r for r in results if r.job.mass == mass and r.enough]
+        judged = [r for r in results if r.given == mass and r.enough]
         within = [r for r in judged if r.found_s is not None and r.found_s <= WITHIN_S]
-        found = [r for r in results if r.job.mass == mass and r.found_s is not None]
+        found = [r for r in results if r.given == mass and r.found_s is not None]
         name = f"{mass:g} kg recognised within {WITHIN_S:g} s of motion, of {len(judged)} arms"
         rows.append(Target(name, 100.0 * len(within) / len(judged), share, "%", "higher"))
         wrong = sum(abs(r.mass - mass) > max(0.15 * mass, 0.05) for r in found)
         name = f"{mass:g} kg: masses off by more than 15 % and 50 g, of {len(found)}"
         rows.append(Target(name, wrong, 0, "", "lower"))
-        ratios = np.array([r.ratio for r in results if r.job.mass == mass])
+        ratios = np.array([r.ratio for r in results if r.given == mass])
         name = f"{mass:g} kg told: rms of r over that without it, median"
         rows.append(Target(name, float(np.median(ratios)), 1.1, "x", "lower"))
         name = f"{mass:g} kg told: the same, 95 % of the arms"
@@ -88,10 +88,9 @@ def wear_targets(results: Sequence[WearResult], joints: Sequence[str]) -> list[T
 
 def loads(arms: int, seed: int, processes: int) -> list[LoadResult]:
     """Arms with each mass."""
-    todo = [
-        LoadJob(ROMEO, LAWS[k % len(LAWS)], seed + k, mass) for mass in MASSES for k in range(arms)
-    ]
-    return sorted(spread(load, todo, processes, "loads"), key=lambda r: (r.job.mass, r.job.seed))
+    todo = [LoadJob(ROMEO, LAWS[k % len(LAWS)], seed + k, MASSES) for k in range(arms)]
+    found = [result for one in spread(load, todo, processes, "loads") for result in one]
+    return sorted(found, key=lambda r: (r.given, r.job.seed))
 
 
 def hands(minutes: float, seed: int, processes: int) -> list[tuple[HandJob, list[Any]]]:
@@ -121,15 +120,15 @@ def wears(
     return sorted(done, key=lambda r: (r.job.joint, r.job.seed)), c.joint_names
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--arms", type=click.IntRange(min=1), default=100, show_default=True)
 @click.option("--hand-minutes", type=click.FloatRange(min=1), default=60.0, show_default=True)
 @click.option("--wear-arms", type=click.IntRange(min=1), default=40, show_default=True)
 @click.option("--days", type=click.IntRange(min=1), default=30, show_default=True)
 @click.option("--day-minutes", type=click.FloatRange(min=1), default=4.0, show_default=True)
 @click.option("--part", type=click.Choice(["load", "hand", "wear", "all"]), default="all")
-@click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
-@click.option("--seed", default=1, show_default=True, help="Of the first arm.")
+@JOBS
+@FIRST_SEED
 @click.option("--json", "as_json", is_flag=True)
 def main(
     arms: int,

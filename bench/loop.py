@@ -20,12 +20,13 @@ where that is missing a sleeping thread of ours; real-time priorities need root 
 
 import click
 
+from bench.options import help_of
 from daemon.service.realtime import single_threaded
 
 RESIDENT_S = 30
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--hz", type=click.IntRange(10, 1000), help="Ticks per second.  [100, 250, 1000]")
 @click.option("--seconds", type=click.IntRange(2, 3600), default=60, show_default=True)
 @click.option("--load", is_flag=True, help="With CPU hogs beside it.")

@@ -12,7 +12,6 @@ given the motor position, exact but for an encoder's count. What they make of it
 each other and with the plant.
 """
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import reduce
@@ -30,6 +29,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from arrays import Vector
+from bench.options import JOBS, SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.arm_without_bus import Recording, Scenario, recordings
 from bench.rigs.lockstep import ROMEO
@@ -238,11 +238,11 @@ def table(title: str, rows: dict[str, list[float]]) -> Table:
     return shown
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--minutes", default=10.0, show_default=True, help="Per kind of friction.")
 @click.option("--arm-minutes", default=2.0, show_default=True, help="Of one arm, in one piece.")
-@click.option("--jobs", "processes", default=os.cpu_count(), show_default="all processors")
-@click.option("--seed", default=1, show_default=True)
+@JOBS
+@SEED
 @click.option("--friction", default="all", type=click.Choice([*LAWS, "all"]))
 @click.option("--json", "as_json", is_flag=True)
 def main(

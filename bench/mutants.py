@@ -23,6 +23,8 @@ from typing import Final
 import click
 import yaml
 
+from bench.options import help_of
+
 ROOT: Final = Path(__file__).resolve().parent.parent
 COPIED: Final = (
     "daemon", "drivers", "estimator", "simulator", "bench", "tests", "configs", "docs",
@@ -152,9 +154,9 @@ def equivalent(files: tuple[str, ...]) -> set[Mutant]:
     }
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.argument("names", nargs=-1)
-@click.option("--jobs", default=os.cpu_count() or 1, help="At once.")
+@click.option("--jobs", type=click.IntRange(1), default=os.cpu_count() or 1, help="At once.")
 @click.option("--python", default=str(BUILD / "venv" / "bin" / "python"), help="With mutmut 2.5.")
 def main(names: tuple[str, ...], jobs: int, python: str) -> None:
     files = tuple(file for file in TESTS if not names or Path(file).stem in names)

@@ -21,6 +21,7 @@ import click
 import msgspec
 import numpy as np
 
+from bench.options import SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO, Rig, lockstep_rig
 from bench.study import courses
@@ -167,12 +168,12 @@ def targets(day: Day) -> list[Target]:
     ]
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--minutes", type=click.FloatRange(0.5, 60.0), default=10.0, show_default=True)
 @click.option(
     "--presliding", type=click.FloatRange(1e-4, 2e-3), default=2e-4, show_default=True, help="[rad]"
 )
-@click.option("--seed", default=1, show_default=True)
+@SEED
 @click.option("--json", "as_json", is_flag=True)
 def main(minutes: float, presliding: float, seed: int, as_json: bool) -> None:
     day = run(minutes, presliding, seed)

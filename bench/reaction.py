@@ -26,6 +26,7 @@ from typing import Any, cast
 import click
 import numpy as np
 
+from bench.options import help_of
 from bench.report import Target, print_report
 from bench.rigs.breakable_arm import BreakableArm, start
 from bench.rigs.faults import PLACES, SHOWN, Case, Place
@@ -241,7 +242,7 @@ def measured(place: Place) -> list[dict[str, Any]]:
     return [*rows, program_error(place), killed(place)]
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--json", "as_json", is_flag=True)
 def main(as_json: bool) -> None:
     logging.getLogger("contactd").setLevel(logging.CRITICAL)  # what a reset mends is no news here

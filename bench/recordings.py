@@ -22,6 +22,7 @@ from typing import Any, Final
 
 import click
 
+from bench.options import SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import DESK_ARM, ROMEO
 from bench.study.before import code_before
@@ -129,7 +130,7 @@ def answers_of(
     return data, targets
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option(
     "--minutes",
     type=click.FloatRange(0.02, 60.0),
@@ -144,7 +145,7 @@ def answers_of(
     show_default=True,
     help="Replays of each, by each side.",
 )
-@click.option("--seed", default=1, show_default=True)
+@SEED
 @click.option("--many/--no-many", default=True, help="Files and workers, and memory, too.")
 @click.option("--json", "as_json", is_flag=True)
 def main(minutes: float, rounds: int, seed: int, many: bool, as_json: bool) -> None:

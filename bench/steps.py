@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from bench.contact_free import moving
+from bench.options import SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.modes.table import Event
@@ -83,8 +84,8 @@ def steps(seed: int, friction: str, *, in_motion: bool) -> list[dict[str, Any]]:
     return [{**row, "filter_ms": round(1000 * np.log(2) / gain, 1)} for row in rows]
 
 
-@click.command(help=__doc__)
-@click.option("--seed", default=1, show_default=True)
+@click.command(help=help_of(__doc__))
+@SEED
 @click.option("--friction", type=click.Choice(["smooth", "dahl"]), default="smooth")
 @click.option("--json", "as_json", is_flag=True)
 def main(seed: int, friction: str, as_json: bool) -> None:

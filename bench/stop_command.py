@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from bench.options import help_of
 from bench.report import Target, print_report
 from bench.rigs.breakable_arm import MAKES, BreakableArm, Fault, Make, stage, start
 from bench.rigs.bus_faults import sync_lost
@@ -86,7 +87,7 @@ def cost_bits(make: Make, way: str) -> int:
     return sum(frame_bits(len(data)) for _, data in frames) + answers
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option("--json", "as_json", is_flag=True)
 def main(as_json: bool) -> None:
     rows: list[dict[str, Any]] = []

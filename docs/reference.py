@@ -1,8 +1,9 @@
 """Writer of the reference pages from the code: `python docs/reference.py`, or `make reference`.
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
-`contactctl.md` from the commands' own help. `faults.md`, `modes.md` and `recording.md` are written
-by hand but for the parts between two markers, which come from what the program runs on.
+`contactctl.md` from the commands' own help. `faults.md`, `modes.md`, `mistakes.md`, `recording.md`
+and `rehearsing.md` are written by hand but for the parts between two markers, which come from what
+the program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
@@ -19,12 +20,14 @@ import click
 import msgspec
 from msgspec import inspect as types
 
+from bench.study.mistakes import MISTAKES
 from daemon.commands.contactctl import main
 from daemon.config.schema import Configuration
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.contact_reactions import EVENT_OF
 from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
 from daemon.protocol.messages import Snapshot, State
+from simulator.truth import SimulationFile
 
 DOCS = Path(__file__).parent
 MADE = "<!-- Made from the code by `make reference`: change it there. -->\n"
@@ -81,6 +84,19 @@ def recording_page() -> str:
     """docs/recording.md, with the messages of a recording."""
     page = (DOCS / "recording.md").read_text(encoding="utf-8")
     return filled(page, {"messages": _messages()})
+
+
+def rehearsing_page() -> str:
+    """docs/rehearsing.md, with the schema of `simulation.yaml`."""
+    page = (DOCS / "rehearsing.md").read_text(encoding="utf-8")
+    sections = [_section(cls, fields) for cls, fields in _structs(SimulationFile)]
+    return filled(page, {"schema": "\n".join(sections).rstrip().replace("## ", "### ")})
+
+
+def mistakes_page() -> str:
+    """docs/mistakes.md, with the mistakes that `contactd check` is tried with."""
+    page = (DOCS / "mistakes.md").read_text(encoding="utf-8")
+    return filled(page, {"mistakes": _mistakes()})
 
 
 def filled(page: str, parts: Mapping[str, str]) -> str:
@@ -202,6 +218,17 @@ def _message(cls: type) -> str:
     return f"### {cls.__name__}\n\n{inspect.getdoc(cls) or ''}\n\n{table}"
 
 
+# --- mistakes -----------------------------------------------------------------------------------
+
+
+def _mistakes() -> str:
+    rows = [
+        (mistake.words, "`identify wiring`" if mistake.only_wiring else f"`{mistake.field}`")
+        for mistake in MISTAKES
+    ]
+    return _table(("what is written", "told at"), *rows)
+
+
 # --- contactctl -----------------------------------------------------------------------------------
 
 
@@ -317,7 +344,7 @@ def _bounds(kind: types.IntType | types.FloatType) -> str:
 
 
 def _comments(cls: type) -> dict[str, str]:
-    """What stands beside or above each field, or member of an enum, in the code."""
+    """What stands beside, above or as text below each field, or member of an enum, in the code."""
     source = inspect.getsource(cls)
     tree = ast.parse(source).body[0]
     assert isinstance(tree, ast.ClassDef)
@@ -328,17 +355,21 @@ def _comments(cls: type) -> dict[str, str]:
             alone = not token.line[: token.start[1]].strip()
             (above if alone else beside)[token.start[0]] = token.string.lstrip("# ")
     said: dict[str, str] = {}
-    for node in tree.body:
+    for i, node in enumerate(tree.body):
         match node:
             case ast.AnnAssign(target=ast.Name(id=name)) | ast.Assign(targets=[ast.Name(id=name)]):
                 pass
             case _:
                 continue
+        below = tree.body[i + 1] if i + 1 < len(tree.body) else None
         words = [beside[n] for n in range(node.lineno, (node.end_lineno or 0) + 1) if n in beside]
         line, lead = node.lineno - 1, []
         while line in above:
             lead.insert(0, above[line])
             line -= 1
+        match below:
+            case ast.Expr(value=ast.Constant(value=str() as text)):
+                words.append(" ".join(text.split()))
         said[name] = " ".join([*lead, *words]).replace("|", "\\|")
     return said
 
@@ -349,6 +380,8 @@ PAGES = {
     "faults": faults_page,
     "modes": modes_page,
     "recording": recording_page,
+    "mistakes": mistakes_page,
+    "rehearsing": rehearsing_page,
 }
 
 

@@ -42,6 +42,14 @@ MEASURED: Final[tuple[PdoEntry, ...]] = (
 )
 
 
+class LayoutError(ConfigurationError):
+    """PDOs that cannot be laid out; `at` is their place in the profile."""
+
+    def __init__(self, text: str, *at: str) -> None:
+        super().__init__(text)
+        self.at = at
+
+
 def type_limits(type_name: str) -> tuple[int, int]:
     """Lowest and highest value of an integer type of CiA 301."""
     code = STRUCT_CODES[type_name]
@@ -77,27 +85,29 @@ def quantity(profile: DriveProfile, entry: PdoEntry) -> Quantity:
     """Object of the profile that holds `entry`. Raises ConfigurationError if it defines none."""
     found = getattr(profile, entry)
     if not isinstance(found, Quantity):
-        raise ConfigurationError(
-            f"the PDO lists `{entry}`, but the drive profile does not define it"
-        )
+        raise ConfigurationError(f"{entry} is not defined")
     return found
 
 
-def _field(profile: DriveProfile, entry: PdoEntry) -> PdoField:
+def _field(profile: DriveProfile, entry: PdoEntry, *at: str) -> PdoField:
     if entry in WORDS:
         return PdoField(entry, WORDS[entry], 0, "UNSIGNED16")
+    if getattr(profile, entry) is None:
+        text = f"the PDO lists `{entry}`, but the drive profile does not define it"
+        raise LayoutError(text, *at)
     where = quantity(profile, entry)
     return PdoField(entry, where.object, where.subindex, where.type)
 
 
-def _pdos(drive: Drive, layouts: PdoLayout, base: int) -> tuple[Pdo, ...]:
+def _pdos(drive: Drive, kind: str, layouts: PdoLayout, base: int) -> tuple[Pdo, ...]:
     pdos = []
     for number, entries in sorted(layouts.items()):
-        fields = tuple(_field(drive.profile, entry) for entry in entries)
+        fields = tuple(_field(drive.profile, entry, kind, number) for entry in entries)
         layout = struct.Struct("<" + "".join(STRUCT_CODES[field.type] for field in fields))
         if layout.size > 8:
-            raise ConfigurationError(
-                f"PDO {number} [{', '.join(entries)}] has {layout.size} bytes; 8 are allowed"
+            raise LayoutError(
+                f"PDO {number} [{', '.join(entries)}] has {layout.size} bytes; 8 are allowed",
+                *(kind, number),
             )
         cob_id = base + NEXT_PDO * (int(number) - 1) + drive.node
         pdos.append(Pdo(int(number), cob_id, fields, layout))
@@ -105,28 +115,33 @@ def _pdos(drive: Drive, layouts: PdoLayout, base: int) -> tuple[Pdo, ...]:
 
 
 def _refuse_entries(pdos: Sequence[Pdo], kind: str, required: set[str], allowed: set[str]) -> None:
-    carried = [field.entry for pdo in pdos for field in pdo.fields]
-    for entry in carried:
-        if entry not in allowed:
-            raise ConfigurationError(f"{kind}: {entry} is not for a {kind}: {sorted(allowed)}")
-        if carried.count(entry) > 1:
-            raise ConfigurationError(f"{kind}: {entry} is carried more than once")
+    carried: list[str] = []
+    for pdo in pdos:
+        for field in pdo.fields:
+            at, entry = (kind, str(pdo.number)), field.entry
+            if entry not in allowed:
+                raise LayoutError(
+                    f"{kind}: {entry} is not for a {kind}: {', '.join(sorted(allowed))}", *at
+                )
+            if entry in carried:
+                raise LayoutError(f"{kind}: {entry} is carried more than once", *at)
+            carried.append(entry)
     missing = sorted(required.difference(carried))
     if missing:
-        raise ConfigurationError(f"{kind}: {', '.join(missing)} missing")
+        raise LayoutError(f"{kind}: {', '.join(missing)} missing", kind)
 
 
 def transmit_pdos(drive: Drive) -> tuple[Pdo, ...]:
-    """PDOs that a drive sends; ConfigurationError if a quantity is missing, double or too long."""
-    pdos = _pdos(drive, drive.profile.tpdo, TPDO)
+    """PDOs that a drive sends; LayoutError if a quantity is missing, double or too long."""
+    pdos = _pdos(drive, "tpdo", drive.profile.tpdo, TPDO)
     required = {"statusword", drive.profile.effort, "link_position", "motor_velocity"}
     _refuse_entries(pdos, "tpdo", required, required | {"motor_position"})
     return pdos
 
 
 def receive_pdos(drive: Drive) -> tuple[Pdo, ...]:
-    """PDOs that a drive takes; ConfigurationError as for `transmit_pdos`."""
-    pdos = _pdos(drive, drive.profile.rpdo, RPDO)
+    """PDOs that a drive takes; LayoutError as for `transmit_pdos`."""
+    pdos = _pdos(drive, "rpdo", drive.profile.rpdo, RPDO)
     entries = {"controlword", "target_velocity"}
     _refuse_entries(pdos, "rpdo", entries, entries)
     return pdos

@@ -3,7 +3,7 @@
 cimport cython
 
 cdef Py_ssize_t _CONSTANT, _VISCOUS, _COULOMB, _COLUMNS
-cdef double _RESTS_S, _RESTING
+cdef double _STANDS_S, _RESTS_S, _RESTING
 cdef double _NOISE, _NOISE_S, _OFF, _REMAINS, _FREEZES, _FROZEN_S
 cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _LEAST_LEVEL, _GROWS, _LARGEST
 
@@ -12,7 +12,7 @@ cdef class Learning:
     cdef double[::1] _noise, _bound, _forgets_s, _x
     cdef readonly double[:, :, ::1] covariance
     cdef readonly double[:, ::1] columns, shares
-    cdef readonly double[::1] coulomb_left, viscous_left, calm_s, quiet_s, loud_s, correction, unknown
+    cdef readonly double[::1] coulomb_left, viscous_left, calm_s, quiet_s, loud_s, still_s, correction, unknown
     cdef readonly double[::1] squares_s, moved_s, peak, crossing_peak, peak_seen, crossing_seen
 
     cpdef void reset(self, Py_ssize_t i) noexcept

@@ -11,8 +11,8 @@ A Kalman filter follows the shares w, which drift in minutes, and b, which drift
 w1 c + w2 v is taken off the residual; b, the torque of a hand that leans on the arm as well as of
 masses that are off, never is: friction turns with the motion, and a hand does not. While a contact
 is on, and for a moment after the residual was far from what these make of it, only b is followed;
-at rest and inside a gap, nothing, and what is known fades in hours. Near rest, where friction may
-be anything, what shows is believed less. No share goes beyond its bound.
+at rest and inside a gap, nothing, and in hours of rest what is known fades. Near rest, where
+friction may be anything, what shows is believed less. No share goes beyond its bound.
 
 What is not known yet raises the levels: `unknown` is the torque that friction, wrong by _OFF,
 would make there, less by what the joint has shown since. What is known sinks them: `level(i)` is
@@ -43,9 +43,9 @@ _OFF, _REMAINS = 0.5, 0.15
 # For _FROZEN_S after the residual was further than this share of the level in force from what is
 # expected, no share is learned; and beyond it, the residual is loud.
 _FREEZES, _FROZEN_S = 0.5, 0.3
-# At rest a gear cools down: what its joint needed is forgotten in so long, and its friction so many
-# times as slowly as in motion.
-_RESTS_S, _RESTING = 7200.0, 12.0
+# A gear that has stood for _STANDS_S cools down: what its joint needed is forgotten in _RESTS_S,
+# and its friction _RESTING times as slowly as in motion.
+_STANDS_S, _RESTS_S, _RESTING = 60.0, 7200.0, 12.0
 
 # Of the level is needed what was _OF_RMS root mean squares, over _RMS_S of motion that began with
 # _AT_FIRST_S at which all of it was; and _OF_PEAK peaks, which fade in _PEAK_S. What is loud
@@ -78,7 +78,7 @@ class Learning:
         self.covariance = np.zeros((n, _COLUMNS, _COLUMNS))
         # Of the standard deviation of both kinds of friction before anything was learned.
         self.coulomb_left, self.viscous_left = np.ones((2, n))
-        self.calm_s, self.quiet_s, self.loud_s = np.zeros((3, n))
+        self.calm_s, self.quiet_s, self.loud_s, self.still_s = np.zeros((4, n))
         self.correction, self.unknown = np.zeros((2, n))
         # Of the corrected residual in motion, over the configured level: its square, and the time
         # over which that was integrated; and what of it no raise explained, at most.
@@ -147,9 +147,10 @@ class Learning:
         calm = surprise <= _FREEZES * level and size <= level  # NaN is not
         self.calm_s[i] = self.calm_s[i] + dt if calm else 0.0
         self._drift(i, _CONSTANT, dt)
-        if not moving:
+        self.still_s[i] = 0.0 if moving else self.still_s[i] + dt
+        if self.still_s[i] > _STANDS_S:
             self._rest(i, dt)
-        else:
+        if moving:
             known = self.calm_s[i] > _FROZEN_S
             if known:
                 self._drift(i, _VISCOUS, dt)

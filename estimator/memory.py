@@ -27,7 +27,8 @@ _STATE: dict[str, tuple[str, ...]] = {
     # Where it learns:
     "learning": (
         *("covariance", "columns", "shares", "coulomb_left", "viscous_left"),
-        *("calm_s", "quiet_s", "loud_s", "correction", "unknown", "squares_s", "moved_s"),
+        *("calm_s", "quiet_s", "loud_s", "still_s", "correction", "unknown"),
+        *("squares_s", "moved_s"),
         *("peak", "crossing_peak", "peak_seen", "crossing_seen"),
     ),
 }
@@ -49,6 +50,7 @@ _RANGES = {
     "levels.begin": (0.0, _LARGEST),
     "levels.friction": (0.0, _LARGEST),
     "levels.raised": (0.0, _LARGEST),
+    "learning.still_s": (0.0, _LARGEST),
     "learning.squares_s": (0.0, _LARGEST),
     "learning.moved_s": (1e-6, _LARGEST),
     "learning.peak": (0.0, _LARGEST),

@@ -12,7 +12,8 @@ be told from a load is a pull of constant force, straight down, at the hand, for
 Ticks in which no joint moves do not count, as friction may hide anything then. Means are taken over
 a quarter of a second of motion, or more where it is slow: a tick adds some vectors, and only the
 last one of each makes a fit of four unknowns. Beside it, the load that the model's errors look like
-while nothing touches is followed, and taken off.
+while nothing touches is followed, and taken off; of motion older than what is looked at, so that a
+load is not taken for an error while it is looked at.
 
 Nothing here changes a threshold or the model. Time is counted in ticks; no I/O.
 """
@@ -20,6 +21,7 @@ Nothing here changes a threshold or the model. Time is counted in ticks; no I/O.
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
 from estimator.contact import dead_band
@@ -41,8 +43,11 @@ _PLACE, _AT_HAND = 0.03, 0.2
 # What the fit may leave, of all that there is to explain: at most; and where it is more than so
 # many standard deviations.
 _LEFT, _LEFT_CLEAR, _LEFT_NOISE = 0.3, 0.03, 0.6
-# Deviation of the parts from the mass, root mean square: of the mass, or [kg]; and at most.
+# Deviation of the parts from the mass, root mean square: of the mass, or [kg]; and at most, of a
+# part that tells as much of it as the others do.
 _SPREAD, _SPREAD_KG, _WORST = 0.05, 0.015, 2.0
+# Of its mass must show before the errors below are taken off.
+_SHOWS: Final = 0.5
 # The load that the model's errors look like: fades over so many blocks, weighs so much less, as
 # they are alike, and is expected to be so much [kg, kg m].
 _FADES, _ALIKE, _ERRORS = 480.0, 0.3, (0.05, 0.005, 0.005, 0.005)
@@ -67,13 +72,20 @@ class Recognition:
         # Of the last blocks in motion, the newest last: columns and residuals over their deviation.
         self._columns = np.zeros((_BLOCKS, n, 4))
         self._shown, self._way = np.zeros((2, _BLOCKS, n))
+        # Of these, which tell of the model's errors: joints that moved while nothing touched.
+        self._free = np.zeros((_BLOCKS, n), dtype=np.bool_)
         self._filled = 0
         self._prior = np.diag(np.array(_ERRORS) ** -2.0)
         self._information, self._evidence = np.zeros((4, 4)), np.zeros(4)
 
+    def begin(self) -> None:
+        """Begin anew with another model: what its errors looked like may have been a load, too."""
+        self._information[:], self._evidence[:] = 0.0, 0.0
+        self.forget()
+
     def forget(self) -> None:
-        """Begin anew: what is carried, or felt, is another now. What the model's errors look like
-        is kept."""
+        """Forget what is carried, or felt: it is another now. What the model's errors look like is
+        kept."""
         self.found = None
         self._filled = self._again = self._unexplained = 0
         self.pause()
@@ -127,13 +139,14 @@ class Recognition:
         weight = 1.0 / (np.where(mean[1] > _MOVES, _NOISE, _AT_REST) * mean[3])
         columns *= weight[:, np.newaxis]
         shown = weight * mean[2]
-        errors = np.linalg.solve(self._prior + self._information, self._evidence)
-        if not touched and self.found is None:
-            self._take_errors(columns, shown, mean[1] > _MOVES)
+        if self._filled == _BLOCKS and self.found is None:
+            self._take_errors(self._columns[0], self._shown[0], self._free[0])
+        free = (mean[1] > _MOVES) & (not touched)
         for kept, new in (
             (self._columns, columns),
-            (self._shown, shown - columns @ errors),
+            (self._shown, shown),
             (self._way, way),
+            (self._free, free),
         ):
             kept[:-1] = kept[1:]
             kept[-1] = new
@@ -144,15 +157,20 @@ class Recognition:
             if self._again >= _AGAIN:
                 self.found, self._unexplained = load, 0
 
-    def _take_errors(self, columns: Matrix, shown: Vector, moving: Vector) -> None:
-        """Put a block in which nothing touches to those before."""
-        moved = columns[moving]
+    def _take_errors(self, columns: Matrix, shown: Vector, free: NDArray[np.bool_]) -> None:
+        """Put a block to those before, as far as it tells of the model's errors."""
+        if not free.any():
+            return
+        moved = columns[free]
         self._information += _ALIKE * (moved.T @ moved) - self._information / _FADES
-        self._evidence += _ALIKE * (moved.T @ shown[moving]) - self._evidence / _FADES
+        self._evidence += _ALIKE * (moved.T @ shown[free]) - self._evidence / _FADES
 
     def _fit(self) -> Payload | None:
         """The load that the last blocks show, None where they show none."""
-        x, y = self._columns.reshape(-1, 4), self._shown.reshape(-1)
+        errors = np.linalg.solve(self._prior + self._information, self._evidence)
+        x = self._columns.reshape(-1, 4)
+        shown = self._shown - self._columns @ errors
+        y = shown.reshape(-1)
         power = float(y @ y)
         information, evidence = x.T @ x, x.T @ y
         # A place near the tool point is expected; how near in kg m depends on the mass.
@@ -172,14 +190,15 @@ class Recognition:
         per_kg = self._columns @ (fitted / mass)
         parts = _BLOCKS // _PART
         known = np.sum((per_kg**2).reshape(parts, -1), axis=1)
-        off = np.sum((per_kg * self._shown).reshape(parts, -1), axis=1) / (known + 1e-12) - mass
+        off = np.sum((per_kg * shown).reshape(parts, -1), axis=1) / (known + 1e-12) - mass
         spread = float(np.sqrt(known @ off**2 / (known.sum() + 1e-12)))
         allowed = max(_SPREAD * mass, _SPREAD_KG)
         carries = mass * np.abs(per_kg) > 1.0
         if (
             mass * np.sqrt(known.sum()) < _SURE
             or spread > allowed
-            or np.abs(off).max() > _WORST * allowed
+            or np.max(np.abs(off) * np.sqrt(known / known.mean())) > _WORST * allowed
+            or np.sum(per_kg * self._shown) < _SHOWS * mass * known.sum()
             or np.sum(self._way * carries) < _WAY
         ):
             return None

@@ -36,6 +36,8 @@ class MovedLink:
     """[kg]"""
     moment: float = 0.0
     """largest principal moment of inertia about the centre of mass [kg m2]"""
+    lever: float = 0.0
+    """from the link's frame to the centre of mass [m]"""
 
     @property
     def gyration(self) -> float:
@@ -57,15 +59,55 @@ def moved_links(text: str) -> list[MovedLink]:
         name, inertial = link.get("name", ""), link.find("inertial")
         if name not in carried:
             continue
-        mass = moment = 0.0
+        mass = moment = lever = 0.0
         if inertial is not None:
             try:
                 mass = _mass(inertial, lines)
                 moment = _largest_moment(inertial, lines)
+                lever = _distance(inertial.find("origin"))
             except ModelError as error:
                 raise ModelError(f"link {name!r}, {error}") from error
-        links.append(MovedLink(name, lines[link], carried[name], mass, moment))
+        links.append(MovedLink(name, lines[link], carried[name], mass, moment, lever))
     return links
+
+
+@dataclass(frozen=True, slots=True)
+class JointRange:
+    """A movable joint of a URDF: where it may go and where it sits; zero without a figure."""
+
+    joint: str
+    line: int
+    lower: float = 0.0
+    upper: float = 0.0
+    """[rad]"""
+    velocity: float = 0.0
+    """[rad/s]"""
+    offset: float = 0.0
+    """from the frame of the link before it to its own [m]"""
+
+
+def joint_ranges(text: str) -> list[JointRange]:
+    """Movable joints of a URDF that pinocchio reads. Raises ModelError for a text that is not."""
+    root, lines = parsed(text)
+    ranges = []
+    for joint in root.findall("joint"):
+        if joint.get("type") == "fixed":
+            continue
+        limit = joint.find("limit")
+        given = {} if limit is None else limit.attrib
+        line = lines[joint if limit is None else limit]
+        lower, upper, velocity = (
+            float(given.get(name, 0.0)) for name in ("lower", "upper", "velocity")
+        )
+        offset = _distance(joint.find("origin"))
+        ranges.append(JointRange(joint.get("name", ""), line, lower, upper, velocity, offset))
+    return ranges
+
+
+def _distance(origin: ET.Element | None) -> float:
+    """Length of an <origin>'s xyz [m]."""
+    words = "" if origin is None else origin.get("xyz", "")
+    return math.hypot(*map(float, words.split()))
 
 
 def parsed(text: str) -> tuple[ET.Element, _Lines]:

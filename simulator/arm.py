@@ -13,7 +13,6 @@ from simulator.events import Happening, Listener
 from simulator.hand import AnyAct, Hand
 from simulator.mismatch import true_parameters
 from simulator.plant import Plant
-from simulator.profile import profile_of
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S, Servo
 from simulator.servo_periods import ServoPeriods
@@ -54,8 +53,8 @@ class SimulatedArm:
             settings.law,
         )
         self.servo = Servo(description, parameters.usual_link)
-        profile = profile_of(description.eds)
-        sensors = Sensors(description, settings, self.plant.q, profile)
+        makes = description.drives()
+        sensors = Sensors(description, settings, self.plant.q, [drive.make for drive in makes])
         self.sense = sensors.read
         """What the drives' sensors say; who wants them to lie puts something else in its place."""
         self._periods = ServoPeriods(
@@ -67,18 +66,20 @@ class SimulatedArm:
             [joint.name for joint in description.joints],
             0.3 * parameters.lightest_link / settings.step_s,
             lambda given: self.plant.carry(given.mass, np.array(given.com)),
+            self.plant.weight,
         )
         self.external_torque = np.zeros(n)
         """Torque on the links besides the hand's (n,) [Nm], for tests and benches: write to it."""
         self._send, self._on_event = send, on_event
         wired = Surroundings(
             description,
-            profile,
+            makes,
             self.servo,
             self.plant,
             self._put,
             self._sample_if_moved,
             self._report_drive,
+            lambda: self.now,
         )
         self.drives = tuple(Drive(joint, wired) for joint in range(n))
         self._by_node = {drive.node: drive for drive in self.drives}
@@ -123,6 +124,12 @@ class SimulatedArm:
             steps = min(per_period - phase, target - self._steps)
             plant.advance(steps, touch)
             self._steps += steps
+
+    def answers_at(self) -> float | None:
+        """Simulated time at which the next SDO request is answered that a drive takes its time for
+        [s]; None if there is none."""
+        times = [drive.answers_at for drive in self.drives]
+        return min((t for t in times if t is not None), default=None)
 
     def skip(self, t: float) -> None:
         """Let the drives' clocks go on to simulated time t [s] while the plant stands still."""
@@ -182,7 +189,7 @@ class SimulatedArm:
     @property
     def _handled(self) -> bool:
         """True while the hand has something to do, or will have."""
-        return self.hand.began and not self.hand.done
+        return self.hand.busy or (self.hand.began and not self.hand.done)
 
     def _undisturbed(self, most: int) -> int:
         """How many whole servo periods from now on, of at most so many, neither a drive nor the

@@ -64,8 +64,11 @@ class Axis:
         limits = [number(index) for index in (0x6072, 0x6073) if key(index) in values]
         most = 0.001 * min(limits) * self._about.rated_current_A if limits else np.inf
         self._servo.limit(self._joint, min(most, self._about.max_current_A))
-        limit = number(profile.speed_limit >> 8, profile.speed_limit & 0xFF)
-        self._fastest = limit * profile.speed_unit / self._about.gear
+        fastest = profile.speed_limit
+        self._fastest = np.inf
+        if fastest is not None:
+            limit = number(fastest >> 8, fastest & 0xFF)
+            self._fastest = limit * profile.speed_unit / self._about.gear
         interpolates = key(0x60C2, 1) in values
         self._interpolation_s = (
             number(0x60C2, 1) * 10.0 ** number(0x60C2, 2)

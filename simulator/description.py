@@ -9,10 +9,19 @@ from msgspec import Meta
 
 from errors import ConfigurationError
 from simulator.friction_law import FrictionLaw, Kind
+from simulator.profile import SimulatedMake, profile_of
 
 Percent = Annotated[float, Meta(ge=0.0, le=50.0)]
 Milliseconds = Annotated[float, Meta(ge=0.0, le=50.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
+
+
+@dataclass(frozen=True, slots=True)
+class DriveDescription:
+    """One drive: its EDS, and its make as it sits in its joint."""
+
+    eds: Path
+    make: SimulatedMake
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +49,10 @@ class JointDescription:
     initial_position: float = 0.0
     brake: bool = False
     """A brake that holds the motor whenever the drive is not energised."""
+    gear_stiffness: float | None = None
+    """Of the gear beyond its gap [Nm/rad], instead of `SimulationSettings.contact_stiffness`."""
+    drive: DriveDescription | None = None
+    """None: the make of `ArmDescription.eds`, known by its product code."""
 
     def __post_init__(self) -> None:
         for field in ("gear", "rated_current_A", "max_current_A", "torque_constant"):
@@ -71,6 +84,14 @@ class ArmDescription:
     period_s: float = 0.010
     serial_number: int = 1
     """0x1018 sub 4 of the first drive; the others count up. Vendor and product are the EDS's."""
+
+    def drives(self) -> tuple[DriveDescription, ...]:
+        """The drive of each joint. Raises ConfigurationError for a make that is not known."""
+        known: list[DriveDescription] = []
+        for joint in self.joints:
+            if joint.drive is None and not known:
+                known.append(DriveDescription(self.eds, profile_of(self.eds)))
+        return tuple(joint.drive or known[0] for joint in self.joints)
 
 
 class Mismatch(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -1,11 +1,12 @@
 """One drive as a CANopen node: NMT, SDO, PDOs, heartbeats, EMCY, and life without a master."""
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
 from simulator.axis import CONTROLWORD, MODE, STATUSWORD, TARGET_VELOCITY, Axis
-from simulator.description import ArmDescription
+from simulator.description import ArmDescription, DriveDescription
 from simulator.emergency import (
     COMMUNICATION_ERROR,
     GENERIC_ERROR,
@@ -18,7 +19,6 @@ from simulator.guards import guard_pdos, guard_values
 from simulator.objects import Objects, key
 from simulator.pdo import ReceivePdo, TransmitPdo, pdo_number, pdo_numbers
 from simulator.plant import Plant
-from simulator.profile import SimulatedMake
 from simulator.sdo import sdo_server
 from simulator.servo import Servo
 from simulator.state_machine import State, Trigger
@@ -47,7 +47,7 @@ class Surroundings:
     """Parts of the simulated arm that a drive is connected to."""
 
     description: ArmDescription
-    profile: SimulatedMake
+    drives: tuple[DriveDescription, ...]
     servo: Servo
     plant: Plant
     send: Callable[[int, bytes], None]
@@ -55,6 +55,8 @@ class Surroundings:
     sample: Callable[[], None]
     """Have the sensors measure, if time has passed since they did."""
     report: Callable[[str], None]
+    now: Callable[[], float]
+    """Simulated time [s]."""
 
 
 class Drive:
@@ -63,8 +65,8 @@ class Drive:
     def __init__(self, joint: int, wired: Surroundings) -> None:
         about = wired.description.joints[joint]
         self.node, self._wired = about.node, wired
-        self.make = wired.profile
-        self.objects = Objects(wired.description.eds, self.node)
+        self.make = wired.drives[joint].make
+        self.objects = Objects(wired.drives[joint].eds, self.node)
         peak = round(1000.0 * about.max_current_A / about.rated_current_A)
         rated_torque = about.rated_current_A * about.torque_constant / about.gear
         for where, value in (
@@ -80,7 +82,7 @@ class Drive:
         self.objects.written = self._on_write
         self._sdo = sdo_server(self.node, self.objects, wired.send)
         self.axis = Axis(
-            joint, about, wired.profile, self.objects, wired.servo, wired.plant, self._report
+            joint, about, self.make, self.objects, wired.servo, wired.plant, self._report
         )
         self.receive_pdos = [ReceivePdo(self.objects, n) for n in pdo_numbers(self.objects, 0x1400)]
         self.transmit_pdos = [
@@ -97,6 +99,7 @@ class Drive:
         self._emergencies = Emergencies(self.objects, self._send_emergency)
         self._heard_at: float | None = None
         self._next_heartbeat = 0.0
+        self._asked: deque[tuple[float, bytes]] = deque()
 
     @property
     def state(self) -> State:
@@ -115,6 +118,7 @@ class Drive:
     def _boot_up(self) -> None:
         self._reload_pdos()
         self._heard_at, self.due, self._locked = None, 0.0, False
+        self._asked.clear()
         self.nmt, self._booting, self._booted_at = Nmt.BOOT, True, None
         if not self.make.boot_s:
             self._boot_end()
@@ -147,7 +151,7 @@ class Drive:
 
     def on_heartbeat(self, node: int, now: float) -> None:
         """Take a node's heartbeat: the watch starts with the first one of the node in 1016."""
-        watched = self.objects.number(0x1016, 1)
+        watched = self.objects.number(0x1016, 1) if self.make.hears_master else 0
         if watched >> 16 != node or not watched & 0xFFFF:
             return
         if self._heard_at is None:
@@ -175,13 +179,15 @@ class Drive:
             return
         if self.axis.stopping:
             self.axis.stop_further()
-        self.due = float("inf")
+        while self._asked and self._asked[0][0] <= now:
+            self._answer(self._asked.popleft()[1])
+        self.due = self._asked[0][0] if self._asked else float("inf")
         period = self.objects.number(0x1017)
         if period:
             if now >= self._next_heartbeat:
                 self._next_heartbeat = max(self._next_heartbeat + 1e-3 * period, now)
                 self._wired.send(0x700 + self.node, bytes([self.nmt]))
-            self.due = self._next_heartbeat
+            self.due = min(self.due, self._next_heartbeat)
         limit_ms = self.objects.number(0x1016, 1) & 0xFFFF
         if self._heard_at is not None and limit_ms:
             if now - self._heard_at > 1e-3 * limit_ms:
@@ -198,11 +204,25 @@ class Drive:
     # -- SDO and PDO -----------------------------------------------------------------------------
 
     def on_sdo(self, data: bytes) -> None:
-        """Take a request to this node's SDO server; answered before this returns."""
-        if self.nmt is not Nmt.STOPPED and not self._booting and len(data) == 8:
-            self._wired.sample()
-            self._show_state()
-            self._sdo.on_request(self._sdo.rx_cobid, data, 0.0)
+        """Take a request to this node's SDO server; answered before this returns, unless the make
+        takes its time."""
+        if self.nmt is Nmt.STOPPED or self._booting or len(data) != 8:
+            return
+        if self.make.sdo_delay_s:
+            self._asked.append((self._wired.now() + self.make.sdo_delay_s, data))
+            self.due = 0.0
+        else:
+            self._answer(data)
+
+    @property
+    def answers_at(self) -> float | None:
+        """When the next SDO request is answered that waits for it [s]."""
+        return self._asked[0][0] if self._asked else None
+
+    def _answer(self, data: bytes) -> None:
+        self._wired.sample()
+        self._show_state()
+        self._sdo.on_request(self._sdo.rx_cobid, data, 0.0)
 
     def listens(self, cob_id: int) -> bool:
         """True where one of its RPDOs has this identifier, as configured now."""

@@ -58,6 +58,33 @@ class Release(Act, frozen=True, kw_only=True, tag="release"):
     """Let go of everything."""
 
 
+class Lean(Act, frozen=True, kw_only=True, tag="lean"):
+    """Lean on one joint with a torque [Nm], rising over so many seconds, until `release`."""
+
+    joint: str
+    torque: float
+    rise_s: Positive = 0.5
+
+
+class Clamp(Act, frozen=True, kw_only=True, tag="clamp"):
+    """Something hard that joints are caught in where they are, until `release`."""
+
+    joints: tuple[str, ...]
+    stiffness: Positive = 1000.0
+    damping: NotNegative = 10.0
+    max_torque: Positive = 100.0
+
+
+class Gap(Act, frozen=True, kw_only=True, tag="gap"):
+    """Move one link softly between the borders of its gap, as `contactd identify gap` asks for:
+    beyond one, rest, beyond the other, so many times, carrying the weight that the joint bears."""
+
+    joint: str
+    torque: Positive  # pressed with at most [Nm], beside the weight
+    times: Annotated[int, Meta(ge=1, le=1000)] = 30
+    reach: Positive = 0.06  # each way, more than the gap [rad]
+
+
 class Give(Act, frozen=True, kw_only=True, tag="give"):
     """Put a mass [kg] into the arm's hand, at a place in the frame of the URDF's last link [m];
     0 takes it away again."""
@@ -66,7 +93,9 @@ class Give(Act, frozen=True, kw_only=True, tag="give"):
     com: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-AnyAct = Push | Hold | Guide | Release | Give
+AnyAct = Push | Lean | Hold | Clamp | Guide | Gap | Release | Give
+VISIT_S, WAY_S = 0.9, 0.25
+"""Of `gap`: from one border to the next, and how much of it the way takes."""
 Script = tuple[AnyAct, ...]
 
 
@@ -109,26 +138,44 @@ class Hand:
         names: Sequence[str],
         damping_limit: Vector,
         give: Callable[[Give], None] = lambda _: None,
+        weight: Callable[[Vector], Vector] = np.zeros_like,
     ) -> None:
-        """give: puts something into the arm's hand. Raises ConfigurationError when the script names
-        an unknown joint."""
+        """give: puts something into the arm's hand. weight: what holds the links at q (n,) [Nm].
+        Raises ConfigurationError when the script names an unknown joint."""
         self._script = sorted(script, key=lambda act: act.at_s)
         self._index: Mapping[str, int] = {name: i for i, name in enumerate(names)}
         for act in self._script:
-            for joint in _joints(act):
-                if joint not in self._index:
-                    known = ", ".join(names)
-                    raise ConfigurationError(f"hand script: joint {joint!r} is none of {known}")
+            self._refuse_unknown(act)
         n = len(names)
         self._damping_limit = damping_limit
         self._next = 0
         self._began_at: float | None = None
-        self._pushes: list[tuple[Push, float]] = []
+        self._pushes: list[tuple[Push | Lean, float]] = []
+        self._gap: tuple[Gap, float, float] | None = None  # since when, around which position
+        self._asked: list[AnyAct] = []
         self._anchor, self._goal, self._speed, self._rate = np.zeros((4, n))
         self._stiffness, self._damping, self._strongest = np.zeros((3, n))
         self._pushing, self._scratch = np.zeros((2, n))
         self._holding = self._guiding = False
-        self._give = give
+        self._give, self._weight, self._now = give, weight, 0.0
+
+    def _refuse_unknown(self, act: AnyAct) -> None:
+        for joint in _joints(act):
+            if joint not in self._index:
+                known = ", ".join(self._index)
+                raise ConfigurationError(f"hand script: joint {joint!r} is none of {known}")
+
+    def take(self, act: AnyAct) -> str:
+        """Begin an act that somebody asks for now, whatever its `at_s`; returns it in words. Raises
+        ConfigurationError for an unknown joint."""
+        self._refuse_unknown(act)
+        self._asked.append(act)
+        return _describe(act)
+
+    @property
+    def busy(self) -> bool:
+        """True while something that was asked for is not over."""
+        return bool(self._asked) or self.touching
 
     @property
     def began(self) -> bool:
@@ -138,7 +185,7 @@ class Hand:
     @property
     def touching(self) -> bool:
         """True while the hand gives any torque."""
-        return self._holding or bool(self._pushes)
+        return self._holding or bool(self._pushes) or self._gap is not None
 
     @property
     def done(self) -> bool:
@@ -151,10 +198,13 @@ class Hand:
 
     def update(self, t: float, q: Vector, period_s: float = 0.001) -> list[str]:
         """Advance script and guided grip to time t; returns what began or ended, in words."""
-        if self._began_at is None:
-            return []
+        self._now = t
         words: list[str] = []
-        while self._next < len(self._script):
+        while self._asked:
+            act = self._asked.pop(0)
+            self._start(act, t, q)
+            words.append(f"begin {_describe(act)}")
+        while self._began_at is not None and self._next < len(self._script):
             act = self._script[self._next]
             if t - self._began_at < act.at_s:
                 break
@@ -165,6 +215,9 @@ class Hand:
             self._push(t, words)
         if self._guiding:
             self._lead(period_s, words)
+        if self._gap is not None and t - self._gap[1] > VISIT_S * self._gap[0].times:
+            words.append(f"end {_describe(self._gap[0])}")
+            self._gap = None
         return words
 
     def torque(self, q: Vector, q_dot: Vector, out: Vector) -> None:
@@ -177,10 +230,27 @@ class Hand:
         np.maximum(spring, -self._strongest, out=spring)
         out += spring
         out += self._pushing
+        if self._gap is not None:
+            act, since, middle = self._gap
+            i = self._index[act.joint]
+            out[i] += self._between_borders(act, self._now - since, middle - q[i])
+            out[i] += self._weight(q)[i] - min(2.0 * act.torque, self._damping_limit[i]) * q_dot[i]
+
+    @staticmethod
+    def _between_borders(act: Gap, t: float, way: float) -> float:
+        """Torque towards beyond one border and the other by turns; way: from the link to the
+        middle [rad]."""
+        visit, phase = divmod(t, VISIT_S)
+        lead = min(2.0 * phase / WAY_S - 1.0, 1.0) * (1.0 if int(visit) % 2 == 0 else -1.0)
+        spring = 100.0 * act.torque * (way + lead * act.reach)
+        return min(max(spring, -act.torque), act.torque)
 
     def _start(self, act: AnyAct, t: float, q: Vector) -> None:
-        if isinstance(act, Push):
+        if isinstance(act, Push | Lean):
             self._pushes.append((act, t))
+            return
+        if isinstance(act, Gap):
+            self._gap = (act, t, float(q[self._index[act.joint]]))
             return
         if isinstance(act, Give):
             self._give(act)
@@ -189,6 +259,9 @@ class Hand:
             for vector in (self._stiffness, self._damping, self._strongest, self._rate):
                 vector[:] = 0.0
             self._holding = self._guiding = False
+            self._pushes = [(push, since) for push, since in self._pushes if isinstance(push, Push)]
+            self._pushing[:] = 0.0
+            self._gap = None
             return
         for name in _joints(act):
             i = self._index[name]
@@ -204,6 +277,10 @@ class Hand:
     def _push(self, t: float, words: list[str]) -> None:
         self._pushing[:] = 0.0
         for act, since in tuple(self._pushes):
+            if isinstance(act, Lean):
+                rise = min((t - since) / act.rise_s, 1.0)
+                self._pushing[self._index[act.joint]] += act.torque * rise
+                continue
             share = (t - since) / act.duration_s
             if share >= 1.0:
                 self._pushes.remove((act, since))
@@ -224,20 +301,30 @@ class Hand:
 
 
 def _joints(act: AnyAct) -> tuple[str, ...]:
-    if isinstance(act, Push):
+    if isinstance(act, Push | Lean | Gap):
         return (act.joint,)
-    if isinstance(act, Hold):
+    if isinstance(act, Hold | Clamp):
         return act.joints
     return tuple(act.to) if isinstance(act, Guide) else ()
 
 
 def _describe(act: AnyAct) -> str:
-    if isinstance(act, Push):
-        return f"push {act.joint} {act.torque:g} Nm"
-    if isinstance(act, Hold):
-        return "hold " + ", ".join(act.joints)
-    if isinstance(act, Guide):
-        return "guide " + ", ".join(f"{name} to {goal:g} rad" for name, goal in act.to.items())
-    if isinstance(act, Give):
-        return f"give {act.mass:g} kg" if act.mass > 0.0 else "take what it carries"
-    return "release"
+    match act:
+        case Push():
+            words = f"push {act.joint} {act.torque:g} Nm"
+        case Lean():
+            words = f"lean on {act.joint} with {act.torque:g} Nm"
+        case Gap():
+            words = f"move {act.joint} in its gap with {act.torque:g} Nm, {act.times} times"
+        case Clamp():
+            words = "clamp " + ", ".join(act.joints)
+        case Hold():
+            words = "hold " + ", ".join(act.joints)
+        case Guide():
+            ways = (f"{name} to {goal:g} rad" for name, goal in act.to.items())
+            words = "guide " + ", ".join(ways)
+        case Give():
+            words = f"give {act.mass:g} kg" if act.mass > 0.0 else "take what it carries"
+        case Release():
+            words = "release"
+    return words

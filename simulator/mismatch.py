@@ -75,7 +75,11 @@ def true_parameters(description: ArmDescription, settings: SimulationSettings) -
     rotor_inertia = column("rotor_inertia") * factor(mismatch.rotor_inertia)
     lower, upper = column("lower"), column("upper")
     lightest, mean = _apparent_inertia(model, lower, upper)
-    stiffness, damping = contact(lightest, mean, rotor_inertia, settings)
+    own = [
+        settings.contact_stiffness if joint.gear_stiffness is None else joint.gear_stiffness
+        for joint in joints
+    ]
+    stiffness, damping = contact(lightest, mean, rotor_inertia, settings, np.array(own))
     return PlantParameters(
         model=model,
         half_gap=half_gap,
@@ -94,16 +98,23 @@ def true_parameters(description: ArmDescription, settings: SimulationSettings) -
 
 
 def contact(
-    lightest: Vector, mean: Vector, rotor: Vector, settings: SimulationSettings
+    lightest: Vector,
+    mean: Vector,
+    rotor: Vector,
+    settings: SimulationSettings,
+    own: Vector | None = None,
 ) -> tuple[Vector, Vector]:
     """Stiffness and damping (n,) of gap borders and end stops that an explicit step can carry.
+
+    own: stiffness (n,) that the joints would have, instead of the settings'.
 
     With m the reduced mass of link and rotor, semi-implicit Euler needs step * sqrt(k / m) and
     step * d / m well below 2 and 1; several joints in contact at once take a share each.
     """
     step = settings.step_s
     light = lightest * rotor / (lightest + rotor)
-    stiffness = np.minimum(settings.contact_stiffness, light * (0.35 / step) ** 2)
+    wished = settings.contact_stiffness if own is None else own
+    stiffness = np.minimum(wished, light * (0.35 / step) ** 2)
     usual = mean * rotor / (mean + rotor)
     wanted = 2.0 * settings.contact_damping_ratio * np.sqrt(stiffness * usual)
     return stiffness, np.minimum(wanted, 0.3 * light / step)

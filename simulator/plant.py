@@ -147,6 +147,10 @@ class Plant:
         self._model.gravity.linear[:] = gravity
         np.asarray(self.masses.links.gravity)[:] = gravity
 
+    def weight(self, q: Vector) -> Vector:
+        """Torque that holds the links at q (n,) against gravity (n,) [Nm]; a copy."""
+        return np.array(pin.computeGeneralizedGravity(self._model, self._data, np.asarray(q)))
+
     def energy(self) -> float:
         """Kinetic, potential and elastic energy [J]: constant without friction and damping."""
         p = self.parameters

@@ -23,14 +23,15 @@ class SimulatedMake:
     motor_velocity: int = key(0x606C)
     efforts: tuple[int, ...] = (key(0x6078), key(0x6077))
     """Current or torque: as shares of what is rated they are the same."""
-    speed_limit: int = key(0x6080)
+    speed_limit: int | None = key(0x6080)
 
     link_counts: int = 131072
     """Counts per link revolution (17 bit); negative where the encoder counts backwards."""
     link_zero: int = 0
     """Counts where the link stands at 0."""
     motor_counts: int = 4096
-    """Counts per motor revolution."""
+    """Counts per motor revolution. Negative, like the units of velocity and effort, where the motor
+    sits in its joint the other way round."""
     measured_velocity_unit: float = 0.1 * RPM
     """Of `motor_velocity` [rad/s of the motor shaft]."""
     effort_unit: float = 0.001
@@ -52,6 +53,14 @@ class SimulatedMake:
     stays locked; 603F keeps the code."""
     boot_s: float = 0.0
     """From power-up or a reset to the boot-up message; it answers nothing meanwhile."""
+    sdo_delay_s: float = 0.0
+    """From an SDO request to its answer."""
+    hears_master: bool = True
+    """It watches the master's heartbeat as 1016 says; one that does not goes on without it."""
+    current_filter_ms: float | None = None
+    """Of the reported current, instead of that of the settings."""
+    velocity_step: float = 0.0
+    """The measured velocity comes in steps of this [rad/s of the motor shaft]; 0: in counts."""
 
 
 PROFILE = SimulatedMake()
@@ -89,11 +98,23 @@ def _mapped(known: dict[int, Entry]) -> Iterator[int]:
 
 
 def profile_of(eds: Path) -> SimulatedMake:
-    """The drive of an EDS, known by its product code (1018 sub 2); any other is simulated as a
-    `PROFILE`. Raises ConfigurationError when the EDS lacks an object that the simulation needs."""
+    """The drive of an EDS, known by its product code (1018 sub 2). Raises ConfigurationError for
+    any other, and when the EDS lacks an object that the simulation needs."""
+    product = entries(eds, 1).get(key(0x1018, 2))
+    number = int(product.default) if product else 0
+    if number not in _BY_PRODUCT:
+        known = ", ".join(f"0x{code:X}" for code in _BY_PRODUCT)
+        raise ConfigurationError(
+            f"{eds}: product 0x{number:X} is of no make that is known here ({known}); others are "
+            "described under `drives` of simulation.yaml"
+        )
+    refuse_incomplete(eds, _BY_PRODUCT[number])
+    return _BY_PRODUCT[number]
+
+
+def refuse_incomplete(eds: Path, profile: SimulatedMake) -> None:
+    """Raise ConfigurationError when an EDS lacks an object that the simulation of a make needs."""
     known = entries(eds, 1)
-    product = known.get(key(0x1018, 2))
-    profile = _BY_PRODUCT.get(int(product.default) if product else 0, PROFILE)
     needed = (
         *(profile.link_position, profile.motor_velocity, profile.efforts[0]),
         *(key(index) for index in (0x6007, 0x6040, 0x6041, 0x605A, 0x6060, 0x6085, 0x60FF)),
@@ -105,4 +126,3 @@ def profile_of(eds: Path) -> SimulatedMake:
                 f"{eds}: this drive cannot be simulated: object 0x{where >> 8:04X}:"
                 f"{where & 0xFF:02X} is missing"
             )
-    return profile

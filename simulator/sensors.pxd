@@ -4,9 +4,9 @@ cdef class Sensors:
     cdef Py_ssize_t _n, _rows, _oldest
     cdef object _rng
     cdef bint _late
-    cdef double _link_per_rad, _link_zero, _motor_per_turn, _velocity_unit, _velocity_scale
-    cdef double _velocity_bias, _velocity_noise, _current_noise, _gain, _late_share
-    cdef double[::1] _gear, _per_ampere, _current
+    cdef double _velocity_scale, _velocity_bias, _velocity_noise, _current_noise, _late_share
+    cdef double[::1] _link_per_rad, _link_zero, _motor_per_turn, _velocity_unit, _velocity_step
+    cdef double[::1] _gear, _per_ampere, _gain, _current
     cdef double[:, ::1] _history
 
     cpdef void update(self, double[::1] q, double[::1] current) noexcept

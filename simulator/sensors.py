@@ -6,6 +6,7 @@ filters.
 Ordinary Python, which runs as it is; `sensors.pxd` names the types for the compiler, decision 0038.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,22 +39,26 @@ class Sensors:
         description: ArmDescription,
         settings: SimulationSettings,
         q: Vector,
-        profile: SimulatedMake = PROFILE,
+        makes: Sequence[SimulatedMake] = (),
     ) -> None:
+        """makes: of the joints' drives; without, all are a `PROFILE`."""
         joints, n = description.joints, len(description.joints)
         gear = np.array([joint.gear for joint in joints], dtype=np.float64)
         rated = np.array([joint.rated_current_A for joint in joints], dtype=np.float64)
         self._n = n
         self._rng = np.random.default_rng((settings.seed, 1))
-        self._link_per_rad, self._link_zero = profile.link_counts / TURN, profile.link_zero
-        self._gear, self._motor_per_turn = gear, profile.motor_counts / TURN
-        self._velocity_unit = profile.measured_velocity_unit
+        makes = makes or [PROFILE] * n
+        self._link_per_rad = np.array([make.link_counts / TURN for make in makes])
+        self._link_zero = np.array([float(make.link_zero) for make in makes])
+        self._gear = gear
+        self._motor_per_turn = np.array([make.motor_counts / TURN for make in makes])
+        self._velocity_unit = np.array([make.measured_velocity_unit for make in makes])
+        self._velocity_step = np.array([make.velocity_step for make in makes])
         self._velocity_scale = 1.0 + settings.velocity_scale_error
         self._velocity_bias, self._velocity_noise = settings.velocity_bias, settings.velocity_noise
-        self._per_ampere = 1.0 / (rated * profile.effort_unit)
+        self._per_ampere = 1.0 / (rated * np.array([make.effort_unit for make in makes]))
         self._current_noise = settings.current_noise_permille
-        filter_s = 1e-3 * settings.current_filter_ms
-        self._gain = 1.0 - np.exp(-SERVO_PERIOD_S / filter_s) if filter_s > 0.0 else 1.0
+        self._gain = np.array([_share(make, settings) for make in makes])
         self._current = np.zeros(n)
         self._late = settings.link_latency_ms > 0.0
         late, self._late_share = divmod(settings.link_latency_ms, 1.0)
@@ -64,7 +69,7 @@ class Sensors:
     def update(self, q: Vector, current: Vector) -> None:
         """Follow one servo period: link positions (n,) [rad], motor currents (n,) [A]."""
         for i in range(self._n):
-            self._current[i] += (current[i] - self._current[i]) * self._gain
+            self._current[i] += (current[i] - self._current[i]) * self._gain[i]
         if self._late:
             for i in range(self._n):
                 self._history[self._oldest, i] = q[i]
@@ -87,11 +92,22 @@ class Sensors:
             velocity = theta_dot[i] * self._velocity_scale + self._velocity_bias
             velocity += self._velocity_noise * noise[0, i]
             current = self._current[i] * self._per_ampere[i] + self._current_noise * noise[1, i]
-            link.append(whole(where * self._link_per_rad + self._link_zero))
-            motor.append(whole(theta[i] * self._gear[i] * self._motor_per_turn))
-            velocities.append(whole(velocity * self._gear[i] / self._velocity_unit))
+            link.append(whole(where * self._link_per_rad[i] + self._link_zero[i]))
+            motor.append(whole(theta[i] * self._gear[i] * self._motor_per_turn[i]))
+            velocity *= self._gear[i]
+            step = self._velocity_step[i]
+            if step > 0.0:
+                velocity = whole(velocity / step) * step
+            velocities.append(whole(velocity / self._velocity_unit[i]))
             currents.append(whole(max(min(current, 32767.0), -32768.0)))
         return Readings(link, motor, velocities, currents)
+
+
+def _share(make: SimulatedMake, settings: SimulationSettings) -> float:
+    """Share of a new current that the filter of the reported one takes over in a period."""
+    own = make.current_filter_ms
+    filter_s = 1e-3 * (settings.current_filter_ms if own is None else own)
+    return 1.0 - float(np.exp(-SERVO_PERIOD_S / filter_s)) if filter_s > 0.0 else 1.0
 
 
 def whole(x: float) -> int:

@@ -6,6 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import BinaryIO
 
 import can
@@ -17,6 +18,7 @@ from simulator.bus_end import BusEnd
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.events import Happening
 from simulator.hand import AnyAct
+from simulator.hand_door import HandDoor
 from simulator.socketcand import HELLO, Conversation, Reply, frame_line
 
 PULSE_S = 0.001
@@ -49,7 +51,17 @@ class RealTimeArm:
         )
         self._origin = self._lived_s = time.monotonic()
         self._complained_s = 0.0
+        self._door: HandDoor | None = None
         self.arm.power_on()
+
+    def open_door(self, path: Path) -> None:
+        """Listen for acts of a live hand at `path`. Raises BusError."""
+        self._door = HandDoor(path, self.arm.hand.take)
+
+    def close_door(self) -> None:
+        """Listen no more."""
+        if self._door is not None:
+            self._door.close()
 
     def live(self) -> float:
         """Bring the plant up to the present, a little at a time; returns it [s, monotonic].
@@ -68,8 +80,16 @@ class RealTimeArm:
                 self.arm.skip(now - self._origin - PULSE_S)
                 self._complain(now, f"too slow by {behind:.3f} s: the plant stood still")
         self._lived_s = now
+        if self._door is not None:
+            self._door.serve()
         self.arm.advance(min(now - self._origin, self.arm.now + LONGEST_TURN_S))
         return now
+
+    def catch_up(self) -> None:
+        """Bring the plant up to the present at once, as far as `live` would: before a frame, which
+        may be a SYNC, and drives sample where they are then."""
+        while self.live() - self._origin - self.arm.now > PULSE_S:
+            pass
 
     def _complain(self, now: float, text: str) -> None:
         if now - self._complained_s > 1.0:
@@ -127,8 +147,10 @@ class Server:
         port: int = 29536,
         hand_script: Sequence[AnyAct] = (),
         events: BinaryIO | None = None,
+        hand_door: Path | None = None,
     ) -> None:
-        """Raises BusError when the port cannot be had; port 0 takes a free one, see `port`."""
+        """Raises BusError when the port cannot be had; port 0 takes a free one, see `port`.
+        hand_door: where to listen for a live hand."""
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
             self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -140,12 +162,16 @@ class Server:
         self._listener.setblocking(False)
         self.port: int = self._listener.getsockname()[1]
         self._clients: dict[socket.socket, _Client] = {}
+        self._close_door: Callable[[], None] = lambda: None
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
         try:
             self._real_time = RealTimeArm(
                 description, settings, self._broadcast, hand_script, events
             )
+            if hand_door is not None:
+                self._real_time.open_door(hand_door)
+                self._close_door = self._real_time.close_door
         except Exception:
             self.close()
             raise
@@ -176,6 +202,7 @@ class Server:
             self._drop(client)
         self._selector.close()
         self._listener.close()
+        self._close_door()
 
     def _accept(self) -> None:
         try:
@@ -203,6 +230,7 @@ class Server:
             else:
                 client.takes_frames_from = min(client.takes_frames_from, now)
                 self._broadcast(answer, client)
+                self._real_time.catch_up()
                 self._real_time.arm.receive(answer)
 
     def _broadcast(self, message: can.Message, sender: _Client | None = None) -> None:
@@ -228,11 +256,13 @@ def serve(
     port: int = 29536,
     hand_script: Sequence[AnyAct] = (),
     events: BinaryIO | None = None,
+    hand_door: Path | None = None,
 ) -> None:
     """Serve the arm as a socketcand server until SIGTERM or SIGINT. Raises BusError."""
     server = Server(
-        description, settings, host=host, port=port, hand_script=hand_script, events=events
-    )
+        description, settings, host=host, port=port, hand_script=hand_script, events=events,
+        hand_door=hand_door,
+    )  # fmt: skip
     try:
         server.run(_stop_on_signals())
     finally:
@@ -247,6 +277,7 @@ def serve_on_bus(
     channel: str,
     hand_script: Sequence[AnyAct] = (),
     events: BinaryIO | None = None,
+    hand_door: Path | None = None,
     stop: threading.Event | None = None,
 ) -> None:
     """Be the nodes of the arm on a CAN bus until `stop`, SIGTERM or SIGINT; wait for a bus that
@@ -254,18 +285,24 @@ def serve_on_bus(
     stop = stop or _stop_on_signals()
     reports: list[str] = []
     bus_end = BusEnd(interface, channel, reports.append)
+    real_time: RealTimeArm | None = None
     try:
         real_time = RealTimeArm(description, settings, bus_end.send, hand_script, events)
+        if hand_door is not None:
+            real_time.open_door(hand_door)
         while not stop.is_set():
             message = bus_end.receive(PULSE_S)
             real_time.live()
             while message is not None:
+                real_time.catch_up()
                 real_time.arm.receive(message)
                 message = bus_end.receive(0.0)
             while reports:
                 real_time.report(Happening(real_time.arm.now, "server", reports.pop(0)))
     finally:
         bus_end.close()
+        if real_time is not None:
+            real_time.close_door()
 
 
 def _stop_on_signals() -> threading.Event:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import click
 
+from bench.options import help_of
 from bench.paper import figure_02, figure_08, figure_13, figures_09_11
 from bench.paper.figure import save
 from bench.report import print_report
@@ -31,7 +32,7 @@ OUT = Path(__file__).parent.parent / "out" / "paper"
 DOCS = Path(__file__).parents[2] / "docs" / "paper"
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option(
     "--figure",
     "chosen",

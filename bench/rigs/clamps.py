@@ -38,7 +38,7 @@ class Obstacle:
 class Clamps:
     """Everything that is in the way of one simulated arm."""
 
-    began, touching, done = True, True, False
+    began, touching, done, busy = True, True, False, True
 
     def __init__(self, rig: Rig) -> None:
         """Take the place of the arm's hand."""

@@ -26,10 +26,11 @@ from drivers.boot.boot_up import DriveBoot
 from drivers.can.wire import Wire
 from estimator.estimate import Estimate
 from simulator.arm import SimulatedArm
-from simulator.description import SimulationSettings
+from simulator.description import ArmDescription, SimulationSettings
 from simulator.events import Listener
 from simulator.hand import AnyAct
 from simulator.lockstep import Lockstep
+from simulator.truth import SimulationFile
 
 ROMEO = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
 SINGLE_JOINT = ROMEO.parent / "single_joint"
@@ -174,16 +175,18 @@ def lockstep_rig(
     truth: Path | None = None,
     identification: Callable[[Robot, list[int | None]], Check] = lambda robot, serials: TRUSTED,
     line: OpenLine = virtual_line,
+    described: Callable[[Robot, SimulationFile], ArmDescription] = describe,
 ) -> Iterator[Rig]:
     """Boot the simulated arm of `folder` up; `configure` and `simulate` may change both ends, and
     `between` what stands before the daemon's wire. `truth` is the folder whose arm is simulated,
     where the daemon's own believes something else, and `identification` the arming check for the
-    robot and the drives' serial numbers. `line` opens the bus."""
+    robot and the drives' serial numbers. `line` opens the bus. `described`
+    is the arm of that folder: as its configuration says, unless told otherwise."""
     robot = load_robot(folder)
     true = load_robot(truth) if truth else robot
     simulation = read_simulation(true)
     settings = simulate(simulation.settings)
-    description = describe(true, simulation)
+    description = described(true, simulation)
     robot = replace(robot, configuration=configure(robot.configuration))
     # One SYNC is one period at both ends, whatever else the true arm is.
     description = replace(description, period_s=robot.configuration.period_s)

@@ -49,7 +49,7 @@ class OneHand:
     """A person's hand at one link, which leads it softly from beyond one border of its gap to
     beyond the other, and rests there. Stands in the place of `simulator.hand.Hand`."""
 
-    began, touching, done = True, True, False
+    began, touching, done, busy = True, True, False, True
 
     def __init__(self, served: ServedDaemon, joint: int) -> None:
         arm, robot = served.rig.arm, served.rig.robot

@@ -32,6 +32,7 @@ from pathlib import Path
 
 import click
 
+from bench.options import help_of
 from bench.report import print_report
 from bench.soak.plot import plot
 from bench.soak.progress import Progress
@@ -42,7 +43,7 @@ from bench.soak.simulated import simulate_hours
 OUT = Path("bench/out")
 
 
-@click.command(help=__doc__)
+@click.command(help=help_of(__doc__))
 @click.option(
     "--minutes", type=click.FloatRange(0.0), default=20.0, show_default=True, help="Of real time."
 )

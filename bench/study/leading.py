@@ -71,6 +71,11 @@ class Meter:
         return self._hand.touching
 
     @property
+    def busy(self) -> bool:
+        """`busy` of the hand."""
+        return self._hand.busy
+
+    @property
     def done(self) -> bool:
         """`done` of the hand."""
         return self._hand.done

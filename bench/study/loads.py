@@ -39,19 +39,22 @@ WAY: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class LoadJob:
-    """One arm, and the mass that it gets [kg]."""
+    """One arm, and the masses that it gets, each by itself [kg]."""
 
     robot: Path
     law: Law
     seed: int
-    mass: float
+    masses: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadResult:
-    """What became of it; times count the motion of joints that carry it, from the pick-up on."""
+    """What became of one mass; times count the motion of joints that carry it, from the pick-up
+    on."""
 
     job: LoadJob
+    given: float
+    """[kg]"""
     enough: bool
     """they moved for ten seconds, and WAY"""
     found_s: float | None
@@ -67,26 +70,33 @@ class LoadResult:
     the same motion without it"""
 
 
-def load(job: LoadJob) -> LoadResult:
-    """Simulate and judge one arm."""
+def load(job: LoadJob) -> list[LoadResult]:
+    """Simulate and judge one arm, a result for each mass."""
     robot = load_robot(job.robot)
-    model = Model(robot.urdf, robot.configuration.joint_names)
     rng = np.random.default_rng((job.seed, 60))
-    place = model.tool_place + rng.uniform(-AWAY_M, AWAY_M, 3)
-    payload = Payload.of(job.mass, place.tolist())
-    free, loaded = (_at_work(robot, job, mass, place) for mass in (0.0, job.mass))
-    begin = round(FREE_S / robot.configuration.period_s)
+    place = Model(robot.urdf, robot.configuration.joint_names).tool_place
+    place = place + rng.uniform(-AWAY_M, AWAY_M, 3)
+    free = _at_work(robot, job, 0.0, place)
+    return [_judged(robot, job, free, Payload.of(mass, place.tolist())) for mass in job.masses]
+
+
+def _judged(robot: Robot, job: LoadJob, free: Recording, payload: Payload) -> LoadResult:
+    """The arm with one payload, beside what it does without."""
+    c = robot.configuration
+    model = Model(robot.urdf, c.joint_names)
+    begin = round(FREE_S / c.period_s)
+    loaded = _at_work(robot, job, payload.mass, np.array(payload.com))
     rows = estimated(_estimator(robot), loaded)
     found = recognised(model, rows, loaded)
     moved_s = _moved_s(model, payload, loaded, begin)
     after = [(tick, mass) for tick, mass in found if tick >= begin]
-    period_s = robot.configuration.period_s
     tick, mass = after[0] if after else (None, np.nan)
     return LoadResult(
         job=job,
+        given=payload.mass,
         enough=bool(moved_s[-1] >= 10.0),
         found_s=None if tick is None else float(moved_s[tick - begin]),
-        seconds_s=np.nan if tick is None else period_s * (tick - begin),
+        seconds_s=np.nan if tick is None else c.period_s * (tick - begin),
         mass=mass,
         told_before=len(found) - len(after),
         ratio=_ratio(robot, free, loaded, payload, begin),

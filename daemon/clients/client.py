@@ -5,7 +5,7 @@ The command lines use it; it imports nothing heavy, so that they start at once.
 
 import socket
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
@@ -145,6 +145,34 @@ class Client:
             return self.ask(Request("payload", name=name))
         place = None if com is None else list(com)
         return self.ask(Request("payload", mass=mass or 0.0, com=place))
+
+    def go(
+        self,
+        pose: str = "",
+        targets: Mapping[str, float] | None = None,
+        *,
+        speed: float | None = None,
+        plan: bool = False,
+        planned_from: Sequence[float] | None = None,
+    ) -> Reply:
+        """Move in a straight line through joint space to a `pose` of the configuration, or to
+        `targets`, positions by joint [rad]; other joints stay. `speed` [rad/s] is that of the joint
+        that goes furthest, 0.2 unless given. Nothing avoids a collision.
+
+        With `plan` nothing moves; the reply's `way` says what would. `planned_from` (n,) [rad] is
+        the `way.start` of such a reply: where the arm stands elsewhere by now it is refused. Also
+        while the arm is not armed, a contact halts it. The answer may be a refusal.
+        """
+        return self.ask(
+            Request(
+                "go",
+                pose=pose or None,
+                targets=dict(targets) if targets else None,
+                speed=speed,
+                plan=plan,
+                planned_from=None if planned_from is None else list(planned_from),
+            )
+        )
 
     def load_trajectory(
         self,

@@ -12,6 +12,8 @@ import compiled
 from daemon.assembly import build_setups
 from daemon.commands.felt_poses import felt_over_poses
 from daemon.config.bounds import near
+from daemon.config.checks import suspects
+from daemon.config.explanations import explain
 from daemon.config.identified import unarmable
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
@@ -49,8 +51,8 @@ FOLDED = "mapping"  # the column that may wrap
 
 
 def print_check(config: Path) -> None:
-    """Check a configuration, describe it, and tell what comes near its bounds. Raises
-    ConfigurationError with all that is wrong."""
+    """Check a configuration, describe it, and tell what comes near its bounds or is most likely not
+    meant. Raises ConfigurationError with all that is wrong."""
     robot = load_robot(config)
     c = robot.configuration
     console = Console() if sys.stdout.isatty() else Console(width=FOR_PIPES)
@@ -97,13 +99,21 @@ def print_check(config: Path) -> None:
                 highlight=False,
                 soft_wrap=True,
             )
-    for problem in near(c, robot.urdf):
+    for problem in (*near(c, robot.urdf), *suspects(c, robot.urdf, robot.folder)):
         console.print(robot.in_words(problem), highlight=False, soft_wrap=True, markup=False)
     for reason in unarmable(robot.identified, c, robot.urdf):
         click.echo(f"`contactctl arm` will be refused: {reason}")
     if plain := compiled.warning():
         click.echo(plain)
     click.echo(f"{robot.path}: good")
+
+
+def print_explanation(field: str) -> None:
+    """Print what a field is, how to find it and what is typical. Raises ConfigurationError."""
+    for place, about in explain(field).items():
+        click.echo(f"{place}: {about.what}")
+        click.echo(f"  how to find it: {about.find}")
+        click.echo(f"  typical: {about.typical}")
 
 
 def _remark(console: Console, text: str) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 
+from daemon.commands.hand import hand
 from daemon.commands.live_states import record_csv, record_states, show_live, stream_json
 from daemon.commands.options import PATH, Group, Options, Range, json_option, socket_option
 from daemon.commands.replies import answer, carry_out, print_json
@@ -177,6 +178,46 @@ def reset(options: Options) -> None:
     carry_out(options, "reset")
 
 
+_speed = click.option(
+    "--speed",
+    type=Range(min=0, max=2, min_open=True),
+    default=0.2,
+    show_default=True,
+    metavar="RAD/S",
+    help="Speed of the joint that goes furthest; others are slower, so that all arrive together.",
+)
+_yes = click.option("--yes", is_flag=True, help="Do not ask, for scripts.")
+
+
+@main.command()
+@click.argument("words", nargs=-1, metavar="[POSE | JOINT=VALUE ...]")
+@_speed
+@_yes
+@click.pass_obj
+def go(options: Options, words: tuple[str, ...], speed: float, yes: bool) -> None:
+    """Move to a pose of the configuration, or joints to positions in rad: the arm moves.
+
+    Shows distance and time per joint, and asks. The way is a straight line through joint space
+    within all limits, and nothing checks it for collisions. A contact halts the arm where it is
+    not armed; armed it reacts as on any trajectory, and goes on to the pose. `start` goes on after
+    a halt or `pause`. Ctrl-C stops. Needs an identified arm. Without an argument: lists the poses.
+    """
+    from daemon.commands import go as motion
+
+    motion.go(options, words, speed, yes=yes)
+
+
+@main.command()
+@_speed
+@_yes
+@click.pass_obj
+def home(options: Options, speed: float, yes: bool) -> None:
+    """Move to the pose `home` of the configuration: `go home`."""
+    from daemon.commands import go as motion
+
+    motion.go(options, ["home"], speed, yes=yes)
+
+
 @main.command(context_settings={"ignore_unknown_options": True})  # -0.1 is no option
 @click.argument("joint", required=False)
 @click.argument("value", type=float, required=False)
@@ -334,6 +375,8 @@ def record(options: Options, file: Path, seconds: float | None) -> None:
     if ended:
         raise UnreachableError(ended)
 
+
+main.add_command(hand)
 
 if __name__ == "__main__":
     main(prog_name="contactctl")

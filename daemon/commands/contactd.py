@@ -88,14 +88,25 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
 
 
 @main.command()
-@CONFIG
-def check(config: Path) -> None:
+@click.argument("config", type=PATH, required=False)
+@click.option(
+    "--explain",
+    "field",
+    metavar="FIELD",
+    help="Instead: what a field is, how to find it, and what is typical.",
+)
+def check(config: Path | None, field: str | None) -> None:
     """Check a configuration and print what follows from it: quantities, PDOs, bus load, loads by
     gravity, how far each joint still goes if its drive or the daemon fails, which touch is felt,
-    what comes near its bounds, and why `arm` would be refused."""
-    from daemon.commands.check import print_check
+    what comes near its bounds, what most likely is not meant, and why `arm` would be refused."""
+    from daemon.commands.check import print_check, print_explanation
 
-    print_check(config)
+    if field is not None:
+        print_explanation(field)
+    elif config is None:
+        raise click.UsageError("Missing argument 'CONFIG'.")
+    else:
+        print_check(config)
 
 
 @main.command()
@@ -113,14 +124,40 @@ def check(config: Path) -> None:
     metavar="FILE",
     help="Script of a person's hand (YAML), played from the arm's first motion on.",
 )
+@click.option(
+    "--hand-socket",
+    "door",
+    type=PATH,
+    metavar="PATH",
+    help="Socket for `contactctl hand`, where it is not the usual one.",
+)
+@click.option(
+    "--write-truth",
+    is_flag=True,
+    help="Instead: write the true arm into simulation.yaml, once, as config.yaml is now.",
+)
 def simulate(
-    config: Path, port: int | None, seed: int | None, friction: str | None, hand: Path | None
+    config: Path,
+    port: int | None,
+    seed: int | None,
+    friction: str | None,
+    hand: Path | None,
+    door: Path | None,
+    write_truth: bool,
 ) -> None:
-    """Simulate the arm of CONFIG in real time, at the other end of its bus.
+    """Simulate the arm of simulation.yaml beside CONFIG in real time, at the other end of CONFIG's
+    bus. Of CONFIG only the bus counts: correcting it does not change the arm.
 
     Where the configuration says socketcand, this serves it over TCP; where it says socketcan, the
     simulated drives join that bus. What happens to the arm is printed as lines of JSON.
     """
+    if write_truth:
+        from daemon.commands import simulated_robot
+        from daemon.config.load import load_robot
+
+        click.echo(f"wrote {simulated_robot.write_truth(load_robot(config))}")
+        return
+
     from daemon.service.realtime import single_threaded
 
     single_threaded()
@@ -128,7 +165,7 @@ def simulate(
     from daemon.commands.simulate import run_simulation
     from daemon.config.load import load_robot
 
-    run_simulation(load_robot(config).with_port(port), seed, friction, hand)
+    run_simulation(load_robot(config).with_port(port), seed, friction, hand, door)
 
 
 @main.command()

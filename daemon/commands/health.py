@@ -10,7 +10,7 @@ import msgspec
 
 from daemon.new_file import refuse_suffix, refuse_unless_new
 from daemon.service.black_box import default_directory
-from daemon.trends.day import Day, Days, read_days
+from daemon.trends.day import Day, Days, read_days, today
 from daemon.trends.findings import QUANTITIES, JointHealth, Trend, What, health
 from errors import LogError
 
@@ -22,14 +22,16 @@ _UNITS: dict[What, tuple[str, float]] = {
     "skew": ("encoder skew [ms]", 1.0),
     "remainder": ("gravity's remainder [Nm]", 1.0),
 }
+_COLUMNS: dict[What, str] = {"friction": "friction", "gap": "gap", "skew": "skew",
+                             "remainder": "gravity"}  # fmt: skip
 
 
 def show_health(directory: Path | None, plot: Path | None, *, as_json: bool) -> int:
     """Show the records of every arm in a state directory; returns the exit status. Raises LogError
     where there are none, or the picture cannot be drawn."""
     state = _state(directory)
-    arms = {folder.name: read_days(folder) for folder in _folders(state)}
-    arms = {name: days for name, days in arms.items() if days.days or days.damaged}
+    arms = {folder.name: read_days(folder, until=today()) for folder in _folders(state)}
+    arms = {name: days for name, days in arms.items() if days.days or days.words}
     if not arms:
         raise LogError(
             f"{state / 'trends'}: no records yet; `contactd run` writes one for each day in which "
@@ -39,7 +41,9 @@ def show_health(directory: Path | None, plot: Path | None, *, as_json: bool) -> 
     if plot is not None:
         if len(arms) > 1:
             raise LogError(f"{state}: records of several arms: {', '.join(arms)}; draw one alone")
-        (days,) = arms.values()
+        ((name, days),) = arms.items()
+        if not days.days:
+            raise LogError(f"{state / 'trends' / name}: no record that can be drawn")
         _plot(days.days, plot)
     if as_json:
         click.echo(msgspec.json.encode([_plain(arms[name], found[name]) for name in arms]))
@@ -72,6 +76,7 @@ def _plain(days: Days, joints: tuple[JointHealth, ...]) -> dict[str, Any]:
         "days": len(days.days),
         "last": days.days[-1].date if days.days else None,
         "damaged": days.damaged,
+        "left_out": days.left_out,
         "joints": [
             {
                 **msgspec.to_builtins(joint),
@@ -101,8 +106,10 @@ def _print(days: Days, joints: tuple[JointHealth, ...]) -> None:
             Text(f"{last.arm}: {_count(len(days.days))}, {first.date} to {last.date}", "bold")
         )
     table = Table(box=None, padding=(0, 1), header_style="bold")
-    for name in ("joint", "identified", "moved", "friction", "gap", "torque", "skew", "gravity"):
-        table.add_column(name, justify="left" if name in {"joint", "identified"} else "right")
+    table.add_column("joint")
+    table.add_column("identified")
+    for name in ("moved", *_COLUMNS.values()):
+        table.add_column(name, justify="right")
     for joint in joints:
         day = days.days[-1].joints[joint.joint]
         trends = {trend.what: trend for trend in joint.trends}
@@ -110,7 +117,7 @@ def _print(days: Days, joints: tuple[JointHealth, ...]) -> None:
             Text(joint.joint, "yellow" if joint.words else ""),
             joint.identified or "-",
             f"{day.moved_s / 60.0:.1f} min",
-            *(_cell(what, q.value(day), trends.get(what)) for what, q in QUANTITIES.items()),
+            *(_cell(what, QUANTITIES[what].value(day), trends.get(what)) for what in _COLUMNS),
         )
     if joints:
         console.print(table)
@@ -118,8 +125,8 @@ def _print(days: Days, joints: tuple[JointHealth, ...]) -> None:
     said = [f"{joint.joint}: {joint.words}" for joint in joints if joint.words]
     for line in said or ["nothing is to be said of any joint"] * bool(joints):
         console.print(Text(line, "yellow" if said else "green"))
-    for name in days.damaged:
-        console.print(Text(f"a damaged record: {name}", "bold red"))
+    for line in days.words:
+        console.print(Text(line, "bold red"))
 
 
 def _count(days: int) -> str:

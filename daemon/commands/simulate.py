@@ -5,26 +5,29 @@ from pathlib import Path
 
 import msgspec
 
-from daemon.commands.simulated_robot import describe, read_simulation
+from daemon.commands.simulated_robot import true_arm
 from daemon.config.load import Robot
+from daemon.protocol.socket_path import default_hand_path
 from daemon.service.realtime import go_realtime
 from errors import ConfigurationError
 from simulator.hand import read_script
 from simulator.server import serve, serve_on_bus
 
 
-def run_simulation(robot: Robot, seed: int | None, friction: str | None, hand: Path | None) -> None:
-    """Serve until SIGTERM or SIGINT. Raises ContactdError."""
-    simulation = read_simulation(robot)
+def run_simulation(
+    robot: Robot, seed: int | None, friction: str | None, hand: Path | None, door: Path | None
+) -> None:
+    """Serve until SIGTERM or SIGINT; `door` is the socket of the live hand, where it is not the
+    usual one. Raises ContactdError."""
+    description, simulation = true_arm(robot)
     chosen = {"seed": seed, "friction": friction}
     changes = {name: value for name, value in chosen.items() if value is not None}
     settings = msgspec.structs.replace(simulation.settings, **changes)
-    description = describe(robot, simulation)
     script = read_script(hand) if hand else ()
     # Real drives are punctual; simulated ones need real-time priority for it.
     go_realtime()
     bus = robot.configuration.bus
-    events = sys.stdout.buffer
+    events, door = sys.stdout.buffer, door or default_hand_path()
     match bus.interface:
         case "socketcand":
             serve(
@@ -34,6 +37,7 @@ def run_simulation(robot: Robot, seed: int | None, friction: str | None, hand: P
                 port=bus.port,
                 hand_script=script,
                 events=events,
+                hand_door=door,
             )
         case "socketcan":
             serve_on_bus(
@@ -43,6 +47,7 @@ def run_simulation(robot: Robot, seed: int | None, friction: str | None, hand: P
                 channel=bus.channel,
                 hand_script=script,
                 events=events,
+                hand_door=door,
             )
         case other:
             raise ConfigurationError(

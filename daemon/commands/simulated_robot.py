@@ -1,27 +1,38 @@
-"""Simulated counterpart of a robot: the nominal arm from its configuration, and the deviations of
-the true one (`simulation.yaml` beside `config.yaml`; defaults where there is none)."""
+"""Simulated counterpart of a robot: the true arm of `simulation.yaml`, and that file written once
+from a configuration, from where on the two go their own ways."""
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
 
 import msgspec
+import yaml
 
 from daemon.config.load import Robot, convert
 from daemon.config.schema import Joint
 from daemon.config.yaml_source import read_yaml
-from drivers.settings import Settings
+from drivers.codec import quantity
+from drivers.settings import DriveProfile, Quantity
 from errors import ConfigurationError
 from estimator.model import Model
-from simulator.description import ArmDescription, JointDescription, SimulationSettings
+from simulator.description import ArmDescription, JointDescription
+from simulator.profile import TURN
+from simulator.truth import SimulationFile, described
 
-
-class SimulationFile(Settings, frozen=True):
-    """Schema of `simulation.yaml`."""
-
-    initial_position: dict[str, float] = msgspec.field(default_factory=dict)  # [rad], others 0
-    settings: SimulationSettings = SimulationSettings()
+FILE, URDF = "simulation.yaml", "simulation.urdf"
+HEAD = """\
+# The true arm that `contactd simulate` simulates: docs/rehearsing.md. It shares nothing with
+# config.yaml: what is corrected there does not change what is simulated. Settings draw the rest:
+# masses, friction, gaps and torque constants are some per cent off (`settings.mismatch`), one way
+# or the other by `settings.seed`.
+"""
+FIXED = {"target_velocity": 0x60FF, "quick_stop_deceleration": 0x6085}
 
 
 def read_simulation(robot: Robot) -> SimulationFile:
-    """Settings of the robot's simulation. Raises ConfigurationError."""
-    path = robot.folder / "simulation.yaml"
+    """The robot's `simulation.yaml`; defaults where there is none. Raises ConfigurationError."""
+    path = robot.folder / FILE
     if not path.exists():
         return SimulationFile()
     source = read_yaml(path)
@@ -36,9 +47,138 @@ def read_simulation(robot: Robot) -> SimulationFile:
     return simulation
 
 
+def true_arm(robot: Robot) -> tuple[ArmDescription, SimulationFile]:
+    """The true arm of the robot's `simulation.yaml`. Raises ConfigurationError, where there is no
+    such file or it is of before the truth stood in it, too."""
+    simulation, path = read_simulation(robot), robot.folder / FILE
+    if not simulation.joints or not simulation.drives:
+        raise ConfigurationError(
+            f"{path}: says nothing of the true arm (`joints`, `drives`, `urdf`): "
+            f"`contactd simulate {robot.folder} --write-truth` writes them once from config.yaml"
+        )
+    return described(simulation, path, robot.configuration.period_s), simulation
+
+
+def write_truth(robot: Robot) -> Path:
+    """Write the true arm into the robot's `simulation.yaml`, a copy of the URDF beside it, and
+    return its path. What a file of before says is kept. Raises ConfigurationError where a truth is
+    there already, or the drives cannot be simulated."""
+    path, urdf = robot.folder / FILE, robot.folder / URDF
+    simulation = read_simulation(robot)
+    for there in (path if simulation.joints or simulation.drives else None, urdf):
+        if there is not None and there.exists():
+            raise ConfigurationError(f"{there} is there already: it is never overwritten")
+    truth = in_yaml(as_configured(robot))
+    before = path.read_text(encoding="utf-8").rstrip() + "\n" if path.exists() else HEAD
+    shutil.copyfile(robot.folder / robot.configuration.urdf, urdf)
+    path.write_text(f"{before}urdf: {URDF}\n{truth}", encoding="utf-8")
+    return path
+
+
+def in_yaml(simulation: SimulationFile) -> str:
+    """`joints` and `drives` of a file; fields at their defaults are left out."""
+    data = {
+        "joints": [_stated(joint) for joint in simulation.joints],
+        "drives": {name: _stated(drive) for name, drive in simulation.drives.items()},
+    }
+    text = yaml.safe_dump(data, sort_keys=False, width=110, default_flow_style=None)
+    return re.sub(r"object: (\d+)", lambda found: f"object: 0x{int(found[1]):04X}", text)
+
+
+def _stated(part: msgspec.Struct) -> dict[str, Any]:
+    defaults = {field.name: field.default for field in msgspec.structs.fields(part)}
+    given = {k: v for k, v in msgspec.structs.asdict(part).items() if v != defaults[k]}
+    return {k: _stated(v) if isinstance(v, msgspec.Struct) else v for k, v in given.items()}
+
+
+# --- an arm that is its configuration -------------------------------------------------------------
+
+
+def as_configured(robot: Robot) -> SimulationFile:
+    """Truth of an arm that is as its configuration says. Identified values are left out, or the arm
+    would change with every identification. Raises ConfigurationError for what the simulator lacks.
+    """
+    configuration = robot.by_hand or robot.configuration
+    model = Model(robot.urdf, configuration.joint_names)
+    data = {
+        "joints": [
+            _true_joint(joint, float(model.lower[i]), float(model.upper[i]))
+            for i, joint in enumerate(configuration.joints)
+        ],
+        "drives": {
+            name: _true_drive(robot, name, profile)
+            for name, profile in configuration.drives.items()
+        },
+    }
+    return msgspec.convert(data, SimulationFile)
+
+
+def _true_joint(joint: Joint, lower: float, upper: float) -> dict[str, Any]:
+    """End stops are the URDF's limits; the daemon's own lie inside."""
+    wiring = joint.wiring
+    friction = ("motor_coulomb", "motor_viscous", "link_coulomb", "link_viscous")
+    return {
+        "name": joint.name,
+        "drive": wiring.profile,
+        **{
+            name: getattr(wiring, name)
+            for name in ("node", "gear", "rated_current_A", "max_current_A", "motor_sign",
+                         "link_sign", "link_offset")
+        },
+        **{n: getattr(joint, n) for n in ("torque_constant", "rotor_inertia", "half_gap")},
+        "friction": {name: getattr(joint.friction, name) for name in friction},
+        "lower": lower,
+        "upper": upper,
+        "brake": joint.end == "brake",
+    }  # fmt: skip
+
+
+def _true_drive(robot: Robot, name: str, profile: DriveProfile) -> dict[str, Any]:
+    for entry, index in FIXED.items():
+        where: Quantity = getattr(profile, entry)
+        if where.object != index or where.sign != 1 or where.offset != 0.0:
+            raise ConfigurationError(
+                f"{robot.path}: drives.{name}.{entry}: 0x{where.object:04X} with sign {where.sign} "
+                f"and offset {where.offset:g} cannot be simulated; simulated drives have it on "
+                f"0x{index:04X}, with sign 1 and no offset"
+            )
+    drive: dict[str, Any] = {
+        "eds": profile.eds,
+        "link_position": _encoder(profile.link_position),
+        "motor_velocity": _unit(profile.motor_velocity),
+        "effort": _unit(quantity(profile, profile.effort)),
+        "target_velocity_unit": profile.target_velocity.scale,
+        "deceleration_unit": profile.quick_stop_deceleration.scale,
+    }
+    if profile.motor_position is not None:
+        drive["motor_position"] = _encoder(profile.motor_position)
+    if profile.max_motor_speed is not None:
+        drive["speed_limit"] = _unit(profile.max_motor_speed)
+    return drive
+
+
+def _encoder(where: Quantity) -> dict[str, Any]:
+    """value = sign * (offset + scale * counts), so it is 0 at -offset / scale counts."""
+    return {
+        "object": where.object,
+        "subindex": where.subindex,
+        "counts": where.sign * round(TURN / where.scale),
+        "zero": round(-where.offset / where.scale),
+    }
+
+
+def _unit(where: Quantity) -> dict[str, Any]:
+    return {
+        "object": where.object,
+        "subindex": where.subindex,
+        "unit": where.scale,
+        "sign": where.sign,
+    }
+
+
 def describe(robot: Robot, simulation: SimulationFile) -> ArmDescription:
-    """Nominal arm, as its maker would describe it. Identified values are left out, or the arm would
-    change with every identification. Raises ConfigurationError."""
+    """Arm that is as its configuration says, with drives of a make that is known by its product
+    code: for rigs, which simulate what they configure. Raises ConfigurationError."""
     configuration = robot.by_hand or robot.configuration
     model = Model(robot.urdf, configuration.joint_names)
     profiles = {joint.wiring.profile for joint in configuration.joints}

@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from daemon.config.problem import Keys, Problem, at
+from daemon.config.problem import Keys, Problem, at, figure
 from daemon.config.schema import Configuration, Joint
 from daemon.config.worst_loads import Load, worst_loads
 from daemon.faults.detector import patience_deaf
@@ -78,12 +78,11 @@ class Bounded:
     @property
     def problem(self) -> Problem:
         """What is wrong, or soon will be, in words."""
+        low, high = figure(self.low), figure(self.high)
         what = f"{self.value:.4g} {self.unit} {'is beyond' if self.refused else 'comes near'}"
-        allowed = f"up to {self.high:.4g}"
-        if self.low:
-            allowed = f"{self.low:.4g} to {self.high:.4g}"
+        allowed = f"{low} to {high}" if self.low else f"up to {high}"
         if math.isinf(self.high):
-            allowed = f"from {self.low:.4g} on"
+            allowed = f"from {low} on"
         return Problem(
             self.keys, self.where, f"{what} what can be: {allowed} {self.unit}, {self.why}"
         )

@@ -7,12 +7,15 @@ from pathlib import Path
 
 from daemon.config.bounds import beyond
 from daemon.config.counts import unrepresentable
-from daemon.config.problem import Problem, at
-from daemon.config.schema import NO_PAYLOAD, Configuration, drive_of
+from daemon.config.mistakes import likely_mistakes
+from daemon.config.problem import Keys, Problem, at, figure
+from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits, drive_of
 from daemon.config.worst_loads import Carrying
 from drivers.boot.data_sheet import load_data_sheet
-from drivers.boot.required_objects import DriveSetup, problems
+from drivers.boot.required_objects import DriveSetup, Place, problems
 from drivers.can.bus_load import refuse_overload
+from drivers.codec import LayoutError
+from drivers.settings import PdoEntry
 from errors import ConfigurationError, ModelError
 from estimator.model import Model
 from estimator.payload import Payload
@@ -30,14 +33,30 @@ def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[
         *_profiles(configuration, folder),
         *_counts(configuration),
         *_trajectory(configuration),
+        *_poses(configuration),
         *_urdf(configuration, urdf),
     ]
     # What is computed from many fields can only be where each is right.
-    return findings or [
+    findings = findings or [
         *beyond(configuration, urdf),
         *_load(configuration),
         *_payloads(configuration, urdf),
     ]
+    # The field that is refused may be right, and measured by one that is not.
+    return findings and [*findings, *suspects(configuration, urdf, folder)]
+
+
+def suspects(c: Configuration, urdf: str, folder: Path) -> list[Problem]:
+    """What most likely is not meant; nothing where URDF or EDS cannot be read, or the joints of
+    both are others."""
+    try:
+        Model(urdf, c.joint_names)
+        sheets = {name: load_data_sheet(folder / drive.eds) for name, drive in c.drives.items()}
+    except (ModelError, ConfigurationError):
+        return []
+    if any(joint.wiring.profile not in sheets for joint in c.joints):
+        return []
+    return likely_mistakes(c, urdf, sheets)
 
 
 def _names_and_nodes(c: Configuration) -> Iterator[Problem]:
@@ -122,8 +141,7 @@ def _profiles(c: Configuration, folder: Path) -> Iterator[Problem]:
     for name, profile in c.drives.items():
         if name not in used:
             yield Problem(["drives", name], f"drives.{name}", "no joint uses this profile")
-        for what in _data_sheet(c, name, folder):
-            yield Problem(["drives", name], f"drives.{name}", what)
+        yield from _data_sheet(c, name, folder)
         # A drive must survive one lost heartbeat of ours, which is sent every third of the time.
         if profile.master_timeout_ms < 3 * c.period_ms:
             yield Problem(
@@ -134,34 +152,49 @@ def _profiles(c: Configuration, folder: Path) -> Iterator[Problem]:
             )
 
 
-def _data_sheet(c: Configuration, name: str, folder: Path) -> list[str]:
-    """Contradictions between an EDS and a profile with the joints that use it, each once."""
+def _data_sheet(c: Configuration, name: str, folder: Path) -> list[Problem]:
+    """Contradictions between an EDS and a profile with the joints that use it, each once, at the
+    field of the profile that asks for what is not there."""
     profile = c.drives[name]
     try:
         sheet = load_data_sheet(folder / profile.eds)
-        setups = [
-            DriveSetup(
-                drive_of(joint, profile),
-                sheet,
-                joint.limits.velocity,
-                joint.limits.quick_stop,
-            )
-            for joint in c.joints
-            if joint.wiring.profile == name
-        ]
-        found = [p for s in setups for p in problems(s, c.period_ms, c.bus.master_node)]
     except ConfigurationError as error:
-        return [str(error)]
-    return [f"{profile.eds}: {what}" for what in dict.fromkeys(found)]
+        return [_in_profile(name, ("eds",), str(error))]
+    setups = [
+        DriveSetup(drive_of(joint, profile), sheet, joint.limits.velocity, joint.limits.quick_stop)
+        for joint in c.joints
+        if joint.wiring.profile == name
+    ]
+    try:
+        found = [p for s in setups for p in problems(s, c.period_ms, c.bus.master_node)]
+    except LayoutError as error:
+        return [_in_profile(name, error.at, str(error))]
+    return [_in_profile(name, p.at, f"{profile.eds}: {p.what}") for p in dict.fromkeys(found)]
+
+
+def _in_profile(name: str, place: Place, what: str) -> Problem:
+    keys: Keys = ["drives", name, *place]
+    where = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
+    return Problem(keys, where.removeprefix("."), what)
 
 
 def _counts(c: Configuration) -> Iterator[Problem]:
-    for i, joint in enumerate(c.joints):
-        profile = c.drives.get(joint.wiring.profile)
-        margin = c.supervisor.speed_margin
-        for entry, what in unrepresentable(joint, profile, margin) if profile else ():
-            keys, where = at(i, joint, "wiring")
-            yield Problem(keys, where, f"{joint.wiring.profile}.{entry}: {what}")
+    """What the counts of drives cannot hold: at the joint where it is one of several with such a
+    drive, else at the scale that they share."""
+    margin = c.supervisor.speed_margin
+    for name, profile in c.drives.items():
+        users = [(i, joint) for i, joint in enumerate(c.joints) if joint.wiring.profile == name]
+        found: dict[PdoEntry, list[tuple[int, Joint, str]]] = {}
+        for i, joint in users:
+            for entry, what in unrepresentable(joint, profile, margin):
+                found.setdefault(entry, []).append((i, joint, what))
+        for entry, places in found.items():
+            if len(places) == len(users):
+                _, joint, what = places[0]
+                yield _in_profile(name, (entry, "scale"), f"joint {joint.name}: {what}")
+                continue
+            for i, joint, what in places:
+                yield Problem(*at(i, joint, "wiring", "gear"), f"{name}.{entry}: {what}")
 
 
 def _trajectory(c: Configuration) -> Iterator[Problem]:
@@ -201,6 +234,22 @@ def _trajectory(c: Configuration) -> Iterator[Problem]:
             )
 
 
+def _poses(c: Configuration) -> Iterator[Problem]:
+    joints = {joint.name: joint.limits for joint in c.joints}
+    for pose, values in c.poses.items():
+        if "=" in pose or pose.startswith("-"):
+            text = "a name that `contactctl go` takes for something else"
+            yield Problem(["poses", pose], f"poses.{pose}", text)
+        for name, value in values.items():
+            keys: list[str | int] = ["poses", pose, name]
+            where = f"poses.{pose}.{name}"
+            if name not in joints:
+                yield Problem(keys, where, f"no such joint; there are: {', '.join(joints)}")
+            elif not (joints[name].lower <= value <= joints[name].upper):
+                limits = f"[{joints[name].lower:g}, {joints[name].upper:g}]"
+                yield Problem(keys, where, f"{value:g} rad is outside its limits {limits}")
+
+
 def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
     try:
         model = Model(urdf, c.joint_names)
@@ -213,8 +262,19 @@ def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
             yield Problem(
                 *at(i, joint, "limits"),
                 f"[{joint.limits.lower:g}, {joint.limits.upper:g}] goes beyond the URDF's "
-                f"[{lower:g}, {upper:g}] rad",
+                f"[{lower:g}, {upper:g}] rad{_meant(joint.limits, lower, upper)}",
             )
+
+
+def _meant(limits: JointLimits, lower: float, upper: float) -> str:
+    """How limits beyond [lower, upper] would fit, in words."""
+    for words, low, high in (
+        ("in degrees?", math.radians(limits.lower), math.radians(limits.upper)),
+        ("about the axis the other way round?", -limits.upper, -limits.lower),
+    ):
+        if lower - 1e-3 <= low <= high <= upper + 1e-3:
+            return f"; {words} then it is [{figure(low)}, {figure(high)}]"
+    return ""
 
 
 def _payloads(c: Configuration, urdf: str) -> Iterator[Problem]:

@@ -12,7 +12,7 @@ COARSEST = 0.25
 
 def unrepresentable(
     joint: Joint, profile: DriveProfile, speed_margin: float
-) -> Iterator[tuple[str, str]]:
+) -> Iterator[tuple[PdoEntry, str]]:
     """(quantity, reason) for each quantity of a joint that the counts of its drive cannot hold.
 
     Velocities are held up to `speed_margin` times the limit: a motor whose counts end sooner is

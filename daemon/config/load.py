@@ -24,6 +24,14 @@ from regular_file import read_text
 T = TypeVar("T", bound=msgspec.Struct)
 # msgspec says "at `key` in `$.drives[...].rpdo`" of a mapping's key, "at `$.bus.port`" of a value.
 _OF_A_KEY = "key` in `"
+# msgspec: "Expected `float` > 0.0", "Expected `array` of length >= 1", "Expected `int`, got `str`".
+_EXPECTED = re.compile(r"Expected `(.+?)`(?:( of length)? (>=|<=|>|<) (\S+))?(?:, got `(.+)`)?")
+_KINDS = {
+    "float": "a number", "int": "a whole number", "str": "text", "bool": "`true` or `false`",
+    "array": "a list", "object": "a group of fields", "null": "nothing",
+}  # fmt: skip
+_UNSHOWN = ("array", "object", "null")
+_SIGNS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 
 
@@ -159,7 +167,7 @@ def convert(source: Source, kind: type[T]) -> T:
             )
         else:
             line = source.line(keys)
-            message = message[:1].lower() + message[1:]
+            message = _plain(message)
             if of_a_key:
                 message += " as a key"
             if choices := _choices_at(kind, keys, of_a_key):
@@ -167,6 +175,19 @@ def convert(source: Source, kind: type[T]) -> T:
             else:
                 message += _value_at(keys, source.data)
         raise ConfigurationError(f"{source.path}:{line}: {place}: {message}") from error
+
+
+def _plain(message: str) -> str:
+    """msgspec's message without Python's names of types: `must be a number above 0`."""
+    found = _EXPECTED.fullmatch(message)
+    if found is None:
+        return message[:1].lower() + message[1:]
+    kinds, length, sign, bound, got = found.groups()
+    words = " or ".join(_KINDS.get(kind, kind) for kind in kinds.split(" | "))
+    if bound is not None:
+        words += f"{' of length' if length else ''} {_SIGNS[sign]} {bound.removesuffix('.0')}"
+    # What has a short value is shown by that.
+    return f"must be {words}" + (f", not {_KINDS[got]}" if got in _UNSHOWN else "")
 
 
 def _keys(where: str, data: Any) -> list[str | int]:
@@ -196,6 +217,8 @@ def _walk(keys: list[str | int], data: Any) -> Any:
 
 def _value_at(keys: list[str | int], data: Any) -> str:
     value = _walk(keys, data)
+    if isinstance(value, bool):
+        return f", not {str(value).lower()}"
     return f", not {value!r}" if isinstance(value, (str, int, float)) else ""
 
 

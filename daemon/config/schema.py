@@ -169,6 +169,11 @@ class PayloadEntry(Settings, frozen=True):
     com: tuple[Place, Place, Place] | None = None
 
 
+JointPosition = Annotated[float, Meta(ge=-100, le=100)]  # of a link [rad]
+Pose = Annotated[dict[Name, JointPosition], Meta(min_length=1)]
+"""Positions by joint [rad]; joints that are not named stay where they are."""
+
+
 class Configuration(Settings, frozen=True):
     """One arm, as `config.yaml` describes it."""
 
@@ -188,6 +193,9 @@ class Configuration(Settings, frozen=True):
     trajectory: Trajectory = Trajectory()
     supervisor: FaultSettings = FaultSettings()
     payloads: dict[Name, PayloadEntry] = msgspec.field(default_factory=dict)  # by name
+    # By name, for `contactctl go NAME`: positions of the links by joint [rad]; joints that are not
+    # named stay. `contactctl home` goes to `home`.
+    poses: dict[Name, Pose] = msgspec.field(default_factory=dict)
 
     @property
     def period_s(self) -> float:

@@ -29,7 +29,7 @@ class Mode(StrEnum):
     # there until it is quiet.
     RETRACTING = "retracting"
     # Goes slowly, in a straight line through joint space, back to where a contact took it from its
-    # trajectory.
+    # trajectory, or only as far as the trajectory needs to stay within the joint limits.
     RETURNING = "returning"
     # Lets go of what it collided with: the joints that feel it move slowly the way they are pushed,
     # at `reactions.release_velocity`, by `reactions.release_distance` at most.
@@ -59,10 +59,10 @@ class Event(StrEnum):
     # a contact to stop at; pushed against while retracting; the end of a release
     HALT = "halt"
     RESUME = "resume"  # quiet, and the trajectory fits from here
-    RETURN = "return"  # quiet, and the trajectory goes on where it was left
-    # quiet, and nothing to go on with, or it would leave the joint limits from here
+    RETURN = "return"  # quiet, and the trajectory goes on where it was left, or where it fits
+    # quiet, and nothing to go on with, or it fits nowhere within the joint limits
     SETTLE = "settle"
-    ARRIVED = "arrived"  # back where the trajectory was left
+    ARRIVED = "arrived"  # back where the trajectory goes on
     BOUND = "bound"  # contacts led the arm for longer or further than allowed
     TIMEOUT = "timeout"  # enabling, stopping or returning took too long
     DOUBT = "doubt"  # a condition at which the arm holds

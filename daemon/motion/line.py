@@ -8,6 +8,9 @@ import numpy as np
 from arrays import Vector
 from daemon.motion.path import Reference
 
+# Share of the acceleration limit that planned motion uses; the position loop has the rest.
+PLANNED_SHARE = 0.5
+
 
 @dataclass(frozen=True, slots=True)
 class Line:

@@ -9,14 +9,12 @@ from arrays import Vector
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.admittance import AdmittanceLaw, Gains
 from daemon.motion.limits import Limits
-from daemon.motion.line import Line
+from daemon.motion.line import PLANNED_SHARE, Line
 from daemon.motion.path import Follower
 from daemon.motion.release import Release, ReleaseSettings
 
 # A joint has arrived when it is as near as this to the line's end [rad].
 ARRIVED_RAD = 0.01
-# Share of the acceleration limit that a line uses; the position loop has the rest.
-PLANNED_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)

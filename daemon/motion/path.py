@@ -2,7 +2,8 @@
 
 The path is a function of a path time s. Pausing, stopping and resuming change how fast s runs,
 never the path itself, so the setpoint cannot leave it. A path consists of displacements:
-after a person has moved the arm, the same path is anchored anew where the arm stands.
+after a person has moved the arm, the same path is anchored anew where the arm stands. Only a path
+to a pose is another one from there.
 """
 
 import math
@@ -35,6 +36,15 @@ class JointPath(Protocol):
     def motors_only(self) -> bool:
         """True if the motors follow the slope and no loop closes over the links."""
 
+    @property
+    def halts_at_contact(self) -> bool:
+        """True if a contact halts the arm on it where nothing else reacts: while it is not
+        armed."""
+
+    def led_to(self, q: Vector) -> "JointPath":
+        """Path that goes on from q (n,) [rad], where the arm was led: itself if it consists of
+        displacements; from there, and from its beginning, if it leads to a pose."""
+
     def offset(self, s: float) -> Vector:
         """Displacement from the anchor's origin [rad] at path time s [s]."""
 
@@ -58,6 +68,12 @@ class Sinusoids:
     duration: float = math.inf
     begin: Vector | None = None
     motors_only: bool = False
+    halts_at_contact: bool = False
+
+    def led_to(self, q: Vector) -> "Sinusoids":
+        """Itself: it swings around any pose."""
+        del q
+        return self
 
     def offset(self, s: float) -> Vector:
         """Displacement [rad] at path time s [s]."""
@@ -78,6 +94,13 @@ class Sinusoids:
         return np.abs(self.amplitude * self.omega)
 
 
+# Tolerance for sums of rounded numbers; far below the resolution of any drive [rad].
+ROUNDING = 1e-9
+
+# Path time that a Follower does not run any more: rounding might keep it from its end [s].
+LEFT_S = 1e-13
+
+
 @dataclass(frozen=True, slots=True)
 class Reference:
     """Reference of the position loop: q (n,) [rad] and its velocity (n,) [rad/s]."""
@@ -93,11 +116,35 @@ class Place:
     path: JointPath
     s: float = 0.0
 
+    def led_to(self, q: Vector) -> "Place":
+        """Place at which the path goes on from q (n,) [rad]."""
+        path = self.path.led_to(q)
+        return self if path is self.path else Place(path)
+
     def leaves_limits(self, q: Vector, lower: Vector, upper: Vector) -> NDArray[np.bool_]:
-        """Mask (n,) of joints whose path from here on, anchored at q, leaves [lower, upper]."""
-        origin = q - self.path.offset(self.s)
-        low, high = self.path.extent(self.s)
-        return (high > low) & ((origin + low < lower) | (origin + high > upper))
+        """Mask (n,) of joints whose path from here on, anchored at q, leaves [lower, upper]; a
+        joint that holds does not."""
+        first, last = self.room(lower, upper)
+        return (q < first - ROUNDING) | (q > last + ROUNDING)
+
+    def room(self, lower: Vector, upper: Vector) -> tuple[Vector, Vector]:
+        """Lowest and highest pose (n,) [rad] from which the path from here on stays within [lower,
+        upper]; the lowest is above the highest where it fits nowhere. Infinite for a joint that
+        holds."""
+        offset, (low, high) = self.path.offset(self.s), self.path.extent(self.s)
+        moves = self.path.fastest(self.s) > 0.0
+        first = np.where(moves, lower - low + offset, -np.inf)
+        return first, np.where(moves, upper - high + offset, np.inf)
+
+    def nearest(self, q: Vector, lower: Vector, upper: Vector, inside: float = 0.0) -> Vector:
+        """Pose (n,) [rad] nearest to q from which the path from here on stays within [lower,
+        upper]: by `inside` [rad] where there is so much room, in the middle where there is less;
+        NaN for a joint whose path fits nowhere."""
+        first, last = self.room(lower, upper)
+        room = last - first
+        margin = np.minimum(inside, 0.5 * room)
+        nearest = np.minimum(np.maximum(q, first + margin), last - margin)
+        return np.where(room < 0.0, np.nan, nearest)
 
     def astray(self, q: Vector, tolerance: float) -> NDArray[np.bool_]:
         """Mask (n,) of joints further than `tolerance` [rad] from the pose that the path begins at;
@@ -123,8 +170,10 @@ class Follower:
         return self.place.s >= self.place.path.duration
 
     def anchor(self, q: Vector) -> None:
-        """Anchor the path at q (n,) [rad] for the present path time, at standstill."""
+        """Anchor the path at q (n,) [rad] for the present path time, at standstill; a path that
+        leads to a pose begins there."""
         self._rate = 0.0
+        self.place = self.place.led_to(q)
         self._origin = q - self.place.path.offset(self.place.s)
 
     def step(self, dt: float) -> Reference:
@@ -135,7 +184,9 @@ class Follower:
         path, s = self.place.path, self.place.s
         room = max(path.duration - s, 0.0)
         rate = min(1.0, self._rate + dt / self.ramp_s, _braking_rate(room, dt, self.ramp_s))
-        s = min(s + 0.5 * (self._rate + rate) * dt, path.duration)
+        s += 0.5 * (self._rate + rate) * dt
+        if path.duration - s < LEFT_S:
+            s = path.duration
         self._rate, self.place = rate, Place(path, s)
         return Reference(self._origin + path.offset(s), path.slope(s) * rate)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
 from daemon.motion.limits import Limits
+from daemon.motion.path import ROUNDING
 from daemon.motion.trajectory_file import MAX_ROWS, PLAUSIBLE, SHORTEST_STEP_S, refuse_columns
 from errors import TrajectoryError
 
@@ -21,8 +22,6 @@ Tensor = NDArray[np.float64]
 
 # Rows of a block: few blocks to search, and short ones to copy when they grow.
 BLOCK_ROWS = 512
-# Tolerance for sums of rounded numbers; far below the resolution of any drive.
-ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +48,7 @@ class SampledPath:
         from_here: bool,
         motors_only: bool = False,
     ) -> None:
-        self.name, self.motors_only = name, motors_only
+        self.name, self.motors_only, self.halts_at_contact = name, motors_only, False
         self._blocks = tuple(blocks)
         self._starts = [float(block.times[0]) for block in blocks]
         self._first = blocks[0].knots[0, 0]
@@ -62,6 +61,11 @@ class SampledPath:
         self._high = np.maximum.accumulate(high[::-1])[::-1]
         fast = np.array([block.fast for block in blocks])
         self._fast = np.maximum.accumulate(fast[::-1])[::-1]
+
+    def led_to(self, q: Vector) -> "SampledPath":
+        """Itself: its displacements go on from any pose."""
+        del q
+        return self
 
     def offset(self, s: float) -> Vector:
         """Displacement [rad] from the first knot at path time s [s]; (n,)."""

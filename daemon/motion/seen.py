@@ -36,7 +36,7 @@ class SeenMotion:
                     f"{self.speed[i]:.2g}"
                 )
             a, b = origin[i] + low[i], origin[i] + high[i]
-            if high[i] > low[i] and (a < self.lower[i] - _FURTHER or b > self.upper[i] + _FURTHER):
+            if fastest[i] > 0.0 and (a < self.lower[i] - _FURTHER or b > self.upper[i] + _FURTHER):
                 warnings.append(
                     f"{name} will move within [{a:.2f}, {b:.2f}] rad; its thresholds have seen "
                     f"[{self.lower[i]:.2f}, {self.upper[i]:.2f}]"

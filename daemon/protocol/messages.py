@@ -16,6 +16,7 @@ Command = Literal[
     "enable",
     "load",
     "start",
+    "go",
     "pause",
     "arm",
     "renew",
@@ -31,7 +32,7 @@ Command = Literal[
 COMMANDS: tuple[str, ...] = get_args(Command)
 MAX_REQUEST_BYTES = 8192  # of one message to the daemon
 # Commands that let the arm move: dropped if the client closed the connection before the answer.
-AWAITED: frozenset[Command] = frozenset({"enable", "start", "arm"})
+AWAITED: frozenset[Command] = frozenset({"enable", "start", "go", "arm"})
 # Commands that are served before all others, and what must not be carried out any more if it came
 # before them, or with them, and still waits for its turn.
 OUTDATED_BY: dict[Command, frozenset[Command]] = {
@@ -98,6 +99,14 @@ class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     name: str | None = None
     mass: float | None = None  # by its mass [kg]; 0: nothing
     com: list[float] | None = None  # beside `mass`: its centre in the hand's frame [m]
+    pose: Annotated[str, msgspec.Meta(max_length=64)] | None = None  # `go`: to this one, or
+    # to these positions; joints that are not named stay [rad]
+    targets: Annotated[dict[str, float], msgspec.Meta(max_length=32)] | None = None
+    # `go`: of the joint that goes furthest; 0.2 unless given [rad/s]
+    speed: Annotated[float, msgspec.Meta(gt=0, le=2)] | None = None
+    plan: bool = False  # `go`: answer only what it would do
+    # `go`: positions for which it was planned; refused if the arm stands elsewhere by now [rad]
+    planned_from: Annotated[list[float], msgspec.Meta(max_length=32)] | None = None
 
 
 class Check(msgspec.Struct, frozen=True, kw_only=True):
@@ -144,6 +153,18 @@ class Felt(msgspec.Struct, frozen=True, kw_only=True):
     tool_resting: ToolForce
 
 
+class Way(msgspec.Struct, frozen=True, kw_only=True):
+    """Way to a pose: a straight line through joint space, which knows nothing of what stands in
+    it. All joints arrive together."""
+
+    name: str
+    joints: list[str]
+    start: PerJoint  # [rad]
+    goal: PerJoint  # [rad]
+    speed: PerJoint  # largest on the way [rad/s]
+    duration_s: float  # from standstill to standstill, unless a contact comes in between
+
+
 class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Answer to one `Request`: done or refused, with every reason for a refusal."""
 
@@ -156,7 +177,9 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     felt: Felt | None = None  # of `arm` that is done; a client that does not know it leaves it out
     row: int | None = None  # of a trajectory: the first that was refused, from 0
     unproved: list[str] = []  # joints that are told to stop and not seen to stand
-    warnings: list[str] = []  # of `start` that is done: beyond what the thresholds have seen
+    # of `start` and `go` that are done, and of a plan: beyond what the thresholds have seen
+    warnings: list[str] = []
+    way: Way | None = None  # of `go` that is done, or planned
     status: "Status | None" = None
     snapshot: "Snapshot | None" = None
 
@@ -343,5 +366,6 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
         None  # that was announced since the start, and is forgotten at its end
     )
     payloads: list[Payload] = []  # that can be announced by name
+    poses: dict[str, dict[str, float]] = {}  # that `go` can be asked for: joints by name [rad]
     gears: list[str] = []  # what their trends say, a line for each joint (`contactctl health`)
     recognised: str = ""  # load that nobody told, in words, with what to do; empty without one

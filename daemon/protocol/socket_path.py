@@ -46,6 +46,18 @@ def default_socket_path() -> Path:
     return path
 
 
+def default_hand_path() -> Path:
+    """Path of the simulator's socket for `contactctl hand`: `$CONTACTD_HAND`, else
+    `$XDG_RUNTIME_DIR/contactd-hand.sock`, else `/tmp/contactd-hand-UID.sock`. It is the user's own,
+    as the simulator is."""
+    if chosen := os.environ.get("CONTACTD_HAND"):
+        return Path(chosen)
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime and Path(runtime).is_dir():
+        return Path(runtime) / "contactd-hand.sock"
+    return Path(f"/tmp/contactd-hand-{os.getuid()}.sock")
+
+
 def listen(path: Path, group: str) -> socket.socket:
     """Listening socket at `path`, which appears there complete: bound, open to `group`, and
     listening. Raises ControlError if another daemon serves it or it cannot be made."""

@@ -78,8 +78,8 @@ def as_recording(path: Path) -> Path:
     context = context_of_log(path)
     if not context.exists():
         raise LogError(f"{path}: {context.name} is not beside it, which says what its frames mean")
-    name = f"{path.stem}-{content_digest(path)[:12]}-{content_digest(context)[:12]}-{_LAYOUT}.mcap"
-    target = cache_directory() / "recomputed" / name
+    of_what = f"{content_digest(path)[:12]}-{content_digest(context)[:12]}-{_LAYOUT}"
+    target = cache_directory() / "recomputed" / of_what / f"{path.stem}.mcap"
     if not target.exists():
         try:
             target.parent.mkdir(parents=True, exist_ok=True)

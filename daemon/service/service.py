@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from daemon.config.motion import limits_of
 from daemon.modes.table import Event, ModeMachine
+from daemon.motion.path import Place
 from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Reply, Request, Status
 from daemon.protocol.socket_path import Peer
@@ -65,6 +66,11 @@ def _misplaced(request: Request) -> list[str]:
         "name": ("payload",),
         "mass": ("payload",),
         "com": ("payload",),
+        "pose": ("go",),
+        "targets": ("go",),
+        "speed": ("go",),
+        "plan": ("go",),
+        "planned_from": ("go",),
     }
     return [
         f"`{field}` belongs to {' and '.join(commands)}"
@@ -157,6 +163,8 @@ class Service:
                 reply = replace(self._reply(request), snapshot=snapshot)
             case "load":
                 reply = self._load(request, peer)
+            case "go":
+                reply = self._go(request, who)
             case "gain":
                 reply = self._gain(request, who)
             case "payload":
@@ -197,6 +205,26 @@ class Service:
         for text in warnings:
             _log.warning("start: %s", text)
         return warnings
+
+    def _go(self, request: Request, who: str) -> Reply:
+        last, poses = self.loop.tick.last, self.process.poses
+        if last is None:
+            return self._reply(request, ["no samples of the drives yet"])
+        q = last.samples.link_position
+        try:
+            path = poses.path(request, q)
+        except TrajectoryError as error:
+            return self._reply(request, [str(error)])
+        reasons = self.loop.tick.arming_checks.unsettled()
+        if request.plan:
+            reasons = reasons or self.loop.tick.controller.refusals(Event.START, path)
+            warnings = self.process.seen.beyond(poses.joints, q, Place(path))
+            planned = self._reply(request, reasons, "planned")
+            return planned if reasons else replace(planned, way=poses.way(path), warnings=warnings)
+        reply = self._reply(request, reasons or self.set_up.request(Event.START, who, path))
+        if not reply.ok:
+            return reply
+        return replace(reply, way=poses.way(path), warnings=self._beyond_what_was_seen())
 
     def _arm(self, request: Request, peer: Peer) -> Reply:
         answer = self.permission.arm(request, peer, self.loop.time_s)

@@ -22,9 +22,9 @@ from daemon.protocol.messages import (
     Trajectory,
 )
 from daemon.service.payloads import Payloads
+from daemon.service.poses import Poses
 from daemon.tick.controller import Controller
 from daemon.tick.felt import felt_now
-from daemon.tick.load_watch import in_words
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
 from daemon.tick.tick import Tick
@@ -43,10 +43,12 @@ class Process:
     serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
     place: str = field(init=False)  # of config.yaml; the file system is asked only once
     payloads: Payloads = field(init=False)
+    poses: Poses = field(init=False)
     seen: SeenMotion = field(init=False)
 
     def __post_init__(self) -> None:
         self.payloads = Payloads(self.robot)
+        self.poses = Poses(self.robot)
         self.seen = seen_motion(self.robot)
         self.place = str(self.robot.place())
 
@@ -101,6 +103,7 @@ def status_of(
         hand=process.payloads.hand,
         payload=tick.payload,
         payloads=list(process.payloads.named.values()),
+        poses=process.poses.named,
         recognised=_recognised(tick),
     )
 
@@ -132,8 +135,8 @@ def _learned(tick: Tick) -> Learned | None:
 
 
 def _recognised(tick: Tick) -> str:
-    found = tick.loads.found
-    return f"{in_words(found)}: {tick.loads.advice}" if found else ""
+    loads = tick.loads
+    return f"{loads.words}: {loads.advice}" if loads.found else ""
 
 
 def _trajectory(controller: Controller) -> Trajectory:

@@ -95,6 +95,10 @@ class ArmingChecks:
         self._in_fault: set[int] = set()
         self._late_s: deque[float] = deque(maxlen=LATE_TICKS + 1)
 
+    def unsettled(self) -> list[str]:
+        """Reasons why what was identified cannot be trusted for this run; empty if it can."""
+        return [check.text for check in self._settled if not check.passed]
+
     def watch(self, samples: Samples, findings: Sequence[Finding], time_s: float) -> None:
         """Take note of one tick."""
         for event in samples.events:

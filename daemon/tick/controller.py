@@ -27,6 +27,7 @@ from daemon.modes.table import (
     refusal,
 )
 from daemon.motion.admittance import MAX_GAIN, Allowance, AllowanceSettings
+from daemon.motion.limits import all_finite
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
 from daemon.motion.release import Ending
@@ -191,7 +192,8 @@ class Controller:
         joints, limits = self._tuning.joints, self.motion.limits
         if event is Event.START and observed is not None:
             pressed = self._pressed(observed) or self._carried(observed)
-            return pressed or not_startable(joints, observed.q, limits, place)
+            touched = self._touched(observed) if place.path.halts_at_contact else []
+            return pressed or touched or not_startable(joints, observed.q, limits, place)
         if event is Event.ENABLE and observed is not None:
             return not_energisable(joints, self._tuning.ends, limits, observed)
         return []
@@ -199,6 +201,10 @@ class Controller:
     def _pressed(self, observed: ControlInput) -> list[str]:
         """Reason against `start`: a collision that lasts. Links that are not trusted show none."""
         return [f"{observed.hit}: free it first"] if observed.hit and not self.motion.blind else []
+
+    def _touched(self, observed: ControlInput) -> list[str]:
+        """Reason against `start` of a path on which the arm would halt at once."""
+        return [f"{observed.touched}: free it first"] if observed.touched else []
 
     def _carried(self, observed: ControlInput) -> list[str]:
         """Reason against `start`: a load that the model does not count, at which an arm that is
@@ -251,13 +257,19 @@ class Controller:
         counts = observed.struck or (attentive and not self.motion.blind)
         # What was not let go of for a doubt still is a collision, down to the contact level.
         hit = observed.hit or (observed.touched if self._unfinished else "")
+        reaction = reactions.to_contact(armed) or self._halt_of_path()
         if hit and counts and (event := self._able(reactions.to_collision(armed))):
             if not (retracting and event in (Event.RETRACT, Event.RELEASE)):
                 self._apply(event, hit, time_s)
         elif observed.touched and observed.load:
-            self._carry(reactions.to_contact(armed), observed, time_s)
-        elif observed.touched and attentive and (event := self._able(reactions.to_contact(armed))):
+            self._carry(reaction, observed, time_s)
+        elif observed.touched and attentive and (event := self._able(reaction)):
             self._apply(event, observed.touched, time_s)
+
+    def _halt_of_path(self) -> Event | None:
+        """Event of a contact to which the configuration and the permission know no reaction."""
+        careful = self.motion.follower.place.path.halts_at_contact
+        return Event.HALT if self.machine.mode is Mode.TRACKING and careful else None
 
     def _carry(self, reaction: Event | None, observed: ControlInput, time_s: float) -> None:
         """Hold what looks like a load instead of being led by it, or backing away from it. While
@@ -309,7 +321,7 @@ class Controller:
             self._apply(Event.END, text, time_s)
         elif mode is Mode.RETURNING:
             if self.motion.arrived(observed.q):
-                self._apply(Event.ARRIVED, "back where the trajectory was left", time_s)
+                self._apply(Event.ARRIVED, "back where the trajectory goes on", time_s)
             elif elapsed > self.motion.line_duration_s + self._tuning.stop_timeout_s:
                 text = f"the arm did not get back to its trajectory within {elapsed:.1f} s"
                 self._apply(Event.TIMEOUT, text, time_s)
@@ -344,9 +356,21 @@ class Controller:
             return Event.SETTLE, []
         if self._tuning.after_quiet is AfterQuiet.RETURN:
             return Event.RETURN, []
-        place = self.motion.follower.place
-        reasons = leaves_limits(self._tuning.joints, q, self.motion.limits, place)
-        return (Event.SETTLE if reasons else Event.RESUME), reasons
+        place, limits = self.motion.follower.place, self.motion.limits
+        reasons = leaves_limits(self._tuning.joints, q, limits, place)
+        if not reasons:
+            return Event.RESUME, []
+        fits = all_finite(place.nearest(q, limits.lower, limits.upper))
+        return (Event.RETURN if fits else Event.SETTLE), reasons
+
+    def _way_back(self, q: Vector, home: Vector) -> Vector:
+        """End of the way back to the trajectory (n,) [rad]: where a contact took the arm from it,
+        or the pose nearest to q from which it fits. That lies between q and home, as it fits from
+        home."""
+        if self._tuning.after_quiet is AfterQuiet.RETURN:
+            return home
+        limits = self.motion.limits
+        return self.motion.follower.place.nearest(q, limits.lower, limits.upper)
 
     def _apply(self, event: Event, cause: str, time_s: float) -> None:
         """Follow the table, and set up what the new mode starts from."""
@@ -376,9 +400,9 @@ class Controller:
         elif mode is Mode.RELEASING:
             motion.release(observed.q, observed.thresholded, observed.residual)
         elif mode is Mode.RETURNING:
-            motion.go_back(observed.q, home)
+            motion.go_back(observed.q, self._way_back(observed.q, home))
         elif mode is Mode.TRACKING:
-            motion.follow(home if event is Event.ARRIVED else observed.q)
+            motion.follow(motion.reference if event is Event.ARRIVED else observed.q)
         elif before is Mode.STOPPING and self._let_go:
             push = observed.thresholded
             motion.hold(motion.giving_way.rest(observed.q, motion.reference, push))

@@ -1,16 +1,21 @@
 """Refusals of `enable` and `start`, from where the arm stands: reasons in words. Pure."""
 
+import math
 from collections.abc import Sequence
 from typing import Protocol
+
+import numpy as np
 
 from arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.faults.table import Response
-from daemon.motion.limits import Limits
+from daemon.motion.limits import Limits, all_finite
 from daemon.motion.path import Place
 
 # How far from its first sample a recorded trajectory may begin [rad].
 START_TOLERANCE = 0.05
+# How far inside the range of a path the way to it is to end: it does not end to the bit [rad].
+INSIDE = 0.02
 
 
 # How a joint that nobody energises gets back inside its limits, by how it ends.
@@ -58,16 +63,30 @@ def not_energisable(
 
 def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
     """Reasons against `start`: joints that stand elsewhere than the path begins, else those that it
-    would lead out of their limits."""
-    return _astray(joints, q, place) or leaves_limits(joints, q, limits, place)
+    would lead out of their limits; then the command that leads to where it can start."""
+    astray, begin = _astray(joints, q, place), place.path.begin
+    if astray and begin is not None:
+        there = np.where(place.astray(q, START_TOLERANCE), begin, np.nan)
+        return [*astray, f"{_way(joints, there)}, or start it with --from-here"]
+    reasons = leaves_limits(joints, q, limits, place)
+    there = place.nearest(q, limits.lower, limits.upper, INSIDE)
+    if reasons and all_finite(there):
+        return [*reasons, _way(joints, np.where(there == q, np.nan, there))]
+    return reasons
+
+
+def _way(joints: Sequence[str], there: Vector) -> str:
+    """Command that moves joints to `there` (n,) [rad], NaN for those that stay."""
+    moved = zip(joints, there.tolist(), strict=True)
+    words = " ".join(f"{name}={value:.3f}" for name, value in moved if math.isfinite(value))
+    return f"`contactctl go {words}` leads there"
 
 
 def _astray(joints: Sequence[str], q: Vector, place: Place) -> list[str]:
     astray, begin = place.astray(q, START_TOLERANCE), place.path.begin
     return [
         f"{name} stands at {q[i]:.3f} rad, {abs(q[i] - begin[i]):.3f} rad from where "
-        f"{place.path.name} begins ({begin[i]:.3f}; allowed {START_TOLERANCE:g}): "
-        "bring it there, or start it with --from-here"
+        f"{place.path.name} begins ({begin[i]:.3f}; allowed {START_TOLERANCE:g})"
         for i, name in enumerate(joints)
         if begin is not None and astray[i]
     ]

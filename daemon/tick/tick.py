@@ -203,7 +203,7 @@ class Tick:
         touched = hit = load = ""
         # Both count as long as they last: a contact that began while the arm was stopping still
         # makes it yield, and what was run into is not over because the arm stands.
-        if any(estimate.thresholded.tolist()):
+        if any(estimate.thresholded.tolist()) and not self.loads.settles(estimate):
             detector, names = self.estimator.detector, self.drives.names
             residual = estimate.residual
             joints = detector.touched().tolist()
@@ -276,10 +276,11 @@ class Tick:
         returns why not."""
         machine = self.controller.machine
         if machine.mode in GUIDED or machine.mode in YIELDING:
-            return [f"{refusal(machine.mode, 'payload')}: let go of it first"]
+            why = refusal(machine.mode, "payload")
+            return [f"{why}: let go of it first; if only the load leads it, `contactctl stop`"]
         self.estimator.carry(payload)
         self.payload = payload
-        self.loads.told()
+        self.loads.told(payload)
         text = f"payload {payload}" if payload else "payload none"
         machine.changes.append(Change(text, f"by {who}"))
         return []

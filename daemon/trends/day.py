@@ -1,7 +1,8 @@
 """Day record: what one arm showed of its gears on one day (UTC), as a file of its own.
 
 Sums are kept, not means, so that a day that is begun again goes on. A file is written whole under
-another name and then renamed; one that cannot be read is set aside, and said.
+another name and then renamed; one that is none is set aside, and said. One of a day that has not
+come yet stays, and is left out: a clock was wrong, or is.
 """
 
 import contextlib
@@ -10,10 +11,12 @@ import os
 import re
 import tempfile
 from dataclasses import dataclass
+from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
+from msgspec import Meta
 
 from errors import LogError
 from regular_file import read_text
@@ -21,14 +24,17 @@ from regular_file import read_text
 DAYS_KEPT: Final = 800
 _NAME: Final = re.compile(r"^\d{4}-\d\d-\d\d\.json$")
 _DAMAGED: Final = ".damaged"
+# What a file may hold: sums beyond any day's are none, and their squares must stay numbers.
+_Amount = Annotated[float, Meta(ge=0.0, le=1e15)]
+_Total = Annotated[float, Meta(ge=-1e15, le=1e15)]
 
 
 class Sum(msgspec.Struct, forbid_unknown_fields=True):
     """Weighted sum of a quantity: mean and spread of what was put in."""
 
-    weight: float = 0.0
-    first: float = 0.0
-    second: float = 0.0
+    weight: _Amount = 0.0
+    first: _Total = 0.0
+    second: _Amount = 0.0
 
     def put(self, value: float, weight: float = 1.0) -> None:
         """Put a value in; nothing where it is no number."""
@@ -46,13 +52,13 @@ class Sum(msgspec.Struct, forbid_unknown_fields=True):
 class JointDay(msgspec.Struct, forbid_unknown_fields=True):
     """One joint on one day. Weights are seconds in motion, of gap and skew looks at two minutes."""
 
-    moved_s: float = 0.0
+    moved_s: _Amount = 0.0
     friction: Sum = msgspec.field(default_factory=Sum)  # learned, over that of the configuration
     half_gap: Sum = msgspec.field(default_factory=Sum)  # seen where the gap was crossed [rad]
     skew_ms: Sum = msgspec.field(default_factory=Sum)  # of the link's encoder behind the motor's
     forth: Sum = msgspec.field(default_factory=Sum)  # residual in motion of positive velocity [Nm]
     back: Sum = msgspec.field(default_factory=Sum)  # ... of negative velocity
-    bound_s: float = 0.0  # in which what was learned of it was at its bound
+    bound_s: _Amount = 0.0  # in which what was learned of it was at its bound
 
     @property
     def remainder(self) -> float:
@@ -73,10 +79,16 @@ class Day(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True, slots=True)
 class Days:
-    """Days of an arm, in order, and the files that could not be read."""
+    """Days of an arm, in order; the files that are damaged; and why others were left out."""
 
     days: tuple[Day, ...]
-    damaged: tuple[str, ...]
+    damaged: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> list[str]:
+        """What is to be said of the files, a line for each."""
+        return [*(f"a damaged record: {name}" for name in self.damaged), *self.left_out]
 
 
 def folder_of(state: Path, arm: str) -> Path:
@@ -91,17 +103,30 @@ def read_day(path: Path) -> Day | None:
         day = msgspec.json.decode(read_text(path), type=Day)
     except (msgspec.DecodeError, UnicodeDecodeError, ValueError):
         return None
-    return day if f"{day.date}.json" == path.name else None
+    return day if f"{day.date}.json" == path.name and _is_date(day.date) else None
 
 
-def read_days(folder: Path, *, set_aside: bool = False) -> Days:
-    """All records of a folder; set_aside: damaged ones get another name. Raises LogError where the
-    folder cannot be read; one that is not there has no records."""
-    days, damaged = [], []
+def _is_date(iso: str) -> bool:
+    try:
+        date.fromisoformat(iso)
+    except ValueError:  # the 31st of June
+        return False
+    return True
+
+
+def today() -> str:
+    """Date of now (UTC)."""
+    return datetime.now(UTC).date().isoformat()
+
+
+def read_days(folder: Path, *, until: str, set_aside: bool = False) -> Days:
+    """All records of a folder up to the day `until`; set_aside: damaged ones get another name.
+    Raises LogError where the folder cannot be read; one that is not there has no records."""
+    days, damaged, left_out = [], [], []
     try:
         names = sorted(os.listdir(folder))
     except FileNotFoundError:
-        return Days((), ())
+        return Days(())
     except OSError as error:
         raise LogError(f"{folder}: {error.strerror}") from error
     for name in names:
@@ -111,13 +136,15 @@ def read_days(folder: Path, *, set_aside: bool = False) -> Days:
         elif _NAME.match(name):
             try:
                 day = read_day(path)
+                if day is None:
+                    damaged.append(str(aside(path) if set_aside else path))
+                elif day.date > until:
+                    left_out.append(f"a record of a day to come (is the clock right?): {path}")
+                else:
+                    days.append(day)
             except OSError as error:
-                raise LogError(f"{path}: {error.strerror}") from error
-            if day is not None:
-                days.append(day)
-            else:
-                damaged.append(str(aside(path) if set_aside else path))
-    return Days(tuple(days), tuple(damaged))
+                left_out.append(f"a record that cannot be read: {path}: {error.strerror}")
+    return Days(tuple(days), tuple(damaged), tuple(left_out))
 
 
 def aside(path: Path) -> Path:

@@ -21,7 +21,7 @@ import numpy as np
 
 from daemon.protocol.trend_row import row_length
 from daemon.service.journal import log_to_stderr
-from daemon.trends.day import Day, aside, read_day, read_days, write_day
+from daemon.trends.day import Day, aside, read_day, read_days, today, write_day
 from daemon.trends.findings import warnings
 from daemon.trends.gather import Gatherer
 from errors import LogError
@@ -105,12 +105,11 @@ class Writer:
 
     def _say(self) -> None:
         try:
-            found = read_days(self._folder, set_aside=True)
+            found = read_days(self._folder, until=today(), set_aside=True)
         except LogError as error:
             _log.warning("trends: %s", error)
             return
-        said = warnings(found.days)
-        said += [f"a damaged record was set aside: {name}" for name in found.damaged]
+        said = warnings(found.days) + found.words
         if said != self._said:
             self._said = said
             self._tell(said)

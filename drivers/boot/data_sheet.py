@@ -21,6 +21,10 @@ _TYPES: Final = {
 }
 
 
+DataSheet = canopen.ObjectDictionary
+"""An EDS, read."""
+
+
 def load_data_sheet(path: Path) -> canopen.ObjectDictionary:
     """Read an EDS; raises ConfigurationError naming the file."""
     try:

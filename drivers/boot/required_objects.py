@@ -12,7 +12,7 @@ from drivers.boot.data_sheet import find_object, makers_numbers, type_name, valu
 from drivers.codec import WORDS, Pdo, receive_pdos, transmit_pdos
 from drivers.drive import Drive
 from drivers.ids import EMERGENCY, SYNC
-from drivers.settings import DriveProfile, ObjectValue
+from drivers.settings import DriveProfile, ObjectValue, Quantity
 from errors import ConfigurationError
 
 CYCLIC_SYNCHRONOUS_VELOCITY: Final = 9
@@ -34,6 +34,8 @@ PDO_OBJECTS: Final = range(0x1400, 0x1C00)
 
 _IN_STEPS: Final = "it follows setpoints as its maker chose"
 
+Place = tuple[str | int, ...]
+"""Keys within a profile: `("tpdo", "1")`."""
 Group = Literal["communication", "stopping", "mode", "limits", "own objects", "PDO mapping"]
 
 
@@ -60,6 +62,7 @@ class Wanted:
 
     without: what a drive does that has no such object; empty, and the drive is refused.
     mask: the bits that count; the others are the drive's own.
+    setting: place in the profile of what decides about it.
     """
 
     group: Group
@@ -69,6 +72,7 @@ class Wanted:
     meaning: str
     without: str = ""
     mask: int = -1
+    setting: Place = ("eds",)
 
     @property
     def where(self) -> str:
@@ -96,15 +100,18 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
                "SYNC is taken to be on 0x080"),
         Wanted("communication", 0x1014, 0, EMERGENCY + node, "emergencies on 0x080 + node",
                "emergencies are taken to be on 0x080 + node"),
-        Wanted("communication", 0x1016, 1, watched, "watch the master's heartbeat"),
-        Wanted("communication", 0x1017, 0, profile.heartbeat_ms, "heartbeat"),
+        Wanted("communication", 0x1016, 1, watched, "watch the master's heartbeat",
+               setting=("master_timeout_ms",)),
+        Wanted("communication", 0x1017, 0, profile.heartbeat_ms, "heartbeat",
+               setting=("heartbeat_ms",)),
         Wanted("communication", 0x1029, 1, LEAVE_OPERATIONAL, "take no setpoint without a master",
                "what it does with setpoints when it has missed its master is its maker's choice"),
         Wanted("stopping", 0x6007, 0, STOP_ON_SILENCE, "quick stop when the master falls silent"),
         Wanted("stopping", 0x605A, 0, RAMP_THEN_HOLD, "quick stop: ramp, then hold"),
         Wanted("stopping", 0x605E, 0, profile.fault_reaction, "reaction to a fault",
-               "it reacts to faults as its maker chose"),
-        Wanted("stopping", braking.object, braking.subindex, deceleration, BRAKING),
+               "it reacts to faults as its maker chose", setting=("fault_reaction",)),
+        Wanted("stopping", braking.object, braking.subindex, deceleration, BRAKING,
+               setting=("quick_stop_deceleration",)),
         Wanted("mode", 0x6060, 0, CYCLIC_SYNCHRONOUS_VELOCITY, "cyclic synchronous velocity"),
         Wanted("mode", 0x60C2, 1, period_ms, "interpolation over the SYNC period",
                _IN_STEPS),
@@ -116,11 +123,15 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
     ]  # fmt: skip
     if fastest is not None:
         counts = math.ceil(SPEED_MARGIN * setup.velocity * wiring.gear / fastest.scale)
-        table.append(Wanted("limits", fastest.object, fastest.subindex, counts, "speed limit"))
+        table.append(
+            Wanted("limits", fastest.object, fastest.subindex, counts, "speed limit",
+                   setting=("max_motor_speed",))
+        )  # fmt: skip
     return table + [
-        Wanted("own objects", own.object, own.subindex, own.value, "from the configuration")
-        for own in profile.write
-    ]
+        Wanted("own objects", own.object, own.subindex, own.value, "from the configuration",
+               setting=("write", i))
+        for i, own in enumerate(profile.write)
+    ]  # fmt: skip
 
 
 def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
@@ -157,36 +168,50 @@ def rated_object(profile: DriveProfile) -> int:
     return 0x6075 if profile.effort == "current" else 0x6076
 
 
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """Something that the configuration counts on and an EDS does not have; `at` is the place in the
+    profile that asks for it."""
+
+    at: Place
+    what: str
+
+
 def check_drive(setup: DriveSetup, period_ms: int, master_node: int) -> None:
     """Raise ConfigurationError if the EDS does not have what the configuration counts on."""
     for problem in problems(setup, period_ms, master_node):
-        raise ConfigurationError(f"{setup}, {setup.drive.profile.eds}: {problem}")
+        raise ConfigurationError(f"{setup}, {setup.drive.profile.eds}: {problem.what}")
 
 
-def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[str]:
-    """Everything that the configuration counts on and the EDS does not have."""
+def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[Contradiction]:
+    """Everything that the configuration counts on and the EDS does not have. Raises LayoutError
+    where the PDOs cannot be laid out."""
     sheet, profile = setup.data_sheet, setup.drive.profile
     for index, subindex in MUST_BE_READ:
         if find_object(sheet, index, subindex) is None:
-            yield f"object 0x{index:04X}:{subindex:02X} is missing"
+            yield Contradiction(("eds",), f"object 0x{index:04X}:{subindex:02X} is missing")
     rows = wanted(setup, period_ms, master_node)
     for row in rows:
-        yield from _object_problems(sheet, row)
-    for own in profile.write:
-        yield from _meddling(own, profile, rows)
-    for where in (profile.quick_stop_deceleration, profile.max_motor_speed):
+        for what in _object_problems(sheet, row):
+            yield Contradiction(row.setting, what)
+    for i, own in enumerate(profile.write):
+        for what in _meddling(own, profile, rows):
+            yield Contradiction(("write", i), what)
+    for name in ("quick_stop_deceleration", "max_motor_speed"):
+        where: Quantity | None = getattr(profile, name)
         found = where and find_object(sheet, where.object, where.subindex)
         if where and found and type_name(found) != where.type:
-            yield (
+            yield Contradiction(
+                (name, "type"),
                 f"object 0x{where.object:04X}:{where.subindex:02X} is {type_name(found)}, not "
-                f"{where.type}"
+                f"{where.type}",
             )
-    for communication, pdos in (
-        (0x1800, transmit_pdos(setup.drive)),
-        (0x1400, receive_pdos(setup.drive)),
+    for kind, communication, pdos in (
+        ("tpdo", 0x1800, transmit_pdos(setup.drive)),
+        ("rpdo", 0x1400, receive_pdos(setup.drive)),
     ):
         for pdo in pdos:
-            yield from _pdo_problems(sheet, pdo, communication + pdo.number - 1)
+            yield from _pdo_problems(sheet, kind, pdo, communication + pdo.number - 1)
 
 
 def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[str]:
@@ -218,29 +243,43 @@ def _meddling(own: ObjectValue, profile: DriveProfile, rows: Sequence[Wanted]) -
         yield f"{where} energises or moves the drive, which no start does"
 
 
-def _pdo_problems(sheet: canopen.ObjectDictionary, pdo: Pdo, communication: int) -> Iterator[str]:
-    mapping = communication + 0x200
+def _pdo_problems(
+    sheet: canopen.ObjectDictionary, kind: str, pdo: Pdo, communication: int
+) -> Iterator[Contradiction]:
+    mapping, at = communication + 0x200, (kind, str(pdo.number))
+    name = f"{kind.upper()} {pdo.number}"
     if communication not in sheet or mapping not in sheet:
-        yield f"has no PDO with parameters at 0x{communication:04X}"
+        yield Contradiction(at, f"{name}: has no PDO with parameters at 0x{communication:04X}")
     # Sub 0 of a mapping says how many objects are mapped, not how many can be.
     elif not isinstance(sheet[mapping], ODArray) and len(pdo.fields) not in sheet[mapping]:
-        yield f"the PDO at 0x{communication:04X} does not take {len(pdo.fields)} objects"
+        yield Contradiction(
+            at,
+            f"{name}: the PDO at 0x{communication:04X} does not take {len(pdo.fields)} objects",
+        )
     for number, field in enumerate(pdo.fields, start=1):
         fixed = find_object(sheet, mapping, number)
         ours = field.index << 16 | field.subindex << 8 | field.bits
         if fixed and not fixed.writable and fixed.default not in (None, 0, ours):
-            yield (
-                f"object 0x{mapping:04X}:{number:02X} cannot be written, and maps "
-                f"0x{fixed.default:08X} where {field.entry} (0x{ours:08X}) is configured"
+            yield Contradiction(
+                at,
+                f"{name}: object 0x{mapping:04X}:{number:02X} cannot be written, and maps "
+                f"0x{fixed.default:08X} where {field.entry} (0x{ours:08X}) is configured",
             )
         where = f"{field.entry}, object 0x{field.index:04X}:{field.subindex:02X},"
+        # Statusword and controlword have no entry of their own.
+        place: Place = at if field.entry in WORDS else (field.entry,)
         variable = find_object(sheet, field.index, field.subindex)
         if variable is None:
-            yield f"{where} is missing{_meant(sheet, field.index, field.subindex)}"
+            meant = _meant(sheet, field.index, field.subindex)
+            yield Contradiction(place, f"{where} is missing{meant}")
         elif type_name(variable) != field.type:
-            yield f"{where} is {type_name(variable)}, not {field.type}"
+            yield Contradiction(
+                (*place, "type"), f"{where} is {type_name(variable)}, not {field.type}"
+            )
+        elif kind == "rpdo" and not variable.writable:
+            yield Contradiction(place, f"{where} cannot be written (access {variable.access_type})")
         elif not variable.pdo_mappable:
-            yield f"{where} cannot be mapped to a PDO"
+            yield Contradiction(place, f"{where} cannot be mapped to a PDO")
 
 
 def _meant(sheet: canopen.ObjectDictionary, index: int, subindex: int) -> str:

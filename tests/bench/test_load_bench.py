@@ -18,9 +18,9 @@ from daemon.config.load import load_robot
 def result(given: float = 0.2, **changes: object) -> LoadResult:
     values = {
         "enough": True, "found_s": 8.0, "seconds_s": 9.0, "mass": given, "told_before": 0,
-        "ratio": 1.0,
+        "ratio": 1.0, "given": given,
     }  # fmt: skip
-    return LoadResult(job=LoadJob(ROMEO, "dahl", 1, given), **values | changes)
+    return LoadResult(job=LoadJob(ROMEO, "dahl", 1, (given,)), **values | changes)
 
 
 def met(results: list[LoadResult]) -> list[str]:
@@ -68,7 +68,7 @@ def test_hands_come_and_go_and_change(touch) -> None:
 def test_an_arm_takes_a_load(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "FREE_S", 25.0)
     monkeypatch.setattr(study, "LOADED_S", 20.0)
-    found = load(LoadJob(ROMEO, "smooth", 6, 0.5))
+    (found,) = load(LoadJob(ROMEO, "smooth", 6, (0.5,)))
     assert found.found_s is not None
     assert found.mass == pytest.approx(0.5, rel=0.2)
     assert found.ratio < 1.3

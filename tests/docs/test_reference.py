@@ -23,7 +23,10 @@ def reference() -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize("page", ["configuration", "contactctl", "faults", "modes", "recording"])
+@pytest.mark.parametrize(
+    "page",
+    ["configuration", "contactctl", "faults", "modes", "recording", "mistakes", "rehearsing"],
+)
 def test_the_page_is_current(reference: ModuleType, page: str) -> None:
     made = reference.PAGES[page]()
     on_disk = (DOCS / f"{page}.md").read_text(encoding="utf-8")

@@ -144,8 +144,7 @@ def test_what_is_not_counted(size: float, how: dict[str, Any]) -> None:
     before = {name: np.array(getattr(learning, name)) for name in names}
     shown(0.9, size, learning, **how)
     for name, values in before.items():
-        # Nothing but the little that rest forgets.
-        np.testing.assert_allclose(getattr(learning, name), values, rtol=1e-4, err_msg=name)
+        np.testing.assert_array_equal(getattr(learning, name), values, name)
 
 
 # --- while a gap is crossed ----------------------------------------------------------------------

@@ -132,6 +132,35 @@ def test_what_the_models_errors_look_like_is_taken_off(romeo: Model) -> None:
     assert recognition.found.mass == pytest.approx(0.2, abs=0.02)
 
 
+def test_a_load_is_not_taken_for_an_error_while_it_is_looked_at(romeo: Model) -> None:
+    """Too little to be felt, so that every second of it tells of the model's errors, too."""
+    recognition = Recognition(romeo, T)
+    assert run(recognition, load(0.0), romeo, 0.0, 30.0, noise=0.05) is None
+    before = recognition._evidence.copy()
+    assert run(recognition, load(0.09), romeo, 30.0, 7.0, noise=0.05) is None
+    gone = load(0.0)
+    again = Recognition(romeo, T)
+    assert run(again, gone, romeo, 0.0, 30.0, noise=0.05) is None
+    assert run(again, gone, romeo, 30.0, 7.0, noise=0.05) is None
+    np.testing.assert_allclose(recognition._evidence, again._evidence)
+    assert not np.allclose(recognition._evidence, before)  # of the motion before
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_what_was_lifted_for_minutes_and_is_let_go_of_is_no_load(
+    romeo: Model, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hand below the level, or a payload that was told and not there."""
+    monkeypatch.setattr(f"{__name__}.LEVEL", 4.0 * LEVEL)
+    recognition = Recognition(romeo, T)
+    assert run(recognition, load(-0.3), romeo, 0.0, 180.0, noise=0.02) is None
+    if told:
+        recognition.begin()
+        assert not recognition._evidence.any()
+    assert run(recognition, load(0.0), romeo, 180.0, 30.0, noise=0.02) is None
+    assert run(recognition, load(0.5), romeo, 210.0, 10.0, noise=0.02) is not None
+
+
 def test_without_one_what_is_left_is_the_thresholded_residual(romeo: Model) -> None:
     r = np.array([0.5, -0.3, 0.1, 0.0, 0.1, 0.0, -0.2])
     expected = np.sign(r) * np.maximum(np.abs(r) - LEVEL, 0.0)

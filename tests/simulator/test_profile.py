@@ -25,8 +25,9 @@ def edited(folder: Path, pattern: str, new: str) -> Path:
     return folder / "drive.eds"
 
 
-def test_an_unknown_product_is_simulated_as_the_first(tmp_path):
-    assert profile_of(edited(tmp_path, "0x00000402", "0x00000999")) is PROFILE
+def test_an_unknown_product_is_refused_and_not_simulated_as_another(tmp_path):
+    with pytest.raises(ConfigurationError, match="product 0x999 is of no make that is known here"):
+        profile_of(edited(tmp_path, "0x00000402", "0x00000999"))
 
 
 @pytest.mark.parametrize(

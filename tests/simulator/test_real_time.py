@@ -1,14 +1,16 @@
 """The simulated arm on a clock of its own that runs, jumps and outruns it."""
 
+import contextlib
 import io
 import json
+import socket
 from dataclasses import dataclass
 
 import pytest
 
 from simulator import server as server_module
 from simulator.description import ArmDescription, SimulationSettings
-from simulator.server import LONGEST_GAP_S, LONGEST_TURN_S, RealTimeArm
+from simulator.server import LONGEST_GAP_S, LONGEST_TURN_S, RealTimeArm, Server
 
 START = 500.0
 
@@ -16,9 +18,13 @@ START = 500.0
 @dataclass
 class FakeTime:
     now_s: float = START
+    costs_s: float = 0.0  # of each look
 
     def monotonic(self) -> float:
+        self.now_s += self.costs_s
         return self.now_s
+
+    time = monotonic
 
 
 @pytest.fixture
@@ -80,3 +86,34 @@ def test_on_a_machine_that_is_too_slow_the_clocks_go_on_without_the_plant(
     lines = [json.loads(line)["text"] for line in reports.getvalue().splitlines()]
     assert 3 <= len(lines) <= 5
     assert all("too slow by 0.1" in line for line in lines)
+
+
+def test_a_sync_is_answered_by_a_plant_of_the_present(
+    romeo: ArmDescription, clock: FakeTime
+) -> None:
+    """After a stall the daemon's interval is a long one, and so must the motion in it be."""
+    with (
+        contextlib.closing(Server(romeo, SimulationSettings(), port=0)) as server,
+        socket.create_connection(("127.0.0.1", server.port)) as client,
+    ):
+        client.sendall(b"< open can0 >< rawmode >")
+        while not server.arm.now:
+            clock.now_s += 0.001
+            server.turn(0.1)
+        clock.now_s += 0.05
+        before_s = server.arm.now
+        client.sendall(b"< send 80 0 >")
+        while server.arm.now - before_s <= 2 * LONGEST_TURN_S:
+            server.turn(0.1)
+        assert server.arm.now - before_s == pytest.approx(0.05, abs=0.002)
+
+
+@pytest.mark.parametrize("behind_s", [0.5 * LONGEST_GAP_S, 2.0 * LONGEST_GAP_S, 1000.0])
+def test_to_catch_up_ends(real_time: RealTimeArm, clock: FakeTime, behind_s: float) -> None:
+    """However far behind, and on a machine whose plant is slower than the present."""
+    clock.now_s += behind_s
+    real_time.catch_up()
+    clock.costs_s = 2.0 * LONGEST_TURN_S
+    clock.now_s += behind_s
+    real_time.catch_up()
+    assert clock.monotonic() - START - 2.0 * behind_s < 2.0 * LONGEST_GAP_S

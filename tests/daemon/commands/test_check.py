@@ -33,6 +33,48 @@ def test_the_table_of_quantities():
         assert row.split() in lines, row
 
 
+def test_a_field_is_explained():
+    result = CliRunner().invoke(main, ["check", "--explain", "joints[1] (swing).wiring.gear"])
+    assert result.exit_code == 0
+    first, find, typical = result.output.splitlines()
+    assert first == (
+        "joints.wiring.gear: turns of the motor per turn of the joint, all stages together"
+    )
+    assert find.startswith("  how to find it: data sheets")
+    assert typical.startswith("  typical: 30 to 200")
+    assert CliRunner().invoke(main, ["check", "--explain", "nose"]).exit_code == 78
+    assert CliRunner().invoke(main, ["check"]).exit_code == 2
+
+
+def test_what_is_most_likely_not_meant_is_told_and_good(tmp_path):
+    folder = shutil.copytree(DESK_ARM, tmp_path / "arm")
+    config = folder / "config.yaml"
+    config.write_text(config.read_text().replace("rotor_inertia: 0.03", "rotor_inertia: 3e-6"))
+    result = check(folder)
+    assert result.exit_code == 0
+    (told,) = [
+        line for line in result.output.splitlines() if "config.yaml:" in line and "at the" in line
+    ]
+    line = 1 + next(i for i, x in enumerate(config.read_text().splitlines()) if "3e-6" in x)
+    assert told == (
+        f"{config}:{line}: joints[0] (column).rotor_inertia: 3e-06 kg m2 is less than a motor of "
+        "0.045 Nm has, seen from the link (0.0003416 at least): is it that at the shaft? times "
+        "gear^2 it is 0.03"
+    )
+    assert result.output.endswith("config.yaml: good\n")
+
+
+def test_a_refusal_ends_with_what_is_most_likely_behind_it(tmp_path):
+    folder = shutil.copytree(DESK_ARM, tmp_path / "arm")
+    config = folder / "config.yaml"
+    config.write_text(config.read_text().replace("torque_constant: 3.0", "torque_constant: 0.03"))
+    result = check(folder)
+    assert result.exit_code == 78
+    *refused, likely = result.output.splitlines()
+    assert all("is beyond what can be" in line for line in refused)
+    assert likely.endswith("by that it is 3 Nm/A at the link")
+
+
 def test_the_load_of_the_bus():
     last = check(DESK_ARM).output.splitlines()[-2]
     # SYNC 55 bits; per drive TPDOs of 95 and 115, RPDOs of 75 and 95; heartbeats of 65, 25 a

@@ -120,7 +120,7 @@ def test_a_missing_file_is_named(name: str, tmp_path: Path) -> None:
     [
         ("", "is empty"),
         ("version: [1", "config.yaml:1"),
-        ("just words", "expected `object`"),
+        ("just words", "must be a group of fields"),
         ("version: 1\n\tname: x\n", "config.yaml:2"),
     ],
 )

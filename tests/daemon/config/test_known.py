@@ -113,8 +113,8 @@ def test_nothing_known_otherwise(tmp_path: Path) -> None:
     [
         ("{gap: ''}", "joints[0] (joint).known"),
         ("{speed: measured}", "(allowed: friction, gap, thresholds, wiring)"),
-        ("[gap]", "joints[0] (joint).known: expected `object`"),
-        ("{gap: true}", "expected `str`"),
+        ("[gap]", "joints[0] (joint).known: must be a group of fields, not a list"),
+        ("{gap: true}", "must be text, not true"),
     ],
 )
 def test_it_must_be_said_how(known: str, words: str, tmp_path: Path) -> None:

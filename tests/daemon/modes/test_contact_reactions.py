@@ -147,7 +147,7 @@ def test_it_goes_back_slowly_and_goes_on_as_if_nothing_had_been(tracking: Make) 
     velocity = np.array([decision.velocity[0] for decision in arm.decisions[begun:]])
     assert 0.1 < np.abs(velocity).max() < MANNER.return_velocity + 0.02
     np.testing.assert_allclose(arm.q, left, atol=0.011)
-    assert arm.cause == "back where the trajectory was left"
+    assert arm.cause == "back where the trajectory goes on"
     arm.run(4.0)
     alone.run(4.0)
     # The same path: it loses a second's ramp, so it is a little behind on it.

@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from arrays import Vector
 from daemon.motion.limits import Limits
 from daemon.motion.path import Follower, Place, Sinusoids
 from daemon.motion.sampled_path import PathBuilder, SampledPath
@@ -159,3 +162,39 @@ def test_only_the_beginning_of_recorded_samples_asks_for_a_place() -> None:
     assert place.astray(stand(0.049), 0.05).tolist() == [False, True, False]
     assert not Place(wave(), 1.0).astray(stand(1.1), 0.05).any()
     assert not Place(PATH).astray(stand(0.1), 0.05).any()
+
+
+positions = st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3).map(np.array)
+LOWER, UPPER = np.full(3, -1.0), np.full(3, 1.0)
+
+
+@given(positions, st.floats(0.0, 20.0), st.floats(0.0, 0.5))
+def test_the_nearest_place_where_a_path_fits(q: Vector, s: float, inside: float) -> None:
+    place = Place(PATH, s)
+    nearest = place.nearest(q, LOWER, UPPER, inside)
+    assert not place.leaves_limits(nearest, LOWER, UPPER).any()
+    assert nearest[1] == q[1]  # it holds
+    fits = ~place.leaves_limits(q, LOWER, UPPER)
+    if inside == 0.0:
+        np.testing.assert_allclose(nearest[fits], q[fits], atol=2e-9)
+        # Nearer to q it does not fit.
+        nearer = nearest + 1e-6 * np.sign(q - nearest)
+        assert (place.leaves_limits(nearer, LOWER, UPPER) | (nearest == q) | fits).all()
+    room = UPPER - LOWER - 2.0 * PATH.amplitude
+    depth = np.minimum(inside, 0.5 * room)[[0, 2]]
+    origin = (nearest - PATH.offset(s))[[0, 2]]
+    edges = 1.0 - PATH.amplitude[[0, 2]]
+    assert (edges - np.abs(origin) >= depth - 1e-9).all()
+
+
+def test_a_path_that_fits_nowhere_has_no_nearest_place() -> None:
+    nearest = Place(PATH).nearest(HERE, np.full(3, -0.3), np.full(3, 0.3))
+    assert np.isnan(nearest).tolist() == [True, False, False]
+
+
+def test_of_a_path_that_ends_only_what_is_left_must_fit() -> None:
+    """b goes from 0.1 over 0.4 at s = pi/2 to -0.2 or so at 4."""
+    q = np.array([0.0, 0.9, 0.0])
+    nearest = Place(wave(), 0.0).nearest(q, LOWER, UPPER)
+    assert nearest[1] == pytest.approx(0.7, abs=1e-3)
+    assert Place(wave(), 2.0).nearest(q, LOWER, UPPER)[1] == 0.9

@@ -12,6 +12,7 @@ TAKEN = {
     "enable": {Door.CONTROL},
     "load": {Door.CONTROL},
     "start": {Door.CONTROL},
+    "go": {Door.CONTROL},
     "pause": {Door.CONTROL},
     "arm": {Door.CONTROL},
     "renew": {Door.CONTROL},

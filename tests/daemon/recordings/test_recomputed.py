@@ -144,5 +144,7 @@ def test_a_log_that_is_damaged_gets_one_line(run: tuple[Path, list[State]]) -> N
 
 def test_the_recording_is_one_of_ours(run: tuple[Path, list[State]]) -> None:
     log, _ = run
-    messages = list(read_log(as_recording(log)))
+    recording = as_recording(log)
+    assert recording.stem == log.stem
+    messages = list(read_log(recording))
     assert len(messages) > 150

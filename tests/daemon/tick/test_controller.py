@@ -1,6 +1,8 @@
 """What the arm does in each mode, from made-up observations of a single ideal joint."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -122,13 +124,51 @@ def test_a_bound_ends_in_holding_and_disarmed(
     assert not tracking.controller.machine.moving
 
 
-def test_a_path_that_no_longer_fits_ends_in_holding_with_the_reason() -> None:
-    bench = tracking_arm(bounds=AllowanceSettings(max_duration_s=20.0, max_excursion=3.0))
+def led_to_the_limit(**changes: Any) -> IdealArm:
+    """Joint a, which swings by 0.3, was led to where it does not fit; 2 s ago."""
+    bounds = AllowanceSettings(max_duration_s=20.0, max_excursion=3.0)
+    bench = tracking_arm(bounds=bounds, **changes)
     bench.run(3.0, **bench.push(1.0))
     assert bench.q[0] > 0.9
-    bench.run(2.1)
-    assert bench.mode is Mode.HOLDING
+    bench.run_until(Mode.RETURNING)
+    return bench
+
+
+def test_a_path_that_no_longer_fits_goes_on_from_the_nearest_place_where_it_does() -> None:
+    bench = led_to_the_limit()
     assert "the path of a would leave its limits [-1, 1]" in bench.cause
+    left, swing = bench.q[0], bench.controller.motion.follower.place.path
+    bench.run_until(Mode.TRACKING)
+    # No further than it must: its highest point is the limit.
+    place = bench.controller.motion.follower.place
+    assert bench.q[0] == pytest.approx(0.7 + swing.offset(place.s)[0], abs=0.011)
+    assert bench.q[0] < left
+    assert bench.armed
+    where = []
+    for _ in range(1000):
+        bench.step()
+        where.append(bench.q[0])
+    assert bench.mode is Mode.TRACKING
+    assert max(where) == pytest.approx(1.0, abs=5e-3)
+    assert max(where) <= 1.0
+    assert min(where) == pytest.approx(0.4, abs=5e-3)
+
+
+def test_touched_on_the_way_back_it_yields_and_tries_again() -> None:
+    bench = led_to_the_limit()
+    bench.touch()
+    assert bench.mode is Mode.ADMITTANCE
+    bench.run_until(Mode.RETURNING)
+    bench.run_until(Mode.TRACKING)
+
+
+def test_a_path_that_fits_nowhere_ends_in_holding_with_the_reason() -> None:
+    bench = led_to_the_limit()
+    bench.touch()
+    narrow = replace(LIMITS, lower=np.array([0.6, -1.0]), upper=np.array([0.95, 1.0]))
+    bench.controller.motion.limits = narrow
+    bench.run_until(Mode.HOLDING)
+    assert "the path of a would leave its limits [0.6, 0.95]" in bench.cause
     assert not bench.controller.machine.moving
 
 
@@ -214,8 +254,8 @@ def test_a_recorded_trajectory_runs_to_its_end_and_holds_there(holding: IdealArm
 def test_it_is_refused_where_the_arm_does_not_stand_at_its_beginning(holding: IdealArm) -> None:
     elsewhere = recorded([0.0, 0.16, 0.0], [1.0, 0.2, 0.0])
     assert start(holding, elsewhere) == [
-        "a stands at 0.100 rad, 0.060 rad from where move.csv begins (0.160; allowed 0.05): "
-        "bring it there, or start it with --from-here"
+        "a stands at 0.100 rad, 0.060 rad from where move.csv begins (0.160; allowed 0.05)",
+        "`contactctl go a=0.160` leads there, or start it with --from-here",
     ]
     assert holding.mode is Mode.HOLDING
     assert start(holding, recorded([0.0, 0.16, 0.0], [1.0, 0.2, 0.0], from_here=True)) == []
@@ -225,7 +265,16 @@ def test_it_is_refused_where_the_arm_does_not_stand_at_its_beginning(holding: Id
 
 def test_from_here_it_must_fit_between_the_limits(holding: IdealArm) -> None:
     far = recorded([0.0, -0.8, 0.0], [2.0, 0.15, 0.0], from_here=True)
-    assert "the path of a would leave its limits" in start(holding, far)[0]
+    assert start(holding, far) == [
+        "from 0.100 rad the path of a would leave its limits [-1, 1]",
+        "`contactctl go a=0.030` leads there",
+    ]
+
+
+def test_a_path_that_fits_nowhere_has_no_way_there(holding: IdealArm) -> None:
+    holding.controller.motion.limits = replace(LIMITS, lower=np.full(2, -0.3))
+    far = recorded([0.0, -0.9, 0.0], [4.0, 0.6, 0.0], from_here=True)
+    assert len(start(holding, far)) == 1
 
 
 def test_paused_it_goes_on_and_stopped_it_begins_anew(holding: IdealArm) -> None:

@@ -42,7 +42,7 @@ def test_it_backs_away_from_a_blow_and_goes_back_to_its_trajectory() -> None:
     when = next(i for i, s in enumerate(states) if s.mode == Mode.RETRACTING)
     taken, back = states[when - 1], next(s for s in states[when:] if s.mode == Mode.TRACKING)
     np.testing.assert_allclose(back.link_position, taken.reference, atol=0.011)
-    assert back.cause == "back where the trajectory was left"
+    assert back.cause == "back where the trajectory goes on"
     way = np.array([s.link_position for s in states if s.mode == Mode.RETURNING])
     assert (
         np.abs(np.diff(way, axis=0)).max() < 1.6 * 0.2 * 0.01

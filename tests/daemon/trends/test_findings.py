@@ -2,10 +2,13 @@
 
 from datetime import date, timedelta
 
+import msgspec
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from daemon.trends.day import Day, JointDay
+from daemon.trends.day import Day, JointDay, Sum
 from daemon.trends.findings import health, warnings
 
 FIRST = date(2026, 6, 3)
@@ -89,3 +92,34 @@ def test_arms_that_do_not_age_are_seldom_named() -> None:
         whole = days(30, lambda k, r: joint(1.0 + 0.03 * r.normal(), 0.01 + 2e-4 * r.normal()), rng)
         named += any(warnings(whole[:m]) for m in (5, 8, 12, 20, 30))
     assert named < 4
+
+
+AMOUNT = st.floats(0.0, 1e15) | st.sampled_from([0.0, 1e-300, 1e15])
+TOTAL = st.floats(-1e15, 1e15)
+SUM = st.builds(Sum, weight=AMOUNT, first=TOTAL, second=AMOUNT)
+JOINT = st.builds(
+    JointDay, moved_s=AMOUNT, friction=SUM, half_gap=SUM, skew_ms=SUM, forth=SUM, back=SUM,
+    bound_s=AMOUNT,
+)  # fmt: skip
+DATE = st.dates().map(date.isoformat)
+NAME = st.sampled_from(["a", "b", "c", ""])
+DAY = st.builds(
+    Day, arm=st.text(), date=DATE, joints=st.dictionaries(NAME, JOINT),
+    identified=st.dictionaries(NAME, DATE | st.text()),
+)  # fmt: skip
+NEAR = st.lists(JOINT, min_size=5, max_size=9).map(lambda joints: [
+    Day(arm="arm", date=(FIRST + timedelta(days=k)).isoformat(), joints={"a": joint})
+    for k, joint in enumerate(joints)
+])  # fmt: skip
+
+
+@given(st.lists(DAY, max_size=8, unique_by=lambda day: day.date) | NEAR)
+def test_whatever_files_hold_there_is_an_answer(records: list[Day]) -> None:
+    """Anything that can be read, as days in order."""
+    records = sorted(records, key=lambda day: day.date)
+    read = [msgspec.json.decode(msgspec.json.encode(day), type=Day) for day in records]
+    assert read == records
+    for one in health(read):
+        assert "nan" not in one.words
+        msgspec.json.encode(one)
+    assert len(warnings(read)) <= len(health(read))

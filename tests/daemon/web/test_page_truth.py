@@ -14,6 +14,8 @@ import pytest
 from bench.rigs.network import Network, network
 from bench.rigs.page import Page, page_of
 from bench.rigs.screens import PATIENCE_MS, PHONE, Screens
+from daemon.faults.table import TABLE, Condition
+from daemon.modes.table import Mode
 
 FakeDaemon = Any  # of tests/daemon/conftest.py, which nothing imports
 
@@ -77,6 +79,21 @@ def test_a_daemon_that_is_gone_is_said_and_comes_back(
         screen.picture("stale")
     screen.live()
     assert not screen.text("#mode").startswith("was ")
+
+
+def test_a_fault_that_ended_the_daemon_says_what_to_do(
+    screens: Screens, arm: FakeDaemon, page: Page
+) -> None:
+    screen = screens.open(f"{page.url}?scene=off", PHONE)
+    screen.live()
+    arm.changes = {"mode": Mode.FAULTED, "cause": "bus off: can0", "permit": None}
+    screen.until("document.querySelector('#fault-cause').innerText.includes('bus off')")
+    with gone(arm):
+        screen.old()
+        assert screen.text("#fault-cause") == "It was a fault: bus off: can0"
+        advice = TABLE[Condition.BUS_OFF].advice.replace("`", "")
+        assert advice in screen.text("#fault-advice")
+        screen.picture("ended")
 
 
 @pytest.fixture

@@ -1,0 +1,140 @@
+"""`contactctl go` and `home`: what the arm would do, a question, and the motion to its end.
+
+Ctrl-C, or the end of the terminal, stops the arm.
+"""
+# ruff: noqa: PLC0415 - the client is imported by the command that needs it
+
+import math
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import click
+
+from daemon.commands.options import Options
+from daemon.commands.replies import POLL_S, RESTING, answer, carry_out, print_json
+from daemon.modes.table import Mode
+
+if TYPE_CHECKING:
+    from daemon.clients.client import Client
+    from daemon.protocol.messages import Reply, Way
+
+# How near to its goal a joint has arrived: what friction may hold back, and no more [rad].
+THERE_RAD = 0.02
+VISIBLE_RAD = 5e-4  # a shorter way is shown as none
+NO_COLLISION_CHECK = (
+    "There is no collision check: the arm takes this way through its own body, the table and you."
+)
+
+
+def destination(words: Sequence[str]) -> tuple[str, dict[str, float]]:
+    """Pose, or targets [rad] by joint, of the words that were typed. Raises UsageError."""
+    if len(words) == 1 and "=" not in words[0]:
+        return words[0], {}
+    targets: dict[str, float] = {}
+    for word in words:
+        joint, equals, text = word.partition("=")
+        if not (joint and equals):
+            raise click.UsageError(f"{word!r}: either one POSE, or JOINT=VALUE for each joint")
+        if joint in targets:
+            raise click.UsageError(f"{joint} is given twice")
+        try:
+            targets[joint] = float(text)
+        except ValueError:
+            targets[joint] = math.nan
+        if not math.isfinite(targets[joint]):
+            raise click.UsageError(f"{word!r}: {text!r} is not a position in rad")
+    return "", targets
+
+
+def go(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> None:
+    """Show the way, ask unless `yes`, move, and wait for its end; exit 1 where it ended elsewhere
+    or was refused. Without words: list the poses."""
+    if not words:
+        _list_poses(options)
+        return
+    pose, targets = destination(words)
+    if not yes and (options.json or not sys.stdin.isatty()):
+        raise click.UsageError("nobody can be asked here: --yes moves the arm without a question")
+    with options.connect() as client:
+        reply = client.go(pose, targets, speed=speed, plan=True)
+        if reply.way is None:
+            answer(options, reply)
+            return
+        if not options.json:
+            click.echo(in_words(reply.way))
+            for warning in reply.warnings:
+                click.echo(f"  warning: {warning}", err=True)
+    if not yes:
+        click.confirm("Move the arm?", abort=True)
+    with _interrupted() as interrupted, options.connect() as client:
+        reply = client.go(pose, targets, speed=speed, planned_from=reply.way.start)
+        if reply.way is None:
+            answer(options, reply)
+            return
+        ended = _wait(client, reply.way, interrupted)
+    if ended is None:
+        carry_out(options, "stop", wait=True)
+        sys.exit(1)
+    answer(options, ended)
+
+
+def in_words(way: "Way") -> str:
+    """The way as a table, a line for each joint that moves, and what nobody checks."""
+    lines = [f"{'':16} {'from':>8} {'to':>8} {'distance':>9} {'speed':>9} {'time':>7}"]
+    joints = zip(way.joints, way.start, way.goal, way.speed, strict=True)
+    for name, start, goal, speed in joints:
+        if abs(goal - start) >= VISIBLE_RAD:
+            figures = f"{start:8.3f} {goal:8.3f} {goal - start:+9.3f} {speed:9.3f}"
+            lines.append(f"{name:16} {figures} {way.duration_s:5.1f} s")
+    if len(lines) == 1:
+        return f"{way.name}: the arm stands there"
+    lines.append("rad and rad/s; all joints set out and arrive together, other joints stay.")
+    return "\n".join([*lines, NO_COLLISION_CHECK])
+
+
+def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Reply | None":
+    """Where the motion ended, once the mode is at rest; None as soon as somebody interrupts it. A
+    person who guides the arm meanwhile is waited for."""
+    from daemon.protocol.messages import Reply
+
+    while not interrupted():
+        now = client.ask_status()
+        if now.mode in RESTING:
+            places = zip(now.link_position, way.goal, strict=True)
+            there = all(abs(q - goal) <= THERE_RAD for q, goal in places)
+            done = now.mode is Mode.HOLDING and now.trajectory.state == "ready" and there
+            text = f"{now.mode}: {now.cause}" if done else f"not there: {now.mode}, {now.cause}"
+            reasons = [] if done else now.advice.splitlines()
+            return Reply(ok=done, message=text, reasons=reasons, mode=now.mode, way=way)
+        time.sleep(POLL_S)
+    return None
+
+
+@contextmanager
+def _interrupted() -> Iterator[Callable[[], bool]]:
+    """True once somebody asked this program to end, which it then does in its own way."""
+    signals: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {n: signal.signal(n, lambda received, _: signals.append(received)) for n in numbers}
+    try:
+        yield lambda: bool(signals)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _list_poses(options: Options) -> None:
+    with options.connect() as client:
+        poses = client.ask_status().poses
+    if options.json:
+        print_json(poses)
+        return
+    for name, values in poses.items():
+        places = " ".join(f"{joint}={value:g}" for joint, value in values.items())
+        click.echo(f"{name:16} {places}")
+    if not poses:
+        click.echo("no `poses` in the configuration; `contactctl go JOINT=VALUE ...` needs none")

@@ -1,0 +1,168 @@
+"""Likely mistakes about a drive: its objects and scales against CiA 402 and its EDS. Told, not
+refused: see `mistakes`."""
+
+import math
+from collections.abc import Iterator
+
+from daemon.config.problem import Keys, Problem, agree, figure
+from daemon.config.schema import Configuration
+from drivers.boot.data_sheet import DataSheet, find_object
+from drivers.codec import quantity
+from drivers.settings import DriveProfile, Quantity
+
+TURN = 2.0 * math.pi
+DEGREE = TURN / 360.0
+
+AGREES = 1.3  # times one figure may be another that says the same
+FINE = 1e-4  # [rad]: a drive that counts in decimal parts of a rad has at least these
+COARSEST = 0.5  # [rad/s] of a motor shaft per count
+_ROUNDED = 5e-5  # relative error of a scale that is written with five digits
+_MOST_TWOS = 30
+
+STANDARD = range(0x6000, 0x6800)
+"""Objects of CiA 402 for the first axis; what is elsewhere is a maker's own."""
+TARGET_VELOCITY = 0x60FF
+NOT_MEASURED = {
+    0x6040: "the controlword", 0x6062: "the position that is demanded",
+    0x606B: "the velocity that is demanded", 0x6074: "the torque that is demanded",
+    0x607A: "the target position", 0x60F4: "the following error", 0x60FA: "the control effort",
+    0x60FF: "the target velocity", 0x6071: "the target torque", 0x60FD: "digital inputs",
+    0x6079: "the voltage of the DC link",
+}  # fmt: skip
+"""Objects of CiA 402 that are no measurement of anything that contactd needs."""
+MEASURES = {
+    0x6063: "position", 0x6064: "position", 0x60E4: "position", 0x6069: "velocity",
+    0x606C: "velocity", 0x6077: "effort", 0x6078: "effort",
+}  # fmt: skip
+KIND_OF = {
+    "link_position": "position", "motor_position": "position", "motor_velocity": "velocity",
+    "current": "effort", "torque": "effort",
+}  # fmt: skip
+
+
+def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Problem]:
+    """What most likely is not meant in one profile of drives."""
+    profile = c.drives[name]
+    gears = sorted({j.wiring.gear for j in c.joints if j.wiring.profile == name})
+    by_object: dict[tuple[int, int], str] = {}
+    for entry, kind in KIND_OF.items():
+        where: Quantity | None = getattr(profile, entry)
+        if where is None:
+            continue
+        place = _of_drive(name, entry, "object")
+        object_name = f"0x{where.object:04X}:{where.subindex:02X}"
+        if where.object in NOT_MEASURED:
+            what = f"{object_name} is {NOT_MEASURED[where.object]} by CiA 402, nothing measured"
+            yield Problem(*place, f"{what}; a {kind} is wanted")
+        elif MEASURES.get(where.object, kind) != kind:
+            what = f"{object_name} is a {MEASURES[where.object]} by CiA 402"
+            yield Problem(*place, f"{what}; a {kind} is wanted")
+        other = by_object.setdefault((where.object, where.subindex), entry)
+        if other != entry:
+            yield Problem(
+                *place,
+                f"{object_name} is that of {other}, too: one of them is another object (which "
+                "encoder is on it? turn the motor by hand and read both)",
+            )
+    target = profile.target_velocity.object
+    if target in STANDARD and target != TARGET_VELOCITY:
+        yield Problem(
+            *_of_drive(name, "target_velocity", "object"),
+            f"0x{target:04X} is no target velocity by CiA 402: that is 0x{TARGET_VELOCITY:04X}",
+        )
+    yield from _positions(name, profile, sheet, gears)
+    yield from _velocities(name, profile)
+
+
+def _positions(
+    name: str, profile: DriveProfile, sheet: DataSheet, gears: list[float]
+) -> Iterator[Problem]:
+    """Scales of encoders: whole counts per turn."""
+    for entry in ("link_position", "motor_position"):
+        where: Quantity | None = getattr(profile, entry)
+        if where is None:
+            continue
+        place, counts = _of_drive(name, entry, "scale"), TURN / where.scale
+        per_turn = f"{figure(where.scale)} rad is {figure(counts)} counts per turn"
+        if meant := None if is_encoder(where.scale) else _meant(where.scale, gears):
+            yield Problem(*place, f"{per_turn}, which no encoder has; {meant}")
+        elif counts < 100.0:
+            yield Problem(*place, f"{per_turn}: scale is rad per count, 2 pi / counts per turn")
+        told = _resolution(sheet)
+        if entry == "motor_position" and told and not agree(counts, told, AGREES):
+            yield Problem(
+                *place,
+                f"{per_turn}, and the EDS says {told:g} per motor turn (0x608F): scale would be "
+                f"{figure(TURN / told)}",
+            )
+
+
+def _meant(scale: float, gears: list[float]) -> str:
+    """What a scale that is no encoder's would be in other units, in words; empty if nothing."""
+    readings = [
+        ("in degrees: times pi / 180 it is", scale * DEGREE),
+        ("in turns: times 2 pi it is", scale * TURN),
+        *((f"of the other side of the gear of {g:g}: times {g:g} it is", scale * g) for g in gears),
+        *((f"of the other side of the gear of {g:g}: over {g:g} it is", scale / g) for g in gears),
+    ]
+    for words, other in readings:
+        if is_encoder(other) and TURN / other >= 100.0:
+            return f"is it {words} {figure(TURN / other)} counts per turn ({other:.6g})?"
+    return ""
+
+
+def is_encoder(scale: float) -> bool:
+    """True where a scale is that of an encoder, 2 pi / N with N made of small factors, or a decimal
+    part of a rad. What is written with five digits is taken for what was meant."""
+    counts = TURN / scale
+    return (scale <= FINE and _is_power(10.0, 1.0 / scale)) or any(
+        _is_power(2.0, counts / (3**threes * 5**fives)) for threes in range(3) for fives in range(9)
+    )
+
+
+def _is_power(base: float, x: float) -> bool:
+    """True if x is base^0, base^1, ..., as near as five digits tell."""
+    power = round(math.log(x, base)) if x > 0.5 else -1
+    return 0 <= power <= _MOST_TWOS and abs(x / base**power - 1.0) <= _ROUNDED
+
+
+def _resolution(sheet: DataSheet) -> float:
+    """Counts per motor turn that the EDS gives in 608F; 0 where it gives none."""
+    increments, turns = (find_object(sheet, 0x608F, sub) for sub in (1, 2))
+    if increments is None or turns is None or not increments.default or not turns.default:
+        return 0.0
+    return float(increments.default) / float(turns.default)
+
+
+def _velocities(name: str, profile: DriveProfile) -> Iterator[Problem]:
+    """One unit of velocity for both, where CiA 402 says so."""
+    measured, target = profile.motor_velocity, profile.target_velocity
+    if (
+        measured.object == 0x606C
+        and target.object == 0x60FF
+        and not agree(measured.scale, target.scale, 1.0 + _ROUNDED)
+    ):
+        yield Problem(
+            *_of_drive(name, "motor_velocity", "scale"),
+            f"{figure(measured.scale)} rad/s per count, and target_velocity has "
+            f"{figure(target.scale)}: by CiA 402 0x606C and 0x60FF share their unit",
+        )
+    for entry in ("motor_velocity", "target_velocity"):
+        scale = quantity(profile, entry).scale
+        if scale > COARSEST:
+            yield Problem(
+                *_of_drive(name, entry, "scale"),
+                f"{figure(scale)} rad/s of the motor shaft per count is coarser than any drive "
+                "counts; 1 rpm is 0.1047, 0.1 rpm 0.01047, 1 degree/s 0.01745",
+            )
+    effort = quantity(profile, profile.effort)
+    if not 1e-5 <= effort.scale <= 0.02:
+        yield Problem(
+            *_of_drive(name, profile.effort, "scale"),
+            f"{figure(effort.scale)} of what is rated per count: usual are per mille (0.001) and "
+            "per cent (0.01); A or Nm per count must be divided by what is rated",
+        )
+
+
+def _of_drive(name: str, *path: str) -> tuple[Keys, str]:
+    return ["drives", name, *path], ".".join(["drives", name, *path])

@@ -1,0 +1,205 @@
+"""Likely mistakes: figures that can be, and most likely are not what the owner meant.
+
+`bounds` refuses what no arm can be. What is left are figures in other units, of the wrong side of a
+gear, or copied from the line above: each within its bounds, and together an arm that nobody built.
+They are recognised by a second figure that says the same (the URDF, the EDS, another scale), or by
+what drives, motors and bodies are like. Each comes with what it would be if it was meant otherwise.
+They are told and not refused, as an unusual arm is no wrong one; `contactd identify wiring`
+decides.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+
+from daemon.config.drive_mistakes import DEGREE, TURN, drive_mistakes
+from daemon.config.problem import Problem, agree, at, figure
+from daemon.config.schema import Configuration, Joint
+from drivers.boot.data_sheet import DataSheet
+from drivers.codec import quantity
+from drivers.settings import DriveProfile
+from estimator.urdf import JointRange, MovedLink, joint_ranges, moved_links
+
+FASTEST_MOTOR = 1300.0  # [rad/s], 12000 rpm: what small motors with gears turn at most
+LARGEST_GEAR = 400.0
+FASTEST_JOINT = 10.0  # [rad/s]
+HARDEST = 100.0  # [rad/s2] that an arm with cheap gears is made to accelerate
+DENSEST = 20_000.0  # [kg/m3], tungsten: a body of its mass cannot be smaller than this
+LIGHTEST_ROTOR = 6e-6  # rotor's inertia over the 5/3rd power of its torque, at the shaft, at least
+GEARED = 10.0  # from this gear on a motor is one that turns fast
+WEAKEST, STRONGEST = 3e-3, 0.5  # constants of such motors, at the shaft [Nm/A]
+NOISE_COUNTS = 4.0  # counts of the drive's current that a level must be above
+
+
+def likely_mistakes(c: Configuration, urdf: str, sheets: Mapping[str, DataSheet]) -> list[Problem]:
+    """What most likely is not meant, in a configuration whose types and ranges are right.
+    sheets: the EDS of each profile, by its name."""
+    ranges = {one.joint: one for one in joint_ranges(urdf)}
+    return [
+        *(problem for name in c.drives for problem in drive_mistakes(c, name, sheets[name])),
+        *(
+            problem
+            for i, joint in enumerate(c.joints)
+            for problem in _joint(i, joint, c.drives[joint.wiring.profile], ranges[joint.name])
+        ),
+        *(problem for link in moved_links(urdf) for problem in _link(c, link)),
+        *(problem for one in ranges.values() for problem in _range(c, one)),
+    ]
+
+
+# --- joints ---------------------------------------------------------------------------------------
+
+
+def _joint(i: int, joint: Joint, profile: DriveProfile, span: JointRange) -> Iterator[Problem]:
+    yield from _gear(i, joint)
+    yield from _torque(i, joint)
+    yield from _limits(i, joint, span)
+    wiring = joint.wiring
+    if wiring.max_current_A < 0.5 * wiring.rated_current_A:
+        yield Problem(
+            *at(i, joint, "wiring", "max_current_A"),
+            f"{wiring.max_current_A:g} A is less than half of rated_current_A "
+            f"({wiring.rated_current_A:g} A): are the two swapped?",
+        )
+    if abs(wiring.link_offset) > TURN:
+        yield Problem(
+            *at(i, joint, "wiring", "link_offset"),
+            f"{figure(wiring.link_offset)} rad is more than a turn: in degrees? then it is "
+            f"{figure(wiring.link_offset * DEGREE)} rad",
+        )
+    count = quantity(profile, profile.effort).scale * wiring.rated_current_A * joint.torque_constant
+    if joint.thresholds.contact < NOISE_COUNTS * count:
+        yield Problem(
+            *at(i, joint, "thresholds", "contact"),
+            f"{joint.thresholds.contact:.4g} Nm is less than {NOISE_COUNTS:g} counts of the "
+            f"drive's {profile.effort} ({figure(count)} Nm each): its noise would be a touch",
+        )
+
+
+def _gear(i: int, joint: Joint) -> Iterator[Problem]:
+    gear, place = joint.wiring.gear, at(i, joint, "wiring", "gear")
+    fastest = joint.limits.velocity * gear
+    if gear < 1.0:
+        yield Problem(
+            *place,
+            f"{gear:g} turns of the motor per turn of the joint is a gear that speeds up: "
+            f"upside down? then it is {figure(1.0 / gear)}",
+        )
+    elif gear > LARGEST_GEAR:
+        yield Problem(*place, f"{gear:g} is more than the gears of arms: a digit too many?")
+    elif fastest > FASTEST_MOTOR and joint.limits.velocity <= FASTEST_JOINT:
+        yield Problem(
+            *place,
+            f"{gear:g}: at limits.velocity the motor would turn with {figure(fastest)} rad/s "
+            f"({fastest * 60.0 / TURN:.0f} rpm), more than motors of arms do",
+        )
+
+
+def _torque(i: int, joint: Joint) -> Iterator[Problem]:
+    wiring, constant = joint.wiring, joint.torque_constant
+    shaft = constant * wiring.rated_current_A / wiring.gear
+    place = at(i, joint, "torque_constant")
+    told = wiring.rated_torque_Nm
+    if told is not None and agree(shaft, told / 1000.0, 1.5):
+        yield Problem(
+            *at(i, joint, "wiring", "rated_torque_Nm"),
+            f"{figure(told)} Nm: in mNm? torque_constant and rated_current_A make {figure(shaft)} "
+            "Nm at the shaft",
+        )
+    elif told is not None and not agree(shaft, told, 1.5):
+        meant = told * wiring.gear / wiring.rated_current_A
+        yield Problem(
+            *place,
+            f"{figure(constant)} Nm/A gives {figure(shaft)} Nm at the shaft at rated current, and "
+            f"rated_torque_Nm is {figure(told)}: by that it is {figure(meant)} Nm/A at the link",
+        )
+    elif wiring.gear > GEARED and not WEAKEST <= constant / wiring.gear <= STRONGEST:
+        weak = constant / wiring.gear < WEAKEST
+        yield Problem(
+            *place,
+            f"{figure(constant)} Nm/A at the link is {figure(constant / wiring.gear)} Nm/A at the "
+            f"shaft, {'less' if weak else 'more'} than motors behind a gear have: "
+            + (f"is it the shaft's? times the gear it is {figure(constant * wiring.gear)}" if weak
+               else f"is the gear in it twice? without it is {figure(constant / wiring.gear)}"),
+        )  # fmt: skip
+    rotor, least = joint.rotor_inertia, LIGHTEST_ROTOR * shaft ** (5.0 / 3.0) * wiring.gear**2
+    if 0.0 < rotor < least:
+        yield Problem(
+            *at(i, joint, "rotor_inertia"),
+            f"{figure(rotor)} kg m2 is less than a motor of {figure(shaft)} Nm has, seen from the "
+            f"link ({figure(least)} at least): is it that at the shaft? times gear^2 it is "
+            f"{figure(rotor * wiring.gear**2)}",
+        )
+
+
+def _limits(i: int, joint: Joint, span: JointRange) -> Iterator[Problem]:
+    limits = joint.limits
+    if span.velocity > 0.0 and limits.velocity > span.velocity * 1.001:
+        yield Problem(
+            *at(i, joint, "limits", "velocity"),
+            f"{figure(limits.velocity)} rad/s is beyond the URDF's {figure(span.velocity)} (line "
+            f"{span.line}); from degrees/s it would be {figure(limits.velocity * DEGREE)}",
+        )
+    elif limits.velocity > FASTEST_JOINT:
+        yield Problem(
+            *at(i, joint, "limits", "velocity"),
+            f"{figure(limits.velocity)} rad/s beside a person: in degrees/s? then it is "
+            f"{figure(limits.velocity * DEGREE)} rad/s",
+        )
+    for name in ("acceleration", "quick_stop"):
+        value = getattr(limits, name)
+        if value > HARDEST:
+            yield Problem(
+                *at(i, joint, "limits", name),
+                f"{figure(value)} rad/s2 is more than arms with gears are made for: in degrees/s2? "
+                f"then it is {figure(value * DEGREE)} rad/s2",
+            )
+    if limits.quick_stop < limits.acceleration:
+        yield Problem(
+            *at(i, joint, "limits", "quick_stop"),
+            f"{figure(limits.quick_stop)} rad/s2 is less than limits.acceleration "
+            f"({figure(limits.acceleration)}): a stop would be softer than usual motion",
+        )
+
+
+# --- the URDF -------------------------------------------------------------------------------------
+
+
+def _link(c: Configuration, link: MovedLink) -> Iterator[Problem]:
+    radius = (3.0 * link.mass / (4.0 * math.pi * DENSEST)) ** (1.0 / 3.0)
+    least = 0.4 * link.mass * radius**2
+    if 0.0 < link.moment < least:
+        yield _in_urdf(
+            c, link.line, f"link {link.name!r}",
+            f"its inertia of {figure(link.moment)} kg m2 is less than {figure(link.mass)} kg of "
+            f"tungsten have as a ball ({figure(least)}): in other units than kg m2?",
+        )  # fmt: skip
+    if link.lever > 2.0:
+        yield _in_urdf(
+            c, link.line, f"link {link.name!r}",
+            f"its centre of mass is {figure(link.lever)} m from its frame: in mm?",
+        )  # fmt: skip
+
+
+def _range(c: Configuration, one: JointRange) -> Iterator[Problem]:
+    if max(abs(one.lower), abs(one.upper)) > 2.0 * TURN:
+        yield _in_urdf(
+            c, one.line, f"joint {one.joint!r}",
+            f"its <limit> of {figure(one.lower)} to {figure(one.upper)} rad is more than two "
+            f"turns: in degrees? then it is {figure(one.lower * DEGREE)} to "
+            f"{figure(one.upper * DEGREE)} rad",
+        )  # fmt: skip
+    if one.velocity > 30.0:
+        yield _in_urdf(
+            c, one.line, f"joint {one.joint!r}",
+            f"its <limit velocity> of {figure(one.velocity)} rad/s: in degrees/s? then it is "
+            f"{figure(one.velocity * DEGREE)}",
+        )  # fmt: skip
+    if one.offset > 3.0:
+        yield _in_urdf(
+            c, one.line, f"joint {one.joint!r}",
+            f"its <origin> is {figure(one.offset)} m from the joint before it: in mm?",
+        )  # fmt: skip
+
+
+def _in_urdf(c: Configuration, line: int, of: str, what: str) -> Problem:
+    return Problem(["urdf"], f"urdf ({c.urdf}), line {line}: {of}", what)

@@ -1,0 +1,91 @@
+"""Poses that the arm may be asked to go to: by values of joints, or by their names in the
+configuration."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from arrays import Vector
+from daemon.config.load import Robot
+from daemon.config.motion import limits_of
+from daemon.motion.limits import Limits
+from daemon.motion.pose_path import PosePath, run_time_s
+from daemon.protocol.messages import Request, Way
+from daemon.tick.refusals import START_TOLERANCE
+from errors import TrajectoryError
+
+# Of the joint that goes furthest, unless asked for otherwise [rad/s].
+USUAL_SPEED = 0.2
+
+
+@dataclass(slots=True)
+class Poses:
+    """Poses of one arm."""
+
+    robot: Robot
+    joints: list[str] = field(init=False)
+    named: dict[str, dict[str, float]] = field(init=False)
+    """each with the joints that it names [rad]; others stay"""
+    _limits: Limits = field(init=False)
+    _ramp_s: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        c = self.robot.configuration
+        self.joints, self.named = c.joint_names, c.poses
+        self._limits, self._ramp_s = limits_of(c), c.trajectory.ramp_s
+
+    def path(self, request: Request, q: Vector) -> PosePath:
+        """Path from q (n,) [rad] to the pose of a request. Raises TrajectoryError for a pose that
+        there is not, or where the arm stands elsewhere than the request says it was planned."""
+        name, values = self._asked_for(request)
+        goal = q.copy()
+        for joint, value in values.items():
+            if joint not in self.joints:
+                raise TrajectoryError(f"no joint {joint!r}; there are: {', '.join(self.joints)}")
+            i = self.joints.index(joint)
+            lower, upper = self._limits.lower[i], self._limits.upper[i]
+            if not lower <= value <= upper:
+                raise TrajectoryError(
+                    f"{joint}={value:g} is outside its limits [{lower:g}, {upper:g}] rad"
+                )
+            goal[i] = value
+        # A joint that is to stay, and stands a little outside, is led back as while it holds.
+        goal = np.clip(goal, self._limits.lower, self._limits.upper)
+        self._refuse_elsewhere(request, q)
+        speed = request.speed or USUAL_SPEED
+        return PosePath.planned(
+            f"the way to {name}", q.copy(), goal, speed, self._limits, self._ramp_s
+        )
+
+    def way(self, path: PosePath) -> Way:
+        """The path in figures, for people to judge before the arm moves."""
+        return Way(
+            name=path.name,
+            joints=self.joints,
+            start=path.start.tolist(),
+            goal=path.goal.tolist(),
+            speed=path.fastest(0.0).tolist(),
+            duration_s=run_time_s(path.duration, self._ramp_s),
+        )
+
+    def _asked_for(self, request: Request) -> tuple[str, dict[str, float]]:
+        if (request.pose is None) == (not request.targets):
+            raise TrajectoryError("it takes either a `pose` or `targets`")
+        if request.pose is None:
+            values = request.targets or {}
+            return " ".join(f"{joint}={value:g}" for joint, value in values.items()), values
+        if request.pose not in self.named:
+            known = f"there are: {', '.join(self.named)}" if self.named else "there is none"
+            raise TrajectoryError(
+                f"no pose {request.pose!r} under `poses` in the configuration; {known}"
+            )
+        return request.pose, self.named[request.pose]
+
+    def _refuse_elsewhere(self, request: Request, q: Vector) -> None:
+        planned = request.planned_from
+        if planned is None:
+            return
+        if len(planned) != len(q):
+            raise TrajectoryError(f"`planned_from` has {len(planned)} joints instead of {len(q)}")
+        if not (np.abs(q - planned) <= START_TOLERANCE).all():
+            raise TrajectoryError("the arm has moved since this was planned: ask again")

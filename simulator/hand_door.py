@@ -1,0 +1,79 @@
+"""Socket of the simulator's hand: acts of a script, asked for while it runs.
+
+A client connects, sends one act as a line of JSON and reads one back, `{"ok": ..., "text": ...}`.
+It is the simulator's own socket: nothing of it passes through the daemon, which must feel a hand by
+itself. Only the user who simulates may connect.
+"""
+
+import contextlib
+import os
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from errors import BusError, ConfigurationError
+from simulator.hand import AnyAct
+
+LONGEST = 4096
+PATIENCE_S = 0.05
+"""Of a client that connects and says nothing: the arm does not wait for it longer."""
+
+
+class HandDoor:
+    """Listening socket at a path. `serve` never waits for a client that has not connected."""
+
+    def __init__(self, path: Path, take: Callable[[AnyAct], str]) -> None:
+        """take: begins an act and returns it in words, or raises ConfigurationError. Raises
+        BusError where another simulator listens, or the socket cannot be made."""
+        self.path, self._take = path, take
+        if _alive(path):
+            raise BusError(f"another simulator listens for a hand at {path}")
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            path.unlink(missing_ok=True)
+            os.fchmod(self._socket.fileno(), 0o600)
+            self._socket.bind(str(path))
+            self._socket.listen()
+        except OSError as error:
+            self._socket.close()
+            raise BusError(f"cannot listen for a hand at {path}: {error}") from error
+        self._socket.setblocking(False)
+
+    def serve(self) -> None:
+        """Take the acts of all who have connected."""
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                connection, _ = self._socket.accept()
+                with connection, contextlib.suppress(OSError):
+                    connection.settimeout(PATIENCE_S)
+                    connection.sendall(msgspec.json.encode(self._answer(_line(connection))) + b"\n")
+
+    def _answer(self, line: bytes) -> dict[str, object]:
+        try:
+            act = msgspec.json.decode(line, type=AnyAct)
+            return {"ok": True, "text": self._take(act)}
+        except (msgspec.MsgspecError, ConfigurationError, UnicodeDecodeError) as error:
+            return {"ok": False, "text": str(error)}
+
+    def close(self) -> None:
+        """Close the socket and remove its file."""
+        self._socket.close()
+        self.path.unlink(missing_ok=True)
+
+
+def _line(connection: socket.socket) -> bytes:
+    data = b""
+    while b"\n" not in data and len(data) < LONGEST and (more := connection.recv(LONGEST)):
+        data += more
+    return data.partition(b"\n")[0]
+
+
+def _alive(path: Path) -> bool:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        try:
+            probe.connect(str(path))
+        except OSError:
+            return False
+        return True

@@ -1,0 +1,204 @@
+"""Truth of a simulated arm: schema of `simulation.yaml`, which stands beside `config.yaml` and
+shares nothing with it, so that correcting the one does not move the other.
+
+What a maker built and fixed stands here as numbers of its own: joints, gears, motors, friction,
+gaps, end stops, drives with their counts, units and quirks. `docs/rehearsing.md` explains it.
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from errors import ConfigurationError
+from simulator.description import (
+    ArmDescription,
+    DriveDescription,
+    JointDescription,
+    SimulationSettings,
+)
+from simulator.objects import key
+from simulator.profile import TURN, SimulatedMake, refuse_incomplete
+
+Positive = Annotated[float, Meta(gt=0.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+Sign = Literal[-1, 1]
+Index = Annotated[int, Meta(ge=0x1000, le=0xFFFF)]
+SubIndex = Annotated[int, Meta(ge=0, le=255)]
+
+
+class Stated(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of everything that is read from `simulation.yaml`."""
+
+
+class TrueEncoder(Stated, frozen=True, kw_only=True):
+    """Encoder of a drive."""
+
+    object: Index
+    subindex: SubIndex = 0
+    counts: int  # per turn; below 0 where it counts backwards
+    zero: int = 0  # counts where it stands at 0
+
+
+class TrueUnit(Stated, frozen=True, kw_only=True):
+    """Quantity of a drive and the size of one count."""
+
+    object: Index
+    subindex: SubIndex = 0
+    unit: Positive  # rad/s or rad/s2 of the motor shaft, or share of what is rated
+    sign: Sign = 1  # -1 where the drive counts it against the motor
+
+
+class Quirks(Stated, frozen=True, kw_only=True):
+    """Peculiarities of a drive. Fixed PDOs are the EDS's: mappings with AccessType `const`."""
+
+    needs_nmt_reset: bool = False  # after the loss of the master (0x8130), before a fault reset
+    says_over: bool = False  # it says that this error is over, and stays locked
+    no_heartbeat_consumer: bool = False  # it takes 0x1016, and watches nobody
+    sdo_delay_ms: Annotated[float, Meta(ge=0, le=2000)] = 0.0  # until it answers an SDO
+    boot_ms: Annotated[float, Meta(ge=0, le=60_000)] = 0.0  # from a reset to its boot-up message
+    # Of the reported current; 0 is unfiltered, left out that of `settings`.
+    current_filter_ms: Annotated[float, Meta(ge=0, le=50)] | None = None
+    velocity_step: NotNegative = 0.0  # coarse velocity: in steps of so many rad/s of the motor
+    interpolation_ms: Annotated[float, Meta(ge=0, le=100)] = 0.0  # of setpoints, without 0x60C2
+
+
+class TrueDrive(Stated, frozen=True, kw_only=True):
+    """One make of drive, as its maker fixed it. Setpoints are on 0x60FF, the quick stop's
+    deceleration on 0x6085."""
+
+    eds: str  # relative to this file
+    link_position: TrueEncoder
+    motor_position: TrueEncoder | None = None
+    motor_velocity: TrueUnit
+    effort: TrueUnit  # current or torque, share of what is rated
+    target_velocity_unit: Positive  # of a count of 0x60FF [rad/s of the motor shaft]
+    deceleration_unit: Positive  # of a count of 0x6085 [rad/s2 of the motor shaft]
+    speed_limit: TrueUnit | None = None  # rad/s of the motor shaft
+    quirks: Quirks = Quirks()
+
+
+class TrueFriction(Stated, frozen=True, kw_only=True):
+    """Friction at the link side; Coulomb in Nm, viscous in Nm s/rad."""
+
+    motor_coulomb: NotNegative = 0.0
+    motor_viscous: NotNegative = 0.0
+    link_coulomb: NotNegative = 0.0
+    link_viscous: NotNegative = 0.0
+
+
+class TrueJoint(Stated, frozen=True, kw_only=True):
+    """One joint as it was built."""
+
+    name: str  # as in the URDF
+    node: Annotated[int, Meta(ge=1, le=127)]
+    drive: str  # a key of `drives`
+    gear: Positive  # turns of the motor per turn of the joint
+    rated_current_A: Positive
+    max_current_A: Positive
+    torque_constant: Positive  # Nm at the link per A
+    rotor_inertia: Annotated[float, Meta(ge=1e-5)]  # seen from the link [kg m2]
+    half_gap: NotNegative = 0.0  # [rad]
+    gear_stiffness: Positive | None = None  # beyond the gap [Nm/rad]; else settings'
+    friction: TrueFriction = TrueFriction()
+    lower: float  # end stop [rad]
+    upper: float  # end stop [rad]
+    motor_sign: Sign = 1  # -1 where the motor turns against the joint
+    link_sign: Sign = 1  # -1 where the link encoder counts against the joint
+    link_offset: float = 0.0  # position of the joint where its encoder stands at 0 [rad]
+    brake: bool = False  # holds the motor whenever the drive is not energised
+
+
+class SimulationFile(Stated, frozen=True, kw_only=True):
+    """The whole file. Without `joints` and `drives` it says nothing of the arm."""
+
+    urdf: str = "simulation.urdf"  # links of the true arm, relative to this file
+    initial_position: dict[str, float] = {}  # by joint [rad], others 0
+    joints: list[TrueJoint] = []  # in the order of the URDF
+    drives: dict[str, TrueDrive] = {}
+    settings: SimulationSettings = SimulationSettings()
+
+
+def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescription:
+    """The arm that a file at `path` describes. Raises ConfigurationError with file and field."""
+    known = [joint.name for joint in truth.joints]
+    for name in truth.initial_position:
+        if name not in known:
+            raise ConfigurationError(
+                f"{path}: initial_position.{name}: no such joint; there are: {', '.join(known)}"
+            )
+    joints = []
+    for i, joint in enumerate(truth.joints):
+        if joint.drive not in truth.drives:
+            raise ConfigurationError(
+                f"{path}: joints[{i}] ({joint.name}).drive: no drive `{joint.drive}`; there are: "
+                f"{', '.join(truth.drives)}"
+            )
+        drive, eds = truth.drives[joint.drive], path.parent / truth.drives[joint.drive].eds
+        make = _make(drive, joint)
+        refuse_incomplete(eds, make)
+        start = truth.initial_position.get(joint.name, 0.0)
+        joints.append(_joint(joint, DriveDescription(eds, make), start))
+    return ArmDescription(
+        urdf=path.parent / truth.urdf, eds=joints[0].drive.eds if joints[0].drive else path,
+        joints=tuple(joints), period_s=period_s,
+    )  # fmt: skip
+
+
+def _joint(joint: TrueJoint, drive: DriveDescription, start: float) -> JointDescription:
+    friction = joint.friction
+    return JointDescription(
+        name=joint.name,
+        node=joint.node,
+        gear=joint.gear,
+        rated_current_A=joint.rated_current_A,
+        max_current_A=joint.max_current_A,
+        torque_constant=joint.torque_constant,
+        rotor_inertia=joint.rotor_inertia,
+        half_gap=joint.half_gap,
+        motor_coulomb=friction.motor_coulomb,
+        motor_viscous=friction.motor_viscous,
+        link_coulomb=friction.link_coulomb,
+        link_viscous=friction.link_viscous,
+        lower=joint.lower,
+        upper=joint.upper,
+        initial_position=start,
+        brake=joint.brake,
+        gear_stiffness=joint.gear_stiffness,
+        drive=drive,
+    )
+
+
+def _make(drive: TrueDrive, joint: TrueJoint) -> SimulatedMake:
+    """A make as it sits in a joint, whose motor or encoder may turn the other way round."""
+    link, motor, quirks = drive.link_position, drive.motor_position, drive.quirks
+    counts = joint.link_sign * link.counts
+    return SimulatedMake(
+        link_position=key(link.object, link.subindex),
+        motor_position=None if motor is None else key(motor.object, motor.subindex),
+        motor_velocity=_key(drive.motor_velocity),
+        efforts=(_key(drive.effort),),
+        speed_limit=None if drive.speed_limit is None else _key(drive.speed_limit),
+        link_counts=counts,
+        link_zero=link.zero - round(joint.link_offset * counts / TURN),
+        motor_counts=joint.motor_sign * (4096 if motor is None else motor.counts),
+        measured_velocity_unit=joint.motor_sign * drive.motor_velocity.sign
+        * drive.motor_velocity.unit,
+        effort_unit=joint.motor_sign * drive.effort.sign * drive.effort.unit,
+        velocity_unit=joint.motor_sign * drive.target_velocity_unit,
+        acceleration_unit=drive.deceleration_unit,
+        speed_unit=1.0 if drive.speed_limit is None else drive.speed_limit.unit,
+        interpolation_s=1e-3 * quirks.interpolation_ms,
+        locks=quirks.needs_nmt_reset,
+        says_over=quirks.says_over,
+        boot_s=1e-3 * quirks.boot_ms,
+        sdo_delay_s=1e-3 * quirks.sdo_delay_ms,
+        hears_master=not quirks.no_heartbeat_consumer,
+        current_filter_ms=quirks.current_filter_ms,
+        velocity_step=quirks.velocity_step,
+    )  # fmt: skip
+
+
+def _key(unit: TrueUnit) -> int:
+    return key(unit.object, unit.subindex)

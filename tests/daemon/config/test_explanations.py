@@ -1,0 +1,54 @@
+"""Explanations of fields: every field that an owner fills in has one, and is found by its name."""
+
+import msgspec
+import pytest
+
+from daemon.config.explanations import EXPLANATIONS, explain
+from daemon.config.schema import Configuration, Joint, JointLimits, Levels
+from drivers.settings import BusSettings, DriveProfile, JointWiring, Quantity
+from errors import ConfigurationError
+
+
+def fields(kind: type[msgspec.Struct], prefix: str, *, but: tuple[str, ...] = ()) -> set[str]:
+    return {f"{prefix}{name}" for name in kind.__struct_fields__ if name not in but}
+
+
+def test_every_field_of_arms_and_drives_is_explained() -> None:
+    wanted = {
+        *("version", "name", "urdf", "period_ms"),
+        *fields(BusSettings, "bus."),
+        *fields(DriveProfile, "drives."),
+        *fields(Quantity, "drives."),
+        *fields(Joint, "joints.", but=("wiring", "thresholds", "limits")),
+        *fields(JointWiring, "joints.wiring."),
+        *fields(Levels, "joints.thresholds."),
+        *fields(JointLimits, "joints.limits."),
+    }
+    scales = {key for key in EXPLANATIONS if key.count(".") == 2 and key.endswith(".scale")}
+    assert set(EXPLANATIONS) - scales == wanted
+    assert {key.removesuffix(".scale") for key in scales} <= wanted
+    assert "urdf" in Configuration.__struct_fields__
+
+
+@pytest.mark.parametrize(
+    ("field", "found"),
+    [
+        ("gear", ["joints.wiring.gear"]),
+        ("wiring.gear", ["joints.wiring.gear"]),
+        ("joints[1] (shoulder).torque_constant", ["joints.torque_constant"]),
+        ("joints[1] (shoulder).wiring.gear:", ["joints.wiring.gear"]),
+        ("drives.servo.link_position.scale", ["drives.link_position.scale"]),
+        ("drives.servo.link_position.type", ["drives.type"]),
+        ("drives.servo.tpdo.1", ["drives.tpdo"]),
+        ("name", ["name", "joints.name"]),
+        ("thresholds", [f"joints.thresholds.{x}" for x in ("contact", "collision", "per_speed")]),
+    ],
+)
+def test_a_field_is_found_by_its_place(field: str, found: list[str]) -> None:
+    assert list(explain(field)) == found
+
+
+@pytest.mark.parametrize("field", ["", "nose", "[1]", "joints[1].nose"])
+def test_what_is_not_explained_is_refused_with_what_is(field: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"no such field .* rotor_inertia.*configuration"):
+        explain(field)

@@ -1,0 +1,230 @@
+"""Poses that the daemon is asked to go to through its socket, in lockstep with a simulated arm."""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from daemon.clients.client import Client
+from daemon.commands import go as command
+from daemon.config.schema import Configuration
+from daemon.modes.table import Mode
+from daemon.protocol.messages import Check, Request
+
+POSES = {"home": {"joint": 0.3}, "far": {"joint": 1.2}}
+
+
+@pytest.fixture
+def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ServedDaemon]:
+    """With poses. Commands run in a thread here, which gets no signals: nobody interrupts."""
+    monkeypatch.setattr(command, "_interrupted", _nobody)
+
+    def with_poses(c: Configuration) -> Configuration:
+        return msgspec.structs.replace(c, poses=POSES)
+
+    with served_daemon(tmp_path, configure=with_poses) as served:
+        yield served
+
+
+class _nobody:  # noqa: N801 - in place of a function
+    def __enter__(self) -> object:
+        return lambda: False
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+def stands(served: ServedDaemon) -> float:
+    return float(served.rig.samples.link_position[0])
+
+
+@pytest.mark.parametrize(
+    ("words", "goal"), [(["home"], 0.3), (["go", "home"], 0.3), (["go", "joint=-0.25"], -0.25)]
+)
+def test_it_goes_there_and_says_what_it_does(
+    served: ServedDaemon, words: list[str], goal: float
+) -> None:
+    served.rig.enable()
+    began = stands(served)
+    result = served.contactctl(*words, "--yes")
+    assert result.exit_code == 0, result.stderr
+    head, table, _, warning, end = result.stdout.splitlines()
+    assert head.split() == ["from", "to", "distance", "speed", "time"]
+    figures = [float(word) for word in table.removesuffix(" s").split()[1:]]
+    assert figures[:4] == pytest.approx([began, goal, goal - began, 0.2], abs=2e-3)
+    assert warning == command.NO_COLLISION_CHECK
+    assert end.startswith("holding: the way to ")
+    served.run(0.3)
+    assert stands(served) == pytest.approx(goal, abs=0.01)
+
+
+def test_its_time_and_speed_are_kept(served: ServedDaemon) -> None:
+    served.rig.enable()
+    reply = served.until(lambda: _ask(served, Request("go", pose="home", speed=0.1)))
+    assert reply.way is not None
+    begun, where = served.rig.time_s, []
+    while served.rig.mode is Mode.TRACKING:
+        served.tick()
+        where.append(float(served.rig.decision.reference[0]))
+    assert served.rig.time_s - begun == pytest.approx(reply.way.duration_s, abs=0.1)
+    period_s = served.rig.robot.configuration.period_s
+    assert np.abs(np.diff(where)).max() / period_s == pytest.approx(max(reply.way.speed), rel=0.1)
+
+
+def test_a_plan_moves_nothing(served: ServedDaemon) -> None:
+    served.rig.enable()
+    reply = served.until(lambda: _ask(served, Request("go", pose="far", plan=True)))
+    assert reply.ok
+    assert (reply.message, reply.way.goal) == ("go: planned", [1.2])
+    served.run(0.2)
+    assert served.rig.mode is Mode.HOLDING
+
+
+def test_poses_are_listed(served: ServedDaemon) -> None:
+    assert served.contactctl("go").stdout.split() == ["home", "joint=0.3", "far", "joint=1.2"]
+    assert json.loads(served.contactctl("go", "--json").stdout) == POSES
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "text"),
+    [
+        (["go", "nowhere", "--yes"], 1, "no pose 'nowhere' under `poses` in the configuration; th"),
+        (["go", "elbow=1", "--yes"], 1, "no joint 'elbow'; there are: joint"),
+        (["go", "joint=1.5", "--yes"], 1, "joint=1.5 is outside its limits [-1.4, 1.4] rad"),
+        (["go", "joint=x", "--yes"], 2, "'x' is not a position in rad"),
+        (["go", "joint=nan", "--yes"], 2, "'nan' is not a position in rad"),
+        (["go", "joint=inf", "--yes"], 2, "'inf' is not a position in rad"),
+        (["go", "=1", "--yes"], 2, "either one POSE, or JOINT=VALUE for each joint"),
+        (["go", "home", "joint=1", "--yes"], 2, "'home': either one POSE"),
+        (["go", "joint=1", "joint=1", "--yes"], 2, "joint is given twice"),
+        (["go", "home"], 2, "--yes moves the arm without a question"),
+        (["go", "home", "--json"], 2, "--yes moves the arm without a question"),
+        (["go", "home", "--yes", "--speed", "0"], 2, "not in the range 0<x<=2"),
+        (["go", "home", "--yes", "--speed", "2.1"], 2, "not in the range"),
+        (["go", "home", "--yes", "--speed", "nan"], 2, "not in the range"),
+    ],
+)
+def test_what_is_refused(served: ServedDaemon, words: list[str], code: int, text: str) -> None:
+    served.rig.enable()
+    result = served.contactctl(*words)
+    assert result.exit_code == code
+    assert text in result.stderr
+    assert served.rig.mode is Mode.HOLDING
+
+
+@pytest.mark.parametrize(
+    ("request_", "reason"),
+    [
+        (Request("go"), "it takes either a `pose` or `targets`"),
+        (Request("go", targets={}), "it takes either a `pose` or `targets`"),
+        (Request("go", pose="home", targets={"joint": 0.0}), "either a `pose` or `targets`"),
+        (Request("go", pose="home", planned_from=[]), "`planned_from` has 0 joints instead of 1"),
+        (Request("go", pose="home", planned_from=[0.9]), "has moved since this was planned"),
+        (Request("start", pose="home"), "`pose` belongs to go"),
+        (Request("arm", speed=0.1), "`speed` belongs to go"),
+        (Request("go", pose="home", loaded=True), "`loaded` belongs to start"),
+    ],
+)
+def test_requests_that_are_refused(served: ServedDaemon, request_: Request, reason: str) -> None:
+    served.rig.enable()
+    reply = served.until(lambda: _ask(served, request_))
+    assert not reply.ok
+    assert reason in reply.reasons[0]
+    assert served.rig.mode is Mode.HOLDING
+
+
+def test_off_and_under_way_it_is_refused(served: ServedDaemon) -> None:
+    result = served.contactctl("home", "--yes")
+    assert "the drives are off (`contactctl enable` first)" in result.stderr
+    served.rig.enable()
+    assert served.contactctl("start").exit_code == 0
+    result = served.contactctl("home", "--yes")
+    assert "the trajectory is running (`contactctl pause` or `stop` first)" in result.stderr
+    served.contactctl("stop")
+
+
+@pytest.mark.parametrize("name", ["identification", "parameters"])
+def test_an_arm_that_is_not_identified_stays(served: ServedDaemon, name: str) -> None:
+    served.rig.enable()
+    checks = served.rig.tick.arming_checks
+    checks._settled = (Check(name=name, passed=False, text="gap of joint is not known"),)
+    result = served.contactctl("home", "--yes")
+    assert result.exit_code == 1
+    assert "gap of joint is not known" in result.stderr
+    assert served.rig.mode is Mode.HOLDING
+
+
+def test_a_contact_on_the_way_halts_it_and_the_command_says_so(served: ServedDaemon) -> None:
+    served.rig.enable()
+    ask = Request("go", pose="far")
+    assert served.until(lambda: _ask(served, ask)).ok
+    served.run(1.5)
+    assert served.rig.mode is Mode.TRACKING
+    served.rig.arm.external_torque[0] = -3.0
+    served.run(0.5)
+    served.rig.arm.external_torque[0] = 0.0
+    assert served.rig.mode in (Mode.STOPPING, Mode.HOLDING)
+    assert not served.rig.tick.controller.machine.armed
+    served.run(1.5)
+    assert served.rig.mode is Mode.HOLDING
+    way = served.until(lambda: _ask(served, Request("go", pose="far", plan=True))).way
+    ended = served.until(lambda: _waited(served, way))
+    assert not ended.ok
+    assert ended.message.startswith("not there: holding, joint feels")
+    assert ended.reasons == ["`contactctl start` goes on with the trajectory"]
+    assert served.contactctl("start").exit_code == 0
+    while served.rig.mode is Mode.TRACKING:
+        served.tick()
+    assert served.until(lambda: _waited(served, way)).ok
+
+
+def test_interrupted_it_stops(served: ServedDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    class AtOnce(_nobody):
+        def __enter__(self) -> object:
+            return lambda: served.rig.mode is Mode.TRACKING and stands(served) > 0.5
+
+    monkeypatch.setattr(command, "_interrupted", AtOnce)
+    served.rig.enable()
+    result = served.contactctl("go", "far", "--yes")
+    assert result.exit_code == 1
+    assert result.stdout.splitlines()[-1].startswith("holding: stop by uid")
+    assert 0.5 < stands(served) < 0.7
+
+
+def test_stopped_by_somebody_else_it_is_not_there(served: ServedDaemon) -> None:
+    served.rig.enable()
+    way = served.until(lambda: _ask(served, Request("go", pose="far"))).way
+    served.run(2.0)
+    assert served.until(lambda: _ask(served, Request("stop"))).ok
+    ended = served.until(lambda: _waited(served, way))
+    assert not ended.ok
+    assert ended.message.startswith("not there: holding, stop by")
+
+
+def test_the_way_that_a_refused_start_names_leads_there(
+    served: ServedDaemon, tmp_path: Path
+) -> None:
+    served.rig.enable()
+    path = tmp_path / "move.csv"
+    path.write_text("time_s,joint\n0,0.8\n1,0.8\n3,1.0\n")
+    refused = served.contactctl("start", str(path))
+    words = re.search(r"`contactctl (go [^`]+)` leads there", refused.stderr)
+    assert words is not None, refused.stderr
+    assert served.contactctl(*words[1].split(), "--yes").exit_code == 0
+    assert served.contactctl("start", str(path)).exit_code == 0
+    assert served.rig.mode is Mode.TRACKING
+    served.contactctl("stop")
+
+
+def _ask(served: ServedDaemon, request: Request):
+    with Client(served.path) as client:
+        return client.ask(request)
+
+
+def _waited(served: ServedDaemon, way: object):
+    with Client(served.path) as client:
+        return command._wait(client, way, lambda: False)

@@ -1,0 +1,171 @@
+"""Live hand: acts asked for at the simulator's own socket, and `contactctl hand`."""
+
+import socket
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from daemon.commands.contactctl import main
+from errors import BusError, ConfigurationError
+from simulator.hand import VISIT_S, Clamp, Gap, Give, Hand, Lean, Push, Release
+from simulator.hand_door import HandDoor
+
+NAMES = ("shoulder", "elbow")
+Q, STILL = np.array([0.1, -0.2]), np.zeros(2)
+
+
+def a_hand(**more) -> Hand:
+    return Hand((), NAMES, np.full(2, 10.0), **more)
+
+
+def torque(hand: Hand, q=Q, q_dot=STILL) -> list[float]:
+    out = np.zeros(2)
+    hand.torque(np.array(q), np.array(q_dot), out)
+    return out.tolist()
+
+
+def test_what_is_asked_for_begins_at_once_and_without_a_script():
+    hand = a_hand()
+    assert not hand.busy
+    assert hand.take(Push(at_s=9.0, joint="elbow", torque=2.0, duration_s=0.5)) == "push elbow 2 Nm"
+    assert hand.busy
+    assert not hand.began
+    assert hand.update(3.0, Q) == ["begin push elbow 2 Nm"]
+    hand.update(3.2, Q)
+    assert torque(hand) == [0.0, 2.0]
+    assert hand.update(3.6, Q) == ["end push elbow 2 Nm"]
+    assert not hand.busy
+    with pytest.raises(ConfigurationError, match="'thumb' is none of shoulder, elbow"):
+        hand.take(Lean(at_s=0.0, joint="thumb", torque=1.0))
+
+
+def test_leaning_rises_and_stays_until_release():
+    hand = a_hand()
+    hand.take(Lean(at_s=0.0, joint="shoulder", torque=-3.0, rise_s=1.0))
+    hand.update(1.0, Q)
+    hand.update(1.5, Q)
+    assert torque(hand) == [-1.5, 0.0]
+    hand.update(100.0, Q)
+    assert torque(hand) == [-3.0, 0.0]
+    hand.take(Release(at_s=0.0))
+    hand.update(100.1, Q)
+    assert torque(hand) == [0.0, 0.0]
+    assert not hand.busy
+
+
+def test_a_clamp_is_hard_where_the_joint_was():
+    hand = a_hand()
+    hand.take(Clamp(at_s=0.0, joints=("elbow",)))
+    hand.update(0.0, Q)
+    assert torque(hand, Q + 0.01) == pytest.approx([0.0, -10.0])
+    assert torque(hand, Q + 1.0) == pytest.approx([0.0, -100.0])
+
+
+def test_gap_goes_to_both_borders_and_carries_the_weight():
+    hand = a_hand(weight=lambda q: np.array([5.0, 7.0]))
+    hand.take(Gap(at_s=0.0, joint="elbow", torque=1.5, times=2))
+    hand.update(0.0, Q)
+    pressed = []
+    for visit in (0, 1):
+        hand.update((visit + 0.9) * VISIT_S, Q)
+        pressed.append(torque(hand)[1] - 7.0)
+    assert pressed == pytest.approx([1.5, -1.5])
+    # A link in motion is damped.
+    assert torque(hand, Q, [0.0, 0.1])[1] == pytest.approx(7.0 - 1.5 - 0.3)
+    assert hand.update(2.1 * VISIT_S, Q) == ["end move elbow in its gap with 1.5 Nm, 2 times"]
+    assert torque(hand) == [0.0, 0.0]
+
+
+@pytest.fixture
+def door(tmp_path: Path):
+    """A door that is served by a thread, and what was asked for there."""
+    asked: list[object] = []
+
+    def take(act) -> str:
+        if getattr(act, "joint", "") == "thumb":
+            raise ConfigurationError("no thumb")
+        asked.append(act)
+        return "done"
+
+    one, stop = HandDoor(tmp_path / "hand", take), threading.Event()
+
+    def serve() -> None:
+        while not stop.wait(0.005):
+            one.serve()
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    yield one.path, asked
+    stop.set()
+    thread.join()
+    one.close()
+    assert not one.path.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "act"),
+    [
+        (["push", "elbow", "3Nm"], Push(at_s=0, joint="elbow", torque=3, duration_s=0.5,
+                                        shape="pulse")),
+        (["push", "--seconds", "2", "--", "elbow", "-3 Nm"],
+         Push(at_s=0, joint="elbow", torque=-3, duration_s=2, shape="pulse")),
+        (["lean", "elbow", "1.5"], Lean(at_s=0, joint="elbow", torque=1.5)),
+        (["clamp", "elbow", "shoulder"], Clamp(at_s=0, joints=("elbow", "shoulder"))),
+        (["gap", "elbow", "--torque", "2Nm"], Gap(at_s=0, joint="elbow", torque=2, times=40)),
+        (["carry", "0.5kg"], Give(at_s=0, mass=0.5)),
+        (["release"], Release(at_s=0)),
+    ],
+)  # fmt: skip
+def test_a_command_is_an_act(door, words, act):
+    path, asked = door
+    result = CliRunner().invoke(main, ["hand", "--hand-socket", str(path), *words])
+    assert (result.exit_code, result.output) == (0, "done\n")
+    assert asked == [act]
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "says"),
+    [
+        (["push", "thumb", "3"], 1, "no thumb"),
+        (["push", "elbow", "3kg"], 2, "no number of Nm"),
+        (["carry", "--", "-1"], 1, "Expected `float` >= 0.0"),
+        (["nudge", "elbow"], 2, "No such command"),
+    ],
+)
+def test_what_a_hand_cannot_do_is_refused(door, words, status, says):
+    path, asked = door
+    result = CliRunner().invoke(main, ["hand", "--hand-socket", str(path), *words])
+    assert result.exit_code == status
+    assert says in result.output
+    assert asked == []
+
+
+def test_there_is_no_hand_without_a_simulator(tmp_path: Path):
+    words = ["hand", "--hand-socket", str(tmp_path / "none"), "release"]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 69
+    assert "is `contactd simulate` running?" in result.output
+
+
+def test_a_second_simulator_is_refused_and_a_socket_left_over_is_not(tmp_path: Path):
+    first = HandDoor(tmp_path / "hand", lambda _: "")
+    assert (tmp_path / "hand").stat().st_mode & 0o777 == 0o600
+    with pytest.raises(BusError, match="another simulator"):
+        HandDoor(tmp_path / "hand", lambda _: "")
+    first._socket.close()  # as if it had been killed
+    HandDoor(tmp_path / "hand", lambda _: "").close()
+
+
+def test_a_client_that_says_nothing_or_nonsense_does_no_harm(tmp_path: Path):
+    door = HandDoor(tmp_path / "hand", lambda _: "")
+    for said in (b"", b"{", b"\xff\n", b"[]\n", b'{"act": "fly"}\n'):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+            client.connect(str(door.path))
+            client.sendall(said)
+            client.shutdown(socket.SHUT_WR)
+            door.serve()
+            assert b'"ok":false' in client.recv(4096)
+    door.close()

@@ -1,0 +1,42 @@
+"""Peers of the control socket: who handles its requests, and who floods it."""
+
+import contextlib
+import json
+import socket
+from collections.abc import Callable
+
+from daemon.protocol.messages import Reply, Request, Snapshot
+from daemon.protocol.socket_path import Peer
+from daemon.service.socket import ControlSocket
+
+Dial = Callable[[], socket.socket]
+"""Opens one more connection."""
+
+
+class Handler:
+    """Counts what arrives; answers a subscription with a snapshot."""
+
+    def __init__(self, snapshot: Snapshot | None = None) -> None:
+        self.seen: list[tuple[Request, Peer]] = []
+        self.snapshot = snapshot
+
+    def __call__(self, request: Request, peer: Peer) -> Reply:
+        self.seen.append((request, peer))
+        return Reply(ok=True, mode="off", snapshot=self.snapshot)
+
+
+def told(client: socket.socket) -> dict[str, object]:
+    reply = json.loads(client.recv(1 << 20))
+    assert isinstance(reply, dict)
+    return reply
+
+
+def flooding(control: ControlSocket, dial: Dial, handler: Handler) -> list[socket.socket]:
+    """32 connections with as many requests as the kernel keeps."""
+    loud = [dial() for _ in range(32)]
+    control.poll(handler)
+    for client in loud:
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                client.send(b'{"command": "status"}')
+    return loud
