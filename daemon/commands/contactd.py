@@ -330,20 +330,27 @@ def wiring(joints: tuple[str, ...], **asked: Any) -> None:
 
 @identify.command()
 @click.argument("joints", nargs=-1, metavar="[JOINT]...")
+@click.option("--by-hand", is_flag=True,
+              help="Hold the motor still while you move the link.")  # fmt: skip
 @_identification
-def gap(joints: tuple[str, ...], **asked: Any) -> None:
-    """Hold the motor still while you move the link: how large is the gap?"""
+def gap(joints: tuple[str, ...], by_hand: bool, **asked: Any) -> None:
+    """Turn the motors to and fro, joint by joint: how large are the gaps?
+
+    Where a link stays at one border of its gap in every pose, it takes a hand: --by-hand.
+    """
     with _begin(**asked) as identification:
-        sys.exit(0 if identification.gap(joints) else 1)
+        sys.exit(0 if identification.gap(joints, by_hand=by_hand) else 1)
 
 
 @identify.command()
 @click.option("--seconds", default=60.0, show_default=True, type=Range(20, 600))
+@click.option("--shortest", default=10.0, show_default=True, type=Range(5, 600),
+              help="Motion that a log must have [s]; less than 10 at your own risk.")  # fmt: skip
 @_identification
-def friction(seconds: float, **asked: Any) -> None:
+def friction(seconds: float, shortest: float, **asked: Any) -> None:
     """Move all joints, without contact: friction and rotor inertia."""
     with _begin(**asked) as identification:
-        sys.exit(0 if identification.friction(seconds) else 1)
+        sys.exit(0 if identification.friction(seconds, shortest) else 1)
 
 
 @identify.command()
