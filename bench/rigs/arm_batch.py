@@ -97,7 +97,7 @@ def record_fleet(
     velocity and the links are left to themselves.
     """
     n, count = len(description.joints), len(arms)
-    parameters = _joined(arms)
+    parameters = joined(arms)
     fleet = replace(description, joints=description.joints * count)
     plant = Plant(parameters, settings.step_s, settings.law)
     start = np.tile(reference(0.0)[0], count)
@@ -148,7 +148,7 @@ def record_fleet(
     ]
 
 
-def _joined(arms: Sequence[PlantParameters]) -> PlantParameters:
+def joined(arms: Sequence[PlantParameters]) -> PlantParameters:
     """One model with a branch for every arm; vectors side by side."""
     model, n = pin.Model(), arms[0].model.nv
     for a, arm in enumerate(arms):

@@ -202,8 +202,7 @@ class Person:
         self._show(f"$ contactctl arm\nrefused: {'; '.join(before)}\n")
         went = {"refused before": any("never checked" in reason for reason in before)}
         went["wiring"] = self.identify(arm, "wiring")
-        gaps = [self.identify(arm, "gap", name, hand=name) for name in arm.joints]
-        went["gap"] = all(gaps)
+        went["gap"] = self.identify(arm, "gap")
         went["friction"] = self.identify(arm, "friction")
         went["thresholds"] = self.identify(arm, "thresholds")
         after = arm.arming_refusals()

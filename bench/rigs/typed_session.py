@@ -56,6 +56,11 @@ class TypedCommand:
         self._thread.start()
         self.ticks_in_motion = 0
 
+    @property
+    def running(self) -> bool:
+        """True until the command has ended."""
+        return self._thread.is_alive()
+
     def tick(self) -> None:
         """Do a tick of the daemon, and let the command go on where it waits for none."""
         self.served.tick()

@@ -308,7 +308,7 @@ def _show_payload(options: Options) -> None:
 def status(options: Options) -> None:
     """Show mode, joints, and what arming needs."""
     with options.connect() as client:
-        found = client.ask_status()
+        found, path = client.ask_status(), client.path
     if options.json:
         print_json(found)
         return
@@ -317,7 +317,7 @@ def status(options: Options) -> None:
     from daemon.clients.dashboard import status_view
 
     # Nothing is cut off where the output goes to a file.
-    Console(width=None if sys.stdout.isatty() else 120).print(status_view(found))
+    Console(width=None if sys.stdout.isatty() else 120).print(status_view(found, path))
 
 
 @main.command()

@@ -18,12 +18,14 @@ from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, Step
 from daemon.identify.levels import thresholds_step
 from daemon.identify.live_arm import LiveArm, open_session
+from daemon.identify.live_strokes import UnobservableError
 from daemon.identify.measured import Measured, read_measured
 from daemon.identify.overview import overview
 from daemon.identify.plots import plot_friction, plot_gap
 from daemon.identify.session import stop_once
 from daemon.identify.show import print_outcome, print_overview
 from daemon.identify.steps import (
+    Line,
     Outcome,
     friction_step,
     gap_step,
@@ -41,8 +43,9 @@ class Source(Protocol):
     def wiring(self, joint: str) -> Measured:
         """Measurements of one joint's motor, moved both ways through its gap."""
 
-    def gap(self, joint: str) -> Measured:
-        """Measurements of one joint's link, moved by hand while its motor stands."""
+    def gap(self, joint: str, *, by_hand: bool) -> Measured:
+        """Measurements of one joint whose motor turns to and fro, or whose link is moved by hand
+        while its motor stands. Raises UnobservableError where the first shows nothing."""
 
     def friction(self, seconds: float) -> Measured:
         """Measurements of all joints, moved without contact."""
@@ -69,7 +72,7 @@ class Recorded:
     def wiring(self, joint: str) -> Measured:
         return self._read()
 
-    def gap(self, joint: str) -> Measured:
+    def gap(self, joint: str, *, by_hand: bool) -> Measured:
         return read_measured(self._paths, self._configuration, gap_of=joint)
 
     def friction(self, seconds: float) -> Measured:
@@ -127,25 +130,31 @@ class Identification:
             outcomes.append(self._conclude("wiring", f"wiring-{name}", outcome))
         return all(outcomes)
 
-    def gap(self, named: tuple[str, ...]) -> bool:
-        """Identify half-gaps, joint by joint."""
+    def gap(self, named: tuple[str, ...], *, by_hand: bool = False) -> bool:
+        """Identify half-gaps, joint by joint, without a hand or with one."""
         outcomes = []
+        step = "gap" if by_hand else "strokes"
         for name in self.joints(named):
-            measured = self._source.gap(name)
+            try:
+                measured = self._source.gap(name, by_hand=by_hand)
+            except UnobservableError as error:
+                line = Line(name, "by hand", good=False, reason=str(error))
+                outcomes.append(self._conclude("gap", f"{step}-{name}", Outcome([line], {})))
+                continue
             outcome = gap_step(self._robot, measured, [name], now())
             i = measured.log.joints.index(name)
             picture = self._folder / f"gap-{name}.png"
             found = outcome.gaps[0]
             # Too few crossings are a beginning: the next ones are added to them.
-            more = found.verdict is GapVerdict.FEW
-            outcomes.append(self._conclude("gap", f"gap-{name}", outcome, more=more))
+            more = by_hand and found.verdict is GapVerdict.FEW
+            outcomes.append(self._conclude("gap", f"{step}-{name}", outcome, more=more))
             self._draw(partial(plot_gap, measured.log, i, found.half_gap, picture))
         return all(outcomes)
 
-    def friction(self, seconds: float) -> bool:
-        """Identify friction and rotor inertia of all joints."""
+    def friction(self, seconds: float, shortest_s: float) -> bool:
+        """Identify friction and rotor inertia of all joints, from no less than `shortest_s`."""
         measured = self._source.friction(seconds)
-        outcome = friction_step(self._robot, measured, now())
+        outcome = friction_step(self._robot, measured, now(), shortest_s)
         good = self._conclude("friction", "friction", outcome)
         if outcome.shown is not None:
             self._draw(partial(plot_friction, measured.log, outcome.shown, self._folder))

@@ -26,15 +26,29 @@ FILE = click.argument("file", type=PATH, callback=_recording)
 
 @click.command()
 @FILE
+@click.option("--config", type=PATH,
+              help="Robot's folder, for a CSV, which does not say what arm it is of.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON.")
-def replay(file: Path, as_json: bool) -> None:
+def replay(file: Path, config: Path | None, as_json: bool) -> None:
     """Say what a recording holds, and whether its estimates still come out the same.
 
     Duration, modes, contacts with joint, torque and duration, faults, lost states. Then the
     estimator runs over its samples again: every bit must be the same, or the first difference is
     shown. Exit status 0 only if the recording is whole and bit-identical; 65 for one that this
     version cannot compare.
+
+    Of a CSV as `contactd identify --log` takes it, residuals and contacts by the estimator of
+    --config.
     """
+    if file.suffix.lower() == ".csv":
+        if config is None:
+            raise click.UsageError("a CSV needs --config: the robot's folder")
+        from daemon.commands.replay_log import print_log
+
+        print_log(file, config, as_json=as_json)
+        return
+    if config is not None:
+        raise click.UsageError("--config is for a CSV: a recording has its own")
     from daemon.commands.replay import print_replay
 
     sys.exit(0 if print_replay(file, as_json=as_json) else 1)

@@ -60,7 +60,7 @@ def lines(file: Path, contents: Contents) -> list[str]:
         f"; armed {contents.armed_s:.1f} s",
     ]
     shown = contents.contacts[:CONTACTS_SHOWN]
-    told += listed("contacts", [_contact(k, one) for k, one in enumerate(shown, start=1)])
+    told += listed("contacts", [contact_row(k, one) for k, one in enumerate(shown, start=1)])
     if len(contents.contacts) > len(shown):
         told.append(
             f"            and {len(contents.contacts) - len(shown)} more: --json lists them"
@@ -77,7 +77,8 @@ def listed(name: str, rows: list[str]) -> list[str]:
     return [f"  {name if k == 0 else '':9} {row}" for k, row in enumerate(rows)]
 
 
-def _contact(number: int, one: ContactSeen) -> str:
+def contact_row(number: int, one: ContactSeen) -> str:
+    """One contact in a line."""
     lasted = "to the end" if one.duration_s is None else f"for {one.duration_s:.2f} s"
     hard = ", a collision" if one.level == "collision" else ""
     return (

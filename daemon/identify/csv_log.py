@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from arrays import Matrix, Vector
+from daemon.identify.log_names import Place, Rows, beside, read_names
 from daemon.protocol.messages import printable
 from errors import LogError
 from estimator.identification.motion_log import PAUSE_S, MotionLog
@@ -26,7 +27,8 @@ def read_csv(
     Its columns are `time` [s] and, for every joint, `current.JOINT` [A], or `torque.JOINT` [Nm at
     the link] (divided by the torque constant), `link_position.JOINT` [rad], `motor_velocity.JOINT`
     [rad/s at the link] and perhaps `motor_position.JOINT` [rad at the link]. A gap (`of_gap`) needs
-    either of the last two. Other columns may hold anything.
+    either of the last two. Other columns may hold anything; a file of names and units beside the
+    log (`log_names`) says where they stand if they are called otherwise.
 
     Times rounded so coarsely that neighbours are equal are spread evenly, and samples at uneven
     times put on an even raster. Raises LogError.
@@ -61,29 +63,62 @@ def read_csv(
 
 
 def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
-    """Columns that any step may need, by name."""
+    """Columns that any step may need, by name, in SI."""
+    named = read_names(path)
     try:
         with open_text(path, newline="") as stream:
             rows = csv.reader(stream)
             header = [name.strip() for name in next(rows, [])]
-            known = {"time", *(f"{c}.{j}" for c in (*COLUMNS, _ALSO) for j in joints)}
-            if "time" not in header:
-                raise LogError(f"{path}: no column time")
-            if twice := sorted({name for name in header if name and header.count(name) > 1}):
+            places, which = _places(path, joints, header, named)
+            columns = sorted({place.column for place in places.values() if place.column})
+            columns += [which.column] if which else []
+            if twice := [name for name in columns if header.count(name) > 1]:
                 raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
-            places = [k for k, name in enumerate(header) if name in known]
+            at = [header.index(name) for name in columns]
             values = []
             for line, row in enumerate(rows, start=2):
                 if len(row) != len(header):
                     raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
                                    f"{len(header)}: is the file cut off?")  # fmt: skip
-                values.append(_numbers(path, line, [row[k] for k in places]))
+                values.append(_numbers(path, line, [row[k] for k in at]))
     except csv.Error as error:
         raise LogError(f"{path}:{rows.line_num}: is not CSV: {error}") from error
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"cannot read {path}: {error}") from error
-    table = np.array(values, dtype=np.float64).reshape(-1, len(places))
-    return {header[k]: table[:, i] for i, k in enumerate(places)}
+    table = np.array(values, dtype=np.float64).reshape(-1, len(at))
+    if which is not None:
+        table = table[(table[:, -1] >= which.least) & (table[:, -1] <= which.most)]
+    return {
+        name: place.offset + place.factor * table[:, columns.index(place.column)]
+        if place.column
+        else np.full(len(table), place.offset)
+        for name, place in places.items()
+    }
+
+
+def _places(
+    path: Path,
+    joints: Sequence[str],
+    header: list[str],
+    named: tuple[dict[str, Place], Rows | None] | None,
+) -> tuple[dict[str, Place], Rows | None]:
+    """Where the quantities of these joints stand, and which rows count: by the file of names, or by
+    the columns' own names."""
+    known = {"time", *(f"{c}.{j}" for c in (*COLUMNS, _ALSO) for j in joints)}
+    if named is None:
+        if "time" not in header:
+            raise LogError(f"{path}: no column time")
+        return {name: Place(name) for name in known if name in header}, None
+    places, which = {name: place for name, place in named[0].items() if name in known}, named[1]
+    wanted = {name: place.column for name, place in places.items() if place.column}
+    if which is not None:
+        wanted["rows"] = which.column
+    for name, column in wanted.items():
+        if column not in header:
+            there = printable(", ".join(header)[:200])
+            raise LogError(f"{beside(path)}: {name}: no column {printable(column)} in {path}; "
+                           f"there are {there}")  # fmt: skip
+    return places, which
 
 
 def _numbers(path: Path, line: int, row: list[str]) -> list[float]:

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from arrays import Matrix
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
+from daemon.identify.live_strokes import StrokesOfJoint, searched
 from daemon.identify.measured import Measured, read_measured, refuse_incompatible
 from daemon.identify.motions import (
     HAND_S,
@@ -27,6 +28,7 @@ from daemon.protocol.messages import State
 from errors import ConfigurationError, ShortLogError
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_result import CROSSINGS, GapResult
+from estimator.identification.gap_search import Strokes
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 from estimator.identification.wiring import follows_both_ways
 from estimator.model import Model
@@ -71,8 +73,7 @@ class LiveArm:
     def wiring(self, joint: str) -> Measured:
         """Move one joint's motor to and fro, through its gap."""
         step = f"wiring-{joint}"
-        for part in self._session.parts(step):
-            part.unlink()  # so short a motion begins anew
+        self._forget(step)  # so short a motion begins anew
         i, period = self._names.index(joint), self._c.period_s
         half_gap = self._c.joints[i].half_gap
         while True:
@@ -91,8 +92,7 @@ class LiveArm:
                 f"{joint} did not move its link both ways: once more, "
                 f"{1e3 * WIRING_TRAVEL:.0f} mrad further"
             )
-            for part in self._session.parts(step):
-                part.unlink()
+            self._forget(step)
 
     def friction(self, seconds: float) -> Measured:
         """Move all joints along an excitation."""
@@ -107,8 +107,41 @@ class LiveArm:
             )
         return self._excite("thresholds", seconds, seed=2, residuals=True)
 
-    def gap(self, joint: str) -> Measured:
-        """Hold the motors while a person moves one link."""
+    def gap(self, joint: str, *, by_hand: bool) -> Measured:
+        """Turn the motor of one joint to and fro, or hold it while a person moves its link. Raises
+        UnobservableError where that needs a hand."""
+        return self._hand(joint) if by_hand else self._strokes(joint)
+
+    def _strokes(self, joint: str) -> Measured:
+        step, i = f"strokes-{joint}", self._names.index(joint)
+        here = np.array(self._session.hold().link_position)
+        own = StrokesOfJoint.of(self._c, self._model, i, here)
+        self._tell(own.announcement())
+        how = {
+            "warning": wiring_spoiled(joint),
+            "touch_ends": True,
+            "to_go_on": "The same command begins anew",
+        }
+
+        def record(asked: Strokes) -> MotionLog:
+            here = np.array(self._session.hold().link_position)
+            if (way := own.way_to(here, asked)) is not None:
+                self._move(f"way-{joint}", f"{joint} goes to {asked.about:.2f} rad", way, **how)
+                self._forget(f"way-{joint}")
+            self._forget(step)
+            here = np.array(self._session.hold().link_position)
+            text = f"{joint} moves by {1e3 * asked.way:.0f} mrad"
+            self._move(step, text, own.path(here, asked), motors_only=True, **how)
+            return self._read(step, gap_of=joint).log
+
+        searched(own.begin(), record)
+        return self._read(step, gap_of=joint)
+
+    def _forget(self, step: str) -> None:
+        for part in self._session.parts(step):
+            part.unlink()
+
+    def _hand(self, joint: str) -> Measured:
         step, i = f"gap-{joint}", self._names.index(joint)
         before = self._before(step)
         here = np.array(self._session.hold().link_position)
@@ -134,7 +167,7 @@ class LiveArm:
             self._session.run(step, path, HAND_S, each, warning=warning, motors_only=True)
         if not self._console.is_terminal:
             self._console.line()  # which `Live` owes a file
-        return self._read(step)
+        return self._read(step, gap_of=joint)
 
     def _excite(self, step: str, seconds: float, seed: int, *, residuals: bool = False) -> Measured:
         motion = excitation(bounds_of(self._c), self._model, self._c.period_s, seed)
@@ -181,8 +214,8 @@ class LiveArm:
         finally:
             progress.stop()
 
-    def _read(self, step: str) -> Measured:
-        return read_measured(self._session.parts(step), self._c)
+    def _read(self, step: str, *, gap_of: str = "") -> Measured:
+        return read_measured(self._session.parts(step), self._c, gap_of=gap_of)
 
     def _tell(self, text: str) -> None:
         self._console.print(text, markup=False, highlight=False)

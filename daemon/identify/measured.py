@@ -17,7 +17,7 @@ from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
 from daemon.identify.csv_log import COLUMNS, read_csv
-from daemon.modes.table import SENSING
+from daemon.modes.table import SENSING, Mode
 from daemon.protocol.messages import Snapshot, State
 from daemon.tick.sensing import HARMLESS
 from daemon.tick.telemetry import FLAG_NAMES
@@ -71,8 +71,17 @@ def read_measured(paths: Sequence[Path], c: Configuration, *, gap_of: str = "") 
             notes.append(f"{broken}; what is whole is used")
         begun = found[0].time_s
         states += [replace(s, time_s=s.time_s - begun + later) for s in raised(found, recorded)]
+    if gap_of:
+        states = moved(states)
     measured = from_states(states, c.joint_names, tuple(notes))
     return dataclasses.replace(measured, outdated=outdated)
+
+
+def moved(states: list[State]) -> list[State]:
+    """States of the motion that was for the gap, without those before and after, in which the arm
+    only held; all where most was held, while a hand moved the link."""
+    tracked = [s for s in states if s.mode == Mode.TRACKING]
+    return tracked if 2 * len(tracked) > len(states) else states
 
 
 def raised(states: Iterable[State], c: Configuration) -> list[State]:

@@ -55,20 +55,33 @@ class Excitation:
 def excitation(bounds: Bounds, model: Model, period_s: float, seed: int) -> Excitation:
     """Random excitation within the bounds; the same for the same seed."""
     motion = fourier_within(bounds.shrunk(SHARE), model, np.random.default_rng(seed))
-    slow = Bounds(bounds.lower, bounds.upper, 0.3 * bounds.velocity, 0.3 * bounds.acceleration)
-    return Excitation(motion, slow, period_s)
+    return Excitation(motion, slow(bounds), period_s)
+
+
+def slow(bounds: Bounds) -> Bounds:
+    """Bounds of a way from one place to another."""
+    return Bounds(bounds.lower, bounds.upper, 0.3 * bounds.velocity, 0.3 * bounds.acceleration)
 
 
 def wiring_motion(here: Vector, joint: int, half_gap: float, period_s: float) -> Matrix:
     """Motion of one joint's motor to and fro, twice: through its gap, and further by the travel of
-    its link; with ramps of a fifth of a second."""
+    its link."""
     way = 2.0 * half_gap + WIRING_TRAVEL
-    length = way / WIRING_SPEED
-    speeds = np.concatenate(
-        [sign * _trapezium(length, period_s) for sign in (0.5, -1.0, 1.0, -1.0, 0.5)]
-    )
+    return strokes(here, joint, way, WIRING_SPEED, 3, period_s)
+
+
+def strokes(
+    here: Vector, joint: int, way: float, speed: float, count: int, period_s: float
+) -> Matrix:
+    """Motion of one joint to and fro about here, `count` times from end to end of a way [rad],
+    between two halves; with ramps of a fifth of a second."""
+    whole = _trapezium(way / speed, period_s)
+    half = _trapezium(0.5 * way / speed - 0.1, period_s)
+    half *= 0.5 * whole.sum() / half.sum()  # so that the last ends where the first began
+    signs = [1.0 if k % 2 else -1.0 for k in range(count)]
+    speeds = np.concatenate([half, *(sign * whole for sign in signs), -signs[-1] * half])
     path = np.tile(here, (len(speeds) + 1, 1))
-    path[1:, joint] += np.cumsum(speeds) * WIRING_SPEED * period_s
+    path[1:, joint] += np.cumsum(speeds) * speed * period_s
     return path
 
 

@@ -130,19 +130,27 @@ class Session:
         *,
         warning: ContactWarning,
         motors_only: bool = False,
+        touch_ends: bool = False,
         to_go_on: str = "What was measured is kept: the same command goes on from there",
     ) -> None:
         """Run link positions (N, n) and record them; `each` gets every State of it and may end
-        it; a `warning` about a contact is shown at once.
+        it; a `warning` about a contact is shown at once, or with `touch_ends` the contact ends it.
 
         Raises InterruptedStepError for Ctrl-C and for whatever else ends it, with what `to_go_on`
         says; ControlError and TrajectoryError where it cannot begin, LogError where it cannot be
         recorded. The arm holds afterwards if it still can.
         """
 
+        touched: list[str] = []
+
         def on_contact(event: Notice) -> None:
-            if text := warning(event):
+            if touch_ends:
+                touched.append(event.text)
+            elif text := warning(event):
                 self.say(text)
+
+        def seen(state: State) -> bool:
+            return each(state) or bool(touched)
 
         status = self.hold()
         times = (period_s * np.arange(len(path))).tolist()
@@ -159,7 +167,7 @@ class Session:
                     reply = self.client.start_loaded()
                     if not reply.ok:
                         raise ControlError(reply.refusal)
-                    ended = followed(states, each, on_contact)
+                    ended = followed(states, seen, on_contact) or "".join(touched[:1])
             except KeyboardInterrupt:
                 ended = "stopped by you"
             except UnreachableError as error:

@@ -12,12 +12,13 @@ from daemon.config.marks import fingerprint, marks
 from daemon.config.schema import Friction, GapSpring, Step
 from daemon.identify.measured import Measured
 from estimator.identification.friction import (
+    SHORTEST_S,
     FrictionFit,
     Reconstruction,
-    Verdict,
     adopt,
     identify_friction,
 )
+from estimator.identification.friction_verdict import Verdict
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_result import GapResult
 from estimator.identification.log_checks import refuse_implausible
@@ -84,8 +85,11 @@ def _gap_figures(gap: GapResult) -> str:
     return "; ".join([*parts, *(str(one) for one in gap.harmonics)])
 
 
-def friction_step(robot: Robot, measured: Measured, date: str) -> Outcome:
-    """Identify friction and rotor inertia of all joints from contact-free motion.
+def friction_step(
+    robot: Robot, measured: Measured, date: str, shortest_s: float = SHORTEST_S
+) -> Outcome:
+    """Identify friction and rotor inertia of all joints from contact-free motion of at least
+    `shortest_s`.
 
     Raises LogError for measurements that cannot be true.
     """
@@ -94,7 +98,7 @@ def friction_step(robot: Robot, measured: Measured, date: str) -> Outcome:
     refuse_implausible(measured.log, limit)
     old = build_transmission(c)
     model = Model(robot.urdf, c.joint_names)
-    fits, shown = identify_friction(measured.log, model, old, c.estimator, limit)
+    fits, shown = identify_friction(measured.log, model, old, c.estimator, limit, shortest_s)
     new = adopt(old, fits)
     lines, entries = [], dict[str, file.Entry]()
     for i, fit in enumerate(fits):

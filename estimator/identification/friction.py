@@ -10,12 +10,13 @@ gap, and there poorly.
 """
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 
 from arrays import Matrix, Vector
 from errors import LogError
+from estimator.identification.coupling import coupled
+from estimator.identification.friction_verdict import Verdict, verdict_on, wider
 from estimator.identification.log_intervals import (
     Intervals,
     Mask,
@@ -27,6 +28,7 @@ from estimator.identification.log_intervals import (
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.regression import (
     COLUMNS,
+    GAIN,
     Solution,
     regression,
     solve_joint,
@@ -38,34 +40,11 @@ from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, smooth_sign, stiction_range
 
 SHORTEST_S = 10.0
-LOWEST_R2 = 0.9
-HIGHEST_CONDITION = 100.0
-SLOWEST = 0.15
-"""A joint whose speed never exceeds this [rad/s] was not excited."""
-TURNS = 4
-"""A joint that turns round fewer times was not excited."""
-GRAVITY_TOLERANCE = 0.3
-WIDEST_PLAY = 2.5
-"""Half-gaps; two are the gap itself."""
-GIVE = 0.006
-"""Motion that bending gears, late encoders and drift may add [rad]."""
+"""Least motion [s] unless less is asked for."""
 _ROUNDS = 3
-_MOST_CUT = 0.05
 _SURE = 6.0
 """Standard errors from zero at which friction seen in the gap is believed: they are those of noise,
 and it was up to four of them off the truth."""
-
-
-class Verdict(StrEnum):
-    """Verdict on a joint's coefficients; everything but `good` keeps the old ones."""
-
-    GOOD = "good"
-    NOT_EXCITED = "not excited"
-    ILL_CONDITIONED = "ill conditioned"
-    BAD_FIT = "fits badly"
-    SATURATED = "current saturated"
-    WRONG_GRAVITY = "current and gravity disagree"
-    WRONG_GAP = "the gap is wider"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,15 +103,16 @@ def identify_friction(
     transmission: Transmission,
     settings: EstimatorSettings,
     max_current: Vector,
+    shortest_s: float = SHORTEST_S,
 ) -> tuple[list[FrictionFit], Reconstruction]:
     """Coefficients of every joint from contact-free motion.
 
     transmission: half-gaps as identified, and friction to begin with; max_current (n,) [A].
-    Raises LogError for a log of less than 10 s.
+    Raises LogError for a log of less than `shortest_s`.
     """
-    if log.measured_s + log.period_s < SHORTEST_S - 1e-6:
+    if log.measured_s + log.period_s < shortest_s - 1e-6:
         raise LogError(
-            f"the log is too short: {log.measured_s:.1f} s, at least {SHORTEST_S:.0f} s of motion"
+            f"the log is too short: {log.measured_s:.1f} s, at least {shortest_s:g} s of motion"
         )
     rows = intervals(log, model, settings)
     cut: Mask = np.abs(rows.current) > 0.98 * max_current
@@ -153,10 +133,30 @@ def identify_friction(
             for i, one in enumerate(solved)
         ]
         transmission = adopt(transmission, fits)
+    fits = _uncoupled(fits, solved, rows, transmission.sign_width)
     shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
     by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
     discarded_s = float(rows.dt @ near(rows, touched))
     return fits, Reconstruction(rows.time_s, found.r_nl, shown, where.phi, by_hand, discarded_s)
+
+
+def _uncoupled(
+    fits: list[FrictionFit], solved: list[Solution], rows: Intervals, sign_width: float
+) -> list[FrictionFit]:
+    """Fits, in which those are refused whose motors turn each other's joint, too."""
+    left, weight = (
+        np.stack([getattr(s, name) for s in solved], axis=1) for name in ("left", "weight")
+    )
+    coulomb = np.array([s.coefficients[0] for s in solved])
+    pairs = coupled(left, weight, coulomb, rows, sign_width, GAIN)
+    new = list(fits)
+    for i, j in pairs.items():
+        if fits[i].verdict in (Verdict.GOOD, Verdict.BAD_FIT):
+            about = (f"what is left follows the motion of {fits[j].joint}, and the other way "
+                     "round: one motor turns both, and the friction of either is not its own. "
+                     "Give positions and currents of the joints, not of the motors")  # fmt: skip
+            new[i] = replace(fits[i], verdict=Verdict.COUPLED, reason=about)
+    return new
 
 
 _ADOPTED = (
@@ -206,9 +206,9 @@ def _judged(
     settings: EstimatorSettings,
 ) -> FrictionFit:
     gravity = _gravity_scale(i, rows, t, solved.coefficients)
-    verdict, reason = _verdict(rows.theta_dot[:, i], float(cut[:, i].mean()), gravity, solved)
-    if wider := _wider(play_of_joint, float(t.half_gap[i])):
-        verdict, reason = Verdict.WRONG_GAP, wider
+    verdict, reason = verdict_on(rows.theta_dot[:, i], float(cut[:, i].mean()), gravity, solved)
+    if about := wider(play_of_joint, float(t.half_gap[i])):
+        verdict, reason = Verdict.WRONG_GAP, about
     known = np.isfinite(solved.errors)
     return FrictionFit(
         joint=name,
@@ -222,38 +222,6 @@ def _judged(
         rotor_trusted=settings.current_delay_ms > 0.0,
         stiction=solved.stiction,
         stiction_error=solved.stiction_error,
-    )
-
-
-def _verdict(
-    theta_dot: Vector, cut: float, gravity: float, solved: Solution
-) -> tuple[Verdict, str]:
-    speed = np.abs(theta_dot)
-    turns = int(np.count_nonzero(np.diff(np.sign(theta_dot[speed > 0.05]))))
-    if speed.max() < SLOWEST or turns < TURNS:
-        about = f"fastest {speed.max():.2g} rad/s, turned round {turns} times"
-        return Verdict.NOT_EXCITED, about
-    if cut > _MOST_CUT:
-        return Verdict.SATURATED, f"the current was at its limit {cut:.0%} of the time"
-    if not solved.condition < HIGHEST_CONDITION:
-        return Verdict.ILL_CONDITIONED, f"condition number {solved.condition:.0f}"
-    if abs(gravity - 1.0) > GRAVITY_TOLERANCE:
-        about = f"the motor gives {gravity:.2f} times the torque that the URDF asks for"
-        return Verdict.WRONG_GRAVITY, about
-    if solved.r2 < LOWEST_R2:
-        return Verdict.BAD_FIT, f"R2 {solved.r2:.3f} on held-out motion, at least {LOWEST_R2}"
-    return Verdict.GOOD, ""
-
-
-def _wider(moved: float, half_gap: float) -> str:
-    """Reason why the gap cannot be right, where link and rotor usually move `moved` [rad] against
-    each other, or "": a hand that stopped short of a border makes a half-gap too small."""
-    if moved <= WIDEST_PLAY * half_gap + GIVE:
-        return ""
-    return (
-        f"in this motion link and rotor moved by {1e3 * moved:.3g} mrad against each other; a "
-        f"half-gap of {1e3 * half_gap:.3g} mrad lets them move by {2e3 * half_gap:.3g}: identify "
-        "the gap again"
     )
 
 

@@ -4,6 +4,8 @@
   (`plateaus`, the paper's V-A).
 - The link is clamped, the motor pushes with slow ramps of torque: the dead zone of torque over phi
   (`ramps`).
+- The motor turns slowly to and fro where friction or gravity hold its link (`strokes`): without a
+  hand, and the way that `contactd identify gap` takes.
 - Both move: phi rests at either border, and runs ahead with speed if one encoder is late
   (`gap_in_motion`), which is where the skew between the encoders shows.
 """
@@ -16,6 +18,8 @@ from estimator.identification.gap_result import SMALLEST, GapResult, GapVerdict,
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 from estimator.identification.plateaus import from_plateaus
 from estimator.identification.ramps import from_ramps
+from estimator.identification.stroke_samples import stroking
+from estimator.identification.strokes import from_strokes
 
 _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
 
@@ -34,6 +38,8 @@ def identify_gap(
     if log.motor_position is not None and float(np.ptp(q - theta)) < 1e-5 * moved_q:
         about = "link and motor position are the same signal"
         return GapResult(joint=name, verdict=GapVerdict.NO_LINK_ENCODER, reason=about)
+    if stroking(log.motor_velocity[:, joint]):
+        return by_strokes(log, joint, torque_constant, gear)
     if moved_q < 0.05 * moved_theta:
         torque = torque_constant * log.current[:, joint]
         return from_ramps(name, log.time_s, q - theta, torque)
@@ -41,6 +47,14 @@ def identify_gap(
     if moved_theta > _SHAKEN and moved_theta > 3.0 * between:
         return from_motion(name, log.time_s, q, theta, log.motor_velocity[:, joint], gear=gear)
     return _by_hand(log, joint, torque_constant, q, theta)
+
+
+def by_strokes(log: MotionLog, joint: int, torque_constant: float, gear: float = 0.0) -> GapResult:
+    """Half-gap of one joint whose motor turned to and fro; gear: as for `identify_gap`."""
+    q, theta = positions(log, joint)
+    velocity, torque = log.motor_velocity[:, joint], torque_constant * log.current[:, joint]
+    return from_strokes(log.joints[joint], log.time_s, q, theta, velocity, torque, gear=gear,
+                        integrated=log.motor_position is None)  # fmt: skip
 
 
 def _by_hand(

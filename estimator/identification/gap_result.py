@@ -24,6 +24,8 @@ class GapVerdict(StrEnum):
     NONE = "no dead zone"
     UNCLEAR = "no clear dead zone"
     FEW = "too few crossings"
+    ONE_BORDER = "one border only"
+    TOO_SHORT = "the motor turned too little"
     MOTOR_MOVED = "the motor moved"
     NO_LINK_ENCODER = "no link encoder"
     NO_MOTION = "nothing moved"

@@ -23,6 +23,8 @@ from estimator.transmission import Transmission, coulomb_viscous, resting
 Mask = NDArray[np.bool_]
 
 _BOTH = (1.5, 3.0)  # half-gaps that phi spans where it met both borders, and kept its zero
+_CARRIES = 0.05  # of the largest torque
+_SOFTEST = 0.005  # [rad/Nm]
 _WINDOW_S = 4.0  # of motion, in which an integrated theta drifts by less than a gap
 
 
@@ -136,11 +138,30 @@ class Located:
 
 def play(rows: Intervals) -> Vector:
     """Motion (n,) [rad] of link and rotor against each other within a few seconds, as it usually
-    is: both borders of the gap, and what gear and encoders add."""
+    is: both borders of the gap, and what encoders add. What the gear bends, in proportion to the
+    torque that moves and holds the link, is no play; nor is it where a gap goes along with that,
+    which jumps as the torque changes sign."""
     apart = rows.ends[:, 0] - np.cumsum(rows.advance, axis=0)
-    windows = np.array_split(apart, max(1, round(float(rows.dt.sum()) / _WINDOW_S)))
-    spans = [np.ptp(np.percentile(window, [2.0, 98.0], axis=0), axis=0) for window in windows]
+    parts = np.array_split(np.arange(len(apart)), max(1, round(float(rows.dt.sum()) / _WINDOW_S)))
+    for i in range(apart.shape[1]):
+        apart[:, i] += _compliance(apart[:, i], rows.inertial[:, i], parts) * rows.inertial[:, i]
+    spans = [np.ptp(np.percentile(apart[part], [2.0, 98.0], axis=0), axis=0) for part in parts]
     return np.asarray(np.percentile(spans, 75.0, axis=0))
+
+
+def _compliance(apart: Vector, torque: Vector, parts: list[NDArray[np.int64]]) -> float:
+    """Bending of the gear [rad/Nm], from apart [rad] and torque (N,) [Nm] of windows in each of
+    which theta has a zero and a drift of its own."""
+    sides = np.sign(torque) * (np.abs(torque) > _CARRIES * np.abs(torque).max())
+    columns, levels = [], []
+    for part in parts:
+        own = np.stack([np.ones(len(part)), np.arange(len(part)) / len(part)], axis=1)
+        values = np.stack([apart[part], -torque[part], -sides[part]], axis=1)
+        values -= own @ np.linalg.lstsq(own, values, rcond=None)[0]
+        columns.append(values[:, 1:])
+        levels.append(values[:, 0])
+    found, *_ = np.linalg.lstsq(np.concatenate(columns), np.concatenate(levels), rcond=None)
+    return float(np.clip(found[0], 0.0, _SOFTEST))
 
 
 def locate(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> Located:

@@ -66,6 +66,9 @@ class Solution:
     stiction: float
     """Share of the Coulomb friction that sticks, and its standard error"""
     stiction_error: float
+    left: Vector
+    """(N,) [Nm] that this friction does not explain, and how much each row counts, (N,)"""
+    weight: Vector
 
 
 def regression(rows: Intervals, t: Transmission, where: Located, held: Matrix) -> Regression:
@@ -146,7 +149,9 @@ def solve_joint(
         _weights(rows, i, where, cut[:, i], unknown[:, i]) * ~spoilt,
         rows.time_s,
     )
-    return Solution(coefficients, errors, r2, condition, touched, stiction, stiction_error)
+    return Solution(
+        coefficients, errors, r2, condition, touched, stiction, stiction_error, left, weight
+    )
 
 
 def _weights(rows: Intervals, i: int, where: Located, cut: Mask, rest: Vector) -> Vector:

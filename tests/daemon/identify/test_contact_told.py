@@ -54,7 +54,7 @@ def pushed(arm: CommissionedArm, *words: str) -> str:
 
 
 def test_a_hand_at_the_link_that_it_is_to_move_is_told_nothing(arm: CommissionedArm) -> None:
-    said = pushed(arm, "gap")
+    said = pushed(arm, "gap", "--by-hand")
     assert "hands off" not in said
     assert "feels" not in said
 

@@ -1,5 +1,8 @@
 """Logs of anybody's arm: only the columns that a step needs, at times that are not even."""
 
+import gzip
+import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +14,7 @@ from daemon.commands.contactd import main
 from daemon.identify.csv_log import read_csv
 from errors import LogError
 
+DATA = Path(os.environ.get("CONTACTD_DATA", Path(__file__).parents[4] / "shared" / "data"))
 T = 0.01
 
 
@@ -86,3 +90,92 @@ def test_rounded_times_are_said(tmp_path: Path) -> None:
     log, notes = read_csv(save(tmp_path / "a.csv", columns), ["joint"], {"joint": 1.0}, of_gap=True)
     assert notes == ("times are rounded to 10 ms: spread evenly",)
     np.testing.assert_allclose(np.diff(log.time_s), log.period_s, rtol=1e-6)
+
+
+def renamed(folder: Path, names: str) -> Path:
+    """The log of a hand under somebody else's names and units, and a file of names beside it."""
+    ours = pressed(0.02)
+    theirs = {
+        "T [ms]": 1e3 * ours["time"],
+        "out": np.degrees(ours["link_position.joint"]) + 10.0,
+        "tau": 1e3 * ours["torque.joint"],
+        "nr": np.where(np.arange(len(ours["time"])) < 100, 7.0, 101.0),
+    }
+    (folder / "theirs.yaml").write_text(names)
+    return save(folder / "theirs.csv", theirs)
+
+
+NAMES = """
+time: {column: "T [ms]", unit: ms}
+rows: {column: nr, least: 100}
+joints:
+  joint:
+    link_position: {column: out, unit: deg, offset: -0.17453292519943295}
+    motor_position: {value: 0}
+    torque: {column: tau, unit: mNm}
+"""
+
+
+def test_names_and_units_of_others_are_told_beside_the_log(tmp_path: Path) -> None:
+    path = renamed(tmp_path, NAMES)
+    ours = pressed(0.02)
+    log, _ = read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
+    np.testing.assert_allclose(log.time_s, ours["time"][100:], atol=1e-9)
+    np.testing.assert_allclose(
+        log.link_position[:, 0], ours["link_position.joint"][100:], atol=1e-8
+    )
+    np.testing.assert_allclose(log.current[:, 0], ours["torque.joint"][100:] / 2.0, atol=1e-9)
+    assert log.motor_position is not None
+    assert not log.motor_position.any()
+    given = ["--config", str(SINGLE_JOINT), "--log", str(path), "--dry-run"]
+    result = CliRunner().invoke(main, ["identify", "gap", "joint", *given])
+    assert result.exit_code == 0, result.output
+    assert "alpha 20.0" in result.output
+
+
+def test_a_real_log_of_others_by_its_names(tmp_path: Path) -> None:
+    """An output that is clamped: its position is one value."""
+    real = DATA / "cycloid" / "base_runin1.csv.gz"
+    if not real.exists():
+        pytest.skip(f"no real measurements at {DATA} (set CONTACTD_DATA)")
+    path = tmp_path / "ramps.csv"
+    path.write_bytes(gzip.decompress(real.read_bytes()))
+    (tmp_path / "ramps.yaml").write_text(
+        "time: {column: TIME}\nrows: {column: test_nr, least: 100}\njoints: {joint: {"
+        "link_position: {value: 0}, motor_position: {column: POSITION, unit: turn}, "
+        "torque: {column: TORQUE}}}\n"
+    )
+    given = ["--config", str(SINGLE_JOINT), "--log", str(path), "--dry-run"]
+    result = CliRunner().invoke(main, ["identify", "gap", "joint", *given])
+    assert result.exit_code == 0, result.output
+    (alpha,) = re.findall(r"alpha ([\d.]+) mrad", result.output)
+    assert float(alpha) == pytest.approx(32.5, abs=1.5)
+    assert "times are rounded to" in result.output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("column: out", "column: inn", "link_position.joint: no column inn in .*there are T"),
+        ("column: nr", "column: no", "rows: no column no in"),
+        ("unit: deg", "unit: rpm", "joints.joint.link_position: unit 'rpm', allowed are rad, mrad"),
+        ("unit: mNm", "unit: mNm, scale: 0", "torque: scale 0.0.* not 0"),
+        (
+            "{value: 0}",
+            "{value: 0, column: out}",
+            "motor_position: give either a column or a value",
+        ),
+        ("{value: 0}", "{}", "give either a column or a value"),
+        ("torque:", "tork:", "theirs.yaml:6: joints.joint: .*tork"),
+        ("unit: ms", "unit: ms, units: s", "unknown key `units`"),
+        ("joints:", "joint:", "theirs.yaml"),
+        ("rows: {", "rows: [", "theirs.yaml:3"),
+        ("least: 100", "least: 1000", "there are no samples in it"),
+    ],
+)
+def test_a_file_of_names_that_is_wrong_is_told_where(
+    tmp_path: Path, old: str, new: str, says: str
+) -> None:
+    path = renamed(tmp_path, NAMES.replace(old, new))
+    with pytest.raises(LogError, match=says):
+        read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)

@@ -16,7 +16,7 @@ from daemon.commands.contactd import main
 from daemon.config import identified as file
 from daemon.config.load import load_robot, parse_configuration
 from daemon.identify.levels import thresholds_step
-from daemon.identify.measured import from_states, raised
+from daemon.identify.measured import from_states, moved, raised
 from daemon.identify.steps import friction_step, merged
 from daemon.modes.table import Event, Mode
 from daemon.motion.sampled_path import PathBuilder
@@ -187,6 +187,21 @@ def test_friction_without_the_touched_stretch(states, folder):
     assert "stiction 0.0" in outcome.lines[0].figures
 
 
+def test_a_short_log_is_taken_on_request_only(states, folder):
+    robot = load_robot(folder)
+    short = from_states(states[:1000][-900:], ["joint"])
+    with pytest.raises(LogError, match="at least 10 s of motion"):
+        friction_step(robot, short, DAY)
+    assert [line.joint for line in friction_step(robot, short, DAY, 8.0).lines] == ["joint"]
+
+
+@pytest.mark.parametrize(("tracked", "kept"), [(60, 60), (40, 100)])
+def test_what_was_held_before_and_after_a_motion_is_no_part_of_it(make_state, tracked, kept):
+    modes = ["holding"] * (100 - tracked) + ["tracking"] * tracked
+    found = [msgspec.structs.replace(make_state(k), mode=m) for k, m in enumerate(modes)]
+    assert len(moved(found)) == kept
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -293,7 +308,7 @@ def test_a_new_drive_forgets_what_was_known_of_the_old(folder):
         ("joints: {elbow: {}}\n", "no joint elbow"),
         (
             "version: 1\njoints: {joint: {gap: {date: d, log: l, half_gap: -1, confidence: 0}}}\n",
-            ">= 0",
+            "at least 0",
         ),
     ],
 )

@@ -89,7 +89,7 @@ def test_friction_goes_on_with_samples_whose_residuals_are_of_other_values(
         assert "going on with" in moves(served, *FRICTION)
 
 
-@pytest.mark.parametrize("words", [("gap",), FRICTION, THRESHOLDS])
+@pytest.mark.parametrize("words", [("gap", "--by-hand"), FRICTION, THRESHOLDS])
 def test_samples_of_another_wiring_are_in_the_way_of_every_step(
     arm: CommissionedArm, words: tuple[str, ...]
 ) -> None:

@@ -51,7 +51,8 @@ def recorded(part: Path) -> MotionLog:
 
 
 @pytest.mark.parametrize(
-    "words", [("wiring",), ("gap",), ("friction", "--seconds", "20"), ("thresholds",)]
+    "words",
+    [("wiring",), ("gap",), ("gap", "--by-hand"), ("friction", "--seconds", "20"), ("thresholds",)],
 )
 def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
     arm: CommissionedArm, served: ServedDaemon, words: tuple[str, ...]

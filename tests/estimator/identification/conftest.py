@@ -1,9 +1,11 @@
 """Arms that differ from the nominal one, moved without contact or held while a hand moves the
 links; simulated once per session."""
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from bench.rigs.arm_batch import Reference, Scatter, SoftHand, random_arm, record_fleet
@@ -14,6 +16,7 @@ from daemon.config.load import load_robot
 from estimator.identification.excitation import Bounds, fourier_within, trajectory
 from estimator.identification.motion_log import MotionLog
 from estimator.model import Model
+from estimator.transmission import Transmission
 from simulator.description import Mismatch, SimulationSettings
 from simulator.mismatch import PlantParameters, true_parameters
 
@@ -107,3 +110,21 @@ def handled(arm, nominal) -> tuple[MotionLog, PlantParameters]:
         arm.description, [true], lambda t: still, 17.0, settings, push=hand, motors_only=True
     )
     return logs[0][0], true
+
+
+@pytest.fixture(scope="session")
+def wound_up(arm, nominal) -> tuple[MotionLog, Model, Transmission]:
+    """12 s of it with links eight times as heavy on gears of 400 Nm/rad, and what is known."""
+    heavy, text = nominal.model.copy(), arm.robot.urdf
+    for i in range(1, heavy.njoints):
+        body = heavy.inertias[i]
+        heavy.inertias[i] = pin.Inertia(8.0 * body.mass, body.lever, body.inertia)
+    text = re.sub(r'<mass value="([^"]+)"', lambda m: f'<mass value="{8.0 * float(m[1])!r}"', text)
+    strong, half_gap = 4.0 * nominal.torque_constant, np.full(7, 0.001)
+    half_gap[1] = 0.025
+    soft = np.minimum(nominal.stiffness, 400.0)
+    plant = replace(nominal, model=heavy, torque_constant=strong, half_gap=half_gap, stiffness=soft)
+    settings = SimulationSettings(mismatch=EXACT)
+    log = record_fleet(arm.description, [plant], excited(arm), 12.0, settings)[0][0]
+    known = replace(arm.transmission, torque_constant=strong, half_gap=half_gap)
+    return log, Model(text, arm.configuration.joint_names), known

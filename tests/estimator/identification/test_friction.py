@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from errors import LogError
-from estimator.identification.friction import Verdict, adopt, identify_friction
+from estimator.identification.friction import adopt, identify_friction
+from estimator.identification.friction_verdict import GIVE, WIDEST_PLAY, Verdict
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.sticking import sticking_share
 from estimator.transmission import STICTION_ERROR
@@ -242,3 +243,32 @@ def test_a_gap_that_is_wider_than_was_found_is_named(moved, identify, share, wid
     assert [i for i, fit in enumerate(fits) if fit.verdict is Verdict.WRONG_GAP] == wider
     for i in wider:
         assert "identify the gap again" in fits[i].reason
+
+
+def test_a_gear_that_winds_up_is_not_taken_for_a_wider_gap(arm, wound_up):
+    """Links eight times as heavy, on gears of 400 Nm/rad."""
+    log, model, known = wound_up
+    settings = arm.configuration.estimator
+    fits, _ = identify_friction(log, model, known, settings, 10.0 * arm.max_current)
+    # That much link and motor moved against each other beyond what any gap explains.
+    apart = log.link_position[:, 0] - log.motor_position[:, 0]
+    assert np.ptp(np.percentile(apart, [2.0, 98.0])) > WIDEST_PLAY * known.half_gap[0] + GIVE
+    assert [fit.joint for fit in fits if fit.verdict is Verdict.WRONG_GAP] == []
+    # A gap that really is wider than was found shows all the same.
+    narrow = replace(known, half_gap=0.3 * known.half_gap)
+    fits, _ = identify_friction(log, model, narrow, settings, 10.0 * arm.max_current)
+    assert fits[1].verdict is Verdict.WRONG_GAP
+
+
+def test_motors_that_turn_each_others_joints_are_found(moved, identify):
+    """As a coupled wrist does: what rubs as the sum of two joints turns loads both."""
+    log, true = moved.filtered[0], moved.arms[0]
+    both = np.tanh((log.motor_velocity[:, 4] + log.motor_velocity[:, 5]) / 0.02)
+    current = log.current.copy()
+    rubs = 0.4 * true.coulomb.reshape(2, -1).sum(axis=0)[5]
+    for i in (4, 5):
+        current[:, i] += rubs / true.torque_constant[i] * both
+    fits, _ = identify(replace(log, current=current), true.half_gap)
+    assert [fit.verdict for fit in fits[:4]] == [Verdict.GOOD] * 4
+    assert [fit.verdict for fit in fits[4:6]] == [Verdict.COUPLED] * 2
+    assert "follows the motion of LWristYaw" in fits[4].reason

@@ -1,0 +1,122 @@
+"""Names and units of somebody else's CSV: a YAML of the same name beside it.
+
+    # ramps.yaml, beside ramps.csv
+    time: {column: TIME, unit: s}
+    rows: {column: test_nr, least: 100}            # leave out others
+    joints:
+      elbow:
+        link_position: {value: 0}                  # clamped: the same in every row
+        motor_position: {column: POSITION, unit: turn, scale: 0.02}
+        torque: {column: TORQUE, unit: Nm}
+
+A number in the log becomes number * unit * scale + offset, in SI and at the link. Without such a
+file columns have the names that `csv_log` says, in SI.
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from daemon.config.load import convert
+from daemon.config.yaml_source import read_yaml
+from drivers.settings import Settings
+from errors import ConfigurationError, LogError
+
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "link_position": {
+        "rad": 1.0,
+        "mrad": 1e-3,
+        "deg": math.pi / 180.0,
+        "turn": 2.0 * math.pi,
+    },
+    "motor_velocity": {
+        "rad/s": 1.0,
+        "deg/s": math.pi / 180.0,
+        "turn/s": 2.0 * math.pi,
+        "rpm": 2.0 * math.pi / 60.0,
+    },
+    "current": {"A": 1.0, "mA": 1e-3},
+    "torque": {"Nm": 1.0, "mNm": 1e-3},
+}
+"""Units of each quantity, the first of them meant where none is said; in SI."""
+_ALIKE = {"motor_position": "link_position"}
+
+
+class Named(Settings, frozen=True, kw_only=True):
+    """Where a quantity stands in the log: a column, or one value for all rows."""
+
+    column: str = ""
+    value: float | None = None
+    unit: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+class Rows(Settings, frozen=True, kw_only=True):
+    """Rows that count: those in which a column is within bounds."""
+
+    column: str
+    least: float = -math.inf
+    most: float = math.inf
+
+
+Quantity = Literal["link_position", "motor_position", "motor_velocity", "current", "torque"]
+
+
+class LogNames(Settings, frozen=True, kw_only=True):
+    """Content of the file."""
+
+    joints: dict[str, dict[Quantity, Named]]
+    time: Named = Named(column="time")
+    rows: Rows | None = None
+
+
+class Place(msgspec.Struct, frozen=True):
+    """Column of a CSV, or one value if there is none, and what makes SI of it."""
+
+    column: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+def beside(log: Path) -> Path:
+    """Path of the names of a log."""
+    return log.with_suffix(".yaml")
+
+
+def read_names(log: Path) -> tuple[dict[str, Place], Rows | None] | None:
+    """Places of `time` and of each `QUANTITY.JOINT`, and which rows count; None where no file is
+    beside the log. Raises LogError naming file, field, value and what is allowed."""
+    path = beside(log)
+    if not path.exists():
+        return None
+    try:
+        names = convert(read_yaml(path), LogNames)
+    except ConfigurationError as error:
+        raise LogError(str(error)) from error
+    places = {"time": _place(path, "time", "time", names.time)}
+    for joint, quantities in names.joints.items():
+        for quantity, named in quantities.items():
+            where = f"joints.{joint}.{quantity}"
+            places[f"{quantity}.{joint}"] = _place(path, where, quantity, named)
+    return places, names.rows
+
+
+def _place(path: Path, where: str, quantity: str, named: Named) -> Place:
+    if bool(named.column) == (named.value is not None):
+        raise LogError(f"{path}: {where}: give either a column or a value")
+    units = UNITS[_ALIKE.get(quantity, quantity)]
+    unit = named.unit or next(iter(units))
+    if unit not in units:
+        raise LogError(f"{path}: {where}: unit {unit!r}, allowed are {', '.join(units)}")
+    factor = units[unit] * named.scale
+    if not (math.isfinite(factor) and factor != 0.0 and math.isfinite(named.offset)):
+        raise LogError(f"{path}: {where}: scale {named.scale}, offset {named.offset}: both must be "
+                       "numbers, and scale not 0")  # fmt: skip
+    if named.value is None:
+        return Place(named.column, factor, named.offset)
+    return Place("", 0.0, named.value * factor + named.offset)

@@ -1,0 +1,316 @@
+"""The half-gap, from a motor that turns slowly to and fro where friction or gravity hold its link.
+
+    phi = q - theta = c + c' t - side alpha - kappa tau       where the gear carries
+    tau = tau_M - friction of the rotor as it is inside the gap, each way
+
+side is that of the torque: +1 where the motor pushes its link up. What the gear bends, kappa tau,
+is told from the gap by the torque, which rises from nothing as the motor runs into a border; so
+alpha comes out as it is at zero torque. Errors of the motor's encoder that repeat with its turn are
+columns of the fit where the motor turns far enough to show them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from arrays import Matrix, Vector
+from estimator.identification.encoder_errors import Harmonic, turns
+from estimator.identification.gap_result import (
+    CLEAR,
+    SMALLEST,
+    GapResult,
+    GapVerdict,
+    Limit,
+    refused,
+)
+from estimator.identification.stroke_samples import Samples, held_by, steady, whole_strokes
+
+STROKES = 4
+"""From border to border; fewer than three give no answer."""
+_FEWEST = 3
+_BLOCK_S = 0.2  # samples of a plateau that count as one
+_TURN = 0.6  # of a motor's turn, in which its harmonics show
+_GEARS = (1.2e-3, 0.9e-3)  # [rad/Nm]: compliance of gears, and how far they differ
+_ENCODERS = 3e-5  # [rad]: resolution, which no scatter shows
+_UNSURE = 0.1  # of what the gear bent: friction does not quite keep its size
+_FEWEST_FREE = 5  # samples inside the gap
+_ROTORS = 0.75  # of all friction, where nothing is known: half of it or all
+_RARE = 0.03  # share of the time carried; a border met more rarely is not believed
+_CLEARLY, _LITTLE = 0.1, 0.05  # of friction: a load that changes its side, or none
+_NONE = 0.7 * SMALLEST  # [rad]: below, a gap is not worth the name
+_RIGID = 1.5 * SMALLEST  # [rad]: what a rigid joint moves at most, with its interval
+_ROUGH = 0.0003  # [rad]: scatter that every encoder may have
+WIDTH = 0.05
+"""Half the interval of a gap over alpha, at most; or 0.5 mrad where that is more."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    alpha: float
+    compliance: float
+    """[rad/Nm]"""
+    bent: float
+    """[rad], of what phi spans on either side"""
+    error: float
+    """standard error of alpha [rad]"""
+    scatter: float
+    rarer: float
+    """share of the border that was met less"""
+    harmonics: tuple[Harmonic, ...]
+    coulomb: float
+    """of the rotor [Nm]"""
+    unsure: float
+    """[rad] of what the gear bent, where that friction is not known"""
+
+
+def from_strokes(
+    name: str,
+    time_s: Vector,
+    q: Vector,
+    theta: Vector,
+    theta_dot: Vector,
+    torque: Vector,
+    *,
+    gear: float = 0.0,
+    integrated: bool = False,
+) -> GapResult:
+    """Half-gap of strokes of the motor; torque (N,) [Nm] of the motor at the link.
+
+    gear: turns of the motor for one of the link, 0 where it is not known; integrated: theta drifts,
+    being a sum of velocities.
+    """
+    seen = steady(time_s, q, theta, theta_dot, torque)
+    strokes = len(whole_strokes(seen)) if len(seen.stroke) else 0
+    if strokes < _FEWEST:
+        about = f"{strokes} strokes of the motor, at least {_FEWEST} are needed"
+        return GapResult(joint=name, verdict=GapVerdict.FEW, reason=about)
+    if not _comes_along(seen):
+        about = "the link did not come along at both ends of the strokes"
+        return GapResult(joint=name, verdict=GapVerdict.TOO_SHORT, reason=about)
+    drift, middle, half = _span(seen)
+    if half < 0.5 * SMALLEST:
+        return _one_border(name, seen, half)
+    fit = _fitted(seen, drift, middle, half, gear, integrated=integrated)
+    if fit is None:
+        about = "the link never rested at a border while the motor turned"
+        return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=about, estimate=half)
+    if fit.alpha < _NONE:
+        return _one_border(name, seen, max(fit.alpha, 0.0) + _confidence(fit))
+    return _judged(name, fit, strokes)
+
+
+def _comes_along(seen: Samples) -> bool:
+    """True where the link follows the motor at the ends of most strokes, both ways."""
+    ways: dict[float, list[bool]] = {-1.0: [], 1.0: []}
+    for own in whole_strokes(seen):
+        last = own[-max(len(own) // 6, 5) :]
+        ways[float(seen.direction[own[0]])].append(abs(float(np.median(seen.follows[last]))) < 0.3)
+    return all(np.mean(along) > 0.5 for along in ways.values() if along)
+
+
+def _span(seen: Samples) -> tuple[float, float, float]:
+    """Drift of phi [rad/s], by the ends of strokes of one way, and middle and half of what phi
+    spans without it [rad]."""
+    rows = []
+    for own in whole_strokes(seen):
+        last = own[-max(len(own) // 5, 3) :]
+        rows.append((np.median(seen.time_s[last]), np.median(seen.phi[last]),
+                     seen.direction[own[0]]))  # fmt: skip
+    t, level, way = np.array(rows).T
+    columns = np.stack([np.ones_like(t), t, way], axis=1)
+    drift = float(np.linalg.lstsq(columns, level, rcond=None)[0][1])
+    low, high = np.percentile(seen.phi - drift * seen.time_s, [2.0, 98.0])
+    return drift, 0.5 * float(low + high), 0.5 * float(high - low)
+
+
+def _fitted(
+    seen: Samples, drift: float, middle: float, half: float, gear: float, *, integrated: bool
+) -> _Fit | None:
+    center = middle + drift * seen.time_s
+    alpha, fit = half, None
+    for _ in range(6):
+        free, off = _free_torque(seen, seen.phi - center, alpha)
+        rows = _carried(seen, seen.phi - center, alpha, free)
+        if rows is None:
+            break
+        # As far as theta drifts, phi does: the motor stands where the middle of the gap says.
+        rows = replace(rows, theta=rows.theta + np.interp(rows.time_s, seen.time_s, center))
+        fit, center = _solved(seen, rows, gear, integrated=integrated)
+        fit = replace(fit, coulomb=free, unsure=off * max(fit.compliance, _GEARS[0]))
+        if abs(fit.alpha - alpha) < 1e-6:
+            break
+        alpha = max(fit.alpha, 0.25 * half)
+    return fit
+
+
+def _free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[float, float]:
+    """Torque of the motor inside the gap on its way up [Nm], which is that down but for its sign,
+    and how far it may be off: a link that fell through was not seen there."""
+    inside = seen.late & (np.abs(phi) < 0.6 * alpha) & (seen.follows < -0.5)
+    if inside.sum() >= _FEWEST_FREE:
+        return float(np.median((seen.torque * seen.direction)[inside])), 0.0
+    held = held_by(seen)
+    whole = held.friction if held is not None else 0.0
+    return _ROTORS * whole, (1.0 - _ROTORS) * whole
+
+
+@dataclass(frozen=True, slots=True)
+class _Carried:
+    """Rows in which the gear carried: blocks of plateaus, and samples of the ways into them."""
+
+    time_s: Vector
+    phi: Vector
+    theta: Vector
+    side: Vector
+    load: Vector
+    """tau [Nm]"""
+    stroke: Vector
+
+
+def _carried(seen: Samples, phi: Vector, alpha: float, free: float) -> _Carried | None:
+    side = -np.sign(phi)
+    outer = np.abs(phi) > 0.5 * alpha
+    plateau = seen.late & outer & (np.abs(seen.follows) < 0.25)
+    if not plateau.any() or len(np.unique(side[plateau])) < 2:
+        return None
+    load = seen.torque - seen.direction * free
+    usual = {way: float(np.median((load * side)[plateau & (side == way)])) for way in (-1.0, 1.0)}
+    enough = 0.3 * np.where(side > 0.0, usual[1.0], usual[-1.0])
+    into = seen.late & ~plateau & outer & (side == seen.direction)
+    noise = 1.4826 * float(np.median(np.abs(np.diff(seen.torque)))) / np.sqrt(2.0)
+    into &= load * side > np.maximum(enough, 4.0 * noise)
+    block = np.round(seen.time_s / _BLOCK_S)
+    keys = np.where(plateau, block, -1.0 - np.arange(len(phi)))
+    rows = plateau | into
+    _, of = np.unique(np.stack([keys, side, seen.stroke])[:, rows], axis=1, return_inverse=True)
+    count = np.bincount(of.ravel()).astype(np.float64)
+
+    def mean(values: Vector) -> Vector:
+        return np.bincount(of.ravel(), weights=values[rows]) / count
+
+    return _Carried(
+        time_s=mean(seen.time_s),
+        phi=mean(seen.phi),
+        theta=mean(seen.theta),
+        side=mean(side),
+        load=mean(load),
+        stroke=np.round(mean(seen.stroke.astype(np.float64))),
+    )
+
+
+def _solved(seen: Samples, rows: _Carried, gear: float, *, integrated: bool) -> tuple[_Fit, Vector]:
+    """The fit, and the middle of the gap (N,) over the samples' time."""
+    origin = _origin(rows.time_s, rows.stroke, integrated=integrated)
+    repeats = turns(np.zeros_like(rows.theta), rows.theta, gear)
+    turned = abs(gear) * float(np.ptp(rows.theta)) / (2.0 * np.pi)
+    harmonic = repeats.columns if turned > _TURN else np.empty((len(rows.theta), 0))
+    plain = origin(rows.time_s)
+    X = np.column_stack([-rows.side, -rows.load, plain, harmonic])
+    # A gear's compliance is known that far: it decides where the torque shows little.
+    weak = 1e-4  # [rad]: scatter of phi that goes with it
+    prior = np.zeros((1, X.shape[1]))
+    prior[0, 1] = weak / _GEARS[1]
+    A = np.vstack([X, prior])
+    y = np.append(rows.phi, prior[0, 1] * _GEARS[0])
+    solution, *_ = np.linalg.lstsq(A, y, rcond=None)
+    if solution[1] < 0.0:
+        A[:, 1] = 0.0
+        solution, *_ = np.linalg.lstsq(A, y, rcond=None)
+    left = rows.phi - X @ solution
+    inverse = np.linalg.pinv(A.T @ A)
+    places = np.round(rows.theta / max(float(np.ptp(rows.theta)) / 12.0, 1e-9))
+    clusters = (rows.stroke, 100.0 * rows.side + places)
+    variance = max(_sandwich(X, left, of, inverse) for of in clusters)
+    scatter = float(np.sqrt(np.square(left).mean()))
+    # What the prior leaves open.
+    variance += inverse[0, 0] * weak**2
+    load = float(np.median(np.abs(rows.load)))
+    upper = float((rows.side > 0.0).mean())
+    fit = _Fit(
+        alpha=float(solution[0]),
+        compliance=float(solution[1]),
+        bent=float(solution[1]) * load,
+        error=float(np.sqrt(variance)),
+        scatter=scatter,
+        rarer=min(upper, 1.0 - upper),
+        harmonics=repeats.harmonics(solution[2 + plain.shape[1] :], harmonic) if turned > _TURN
+        else (),
+        coulomb=float("nan"),
+        unsure=0.0,
+    )  # fmt: skip
+    center = origin(seen.time_s) @ solution[2 : 2 + plain.shape[1]]
+    return fit, center
+
+
+def _origin(time_s: Vector, stroke: Vector, *, integrated: bool) -> Callable[[Vector], Matrix]:
+    """Columns of the middle of phi over time: a constant and a line; for a sum of velocities, whose
+    errors add up, a polygon with as many corners as every other stroke."""
+    count = len(np.unique(stroke)) // 2 + 1
+    if not integrated or count < 3:
+        return lambda t: np.stack([np.ones_like(t), t - float(time_s.mean())], axis=1)
+    knots = np.linspace(float(time_s.min()), float(time_s.max()), count)
+    eye = np.eye(len(knots))
+    return lambda t: np.stack([np.interp(t, knots, row) for row in eye], axis=1)
+
+
+def _sandwich(X: Matrix, left: Vector, of: Vector, inverse: Matrix) -> float:
+    """Variance of the first coefficient, rows of one cluster being alike."""
+    names, place = np.unique(of, return_inverse=True)
+    sums = np.zeros((len(names), X.shape[1]))
+    np.add.at(sums, place.ravel(), left[:, None] * X)
+    few = len(names) / max(len(names) - 2.0, 1.0)
+    return few * float((inverse @ (sums.T @ sums) @ inverse)[0, 0])
+
+
+def _one_border(name: str, seen: Samples, half: float) -> GapResult:
+    """A link that always came along, phi within half [rad] about its middle: rigid, if its load
+    changed side, or held at one border."""
+    about = f"phi stayed within {2e3 * half:.2g} mrad over {len(whole_strokes(seen))} strokes"
+    held = held_by(seen)
+    if held is None or half > _RIGID:
+        return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=about, estimate=half)
+    low, high = held.torque - held.reach, held.torque + held.reach
+    little = max(-low, high) < _LITTLE * held.friction
+    if little or min(-low, high) > _CLEARLY * held.friction:
+        about = f"{about}, its load changed side"
+        return GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
+                         confidence=half)  # fmt: skip
+    return GapResult(joint=name, verdict=GapVerdict.ONE_BORDER, estimate=half,
+                     reason=f"{about}: a load of {low:.2g} to {high:.2g} Nm may hold the link at "
+                     "one border")  # fmt: skip
+
+
+def _confidence(fit: _Fit) -> float:
+    """Half the 95 % interval of alpha [rad]."""
+    repeats = sum(harmonic.amplitude for harmonic in fit.harmonics)
+    return 2.0 * fit.error + _UNSURE * (fit.bent + repeats) + fit.unsure + _ENCODERS
+
+
+def _judged(name: str, fit: _Fit, strokes: int) -> GapResult:
+    confidence = _confidence(fit)
+    reason = (f"{strokes} strokes, phi scatters by {1e3 * fit.scatter:.2g} mrad at the borders; "
+              f"the gear bent by {1e3 * fit.bent:.2g} mrad")  # fmt: skip
+    found = GapResult(
+        joint=name,
+        verdict=GapVerdict.CLEAR,
+        reason=reason,
+        half_gap=fit.alpha,
+        confidence=confidence,
+        compliance=fit.compliance,
+        crossings=strokes,
+        harmonics=fit.harmonics,
+        coulomb=fit.coulomb,
+    )
+    one_side = Limit("share of the time at the more frequent border", 1.0 - fit.rarer, 1.0 - _RARE,
+                     "", "gravity holds the link at one border: by hand")  # fmt: skip
+    found = refused(found, GapVerdict.ONE_BORDER, [one_side])
+    limits = [
+        Limit("scatter of phi at the borders", 1e3 * fit.scatter,
+              1e3 * (CLEAR * fit.alpha + _ROUGH), "mrad",
+              "somebody touched the link, or encoders with errors that do not repeat with a turn"),
+        Limit("interval of alpha", 2e3 * confidence, 1e3 * max(2.0 * WIDTH * fit.alpha, SMALLEST),
+              "mrad", "an elastic gear, or encoders with errors that show too little in so short a "
+              "motion: by hand"),
+    ]  # fmt: skip
+    return refused(found, GapVerdict.UNCLEAR, limits) if found.limit is None else found

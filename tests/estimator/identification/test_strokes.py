@@ -1,0 +1,181 @@
+"""The gap without a hand: strokes of a motor, the search over them, and poses to make them in."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from bench.rigs.lockstep import ROMEO
+from bench.study.gap_plants import Joint, random_joint, searched
+from bench.study.gap_without_hand import GUESS, answers
+from daemon.config.load import load_robot
+from estimator.identification.balance import balanced_pose
+from estimator.identification.gap_result import GapResult, GapVerdict
+from estimator.identification.gap_search import FURTHEST, WIDEST, Search, Strokes, search
+from estimator.identification.motion_log import MotionLog
+from estimator.identification.stroke_samples import stroking
+from estimator.model import Model
+from simulator.description import SimulationSettings
+
+SETTINGS = SimulationSettings(friction="dahl", presliding=0.0003, velocity_bias=0.0007, seed=1)
+
+
+def joint(want: Callable[[Joint], bool] = lambda _: True, **plant: float) -> Joint:
+    """A random joint as wanted, some of its plant's values replaced."""
+    rng = np.random.default_rng(4)
+    found = next(one for one in (random_joint(rng, SETTINGS) for _ in range(500)) if want(one))
+    values = {name: np.array([value]) for name, value in plant.items()}
+    return replace(found, plant=replace(found.plant, **values))
+
+
+def loaded(one: Joint) -> bool:
+    return 2.0 < one.gravity < 8.0 and one.lower < -1.0 and one.has_motor_position
+
+
+def test_joints_of_all_sorts_are_answered_within_their_intervals():
+    found = answers((30, 5, 0))
+    observable = [one for one in found if one.observable]
+    answered = [one for one in found if one.answered]
+    assert len(answered) >= 0.9 * len(observable)
+    assert all(one.observable for one in answered)
+    assert all(one.reason for one in found)
+    off = [abs(one.found - one.half_gap) for one in answered]
+    assert sum(e > one.confidence for e, one in zip(off, answered, strict=True)) <= 1
+    for error, one in zip(off, answered, strict=True):
+        assert error < max(0.05 * one.half_gap, 0.0005), one
+
+
+@pytest.mark.parametrize("alpha", [0.004, 0.05])
+def test_what_the_gear_bends_is_taken_off(alpha):
+    # Soft, and a link whose friction alone bends it by more than a milliradian.
+    soft = joint(loaded, half_gap=alpha, stiffness=400.0)
+    soft = replace(soft, plant=replace(soft.plant, coulomb=np.array([0.5, 0.6])))
+    [(found, _)] = searched([soft], GUESS, SETTINGS)
+    assert found.verdict is GapVerdict.CLEAR, found
+    assert found.half_gap == pytest.approx(alpha, abs=found.confidence)
+    assert found.half_gap == pytest.approx(alpha, abs=max(0.02 * alpha, 0.0003))
+    assert found.compliance == pytest.approx(1.0 / 400.0, rel=0.3)
+
+
+def test_a_rigid_joint_has_no_gap_and_a_loaded_one_is_not_called_rigid():
+    rigid = joint(loaded, half_gap=0.0)
+    [(found, _)] = searched([rigid], GUESS, SETTINGS)
+    assert (found.verdict, found.half_gap) == (GapVerdict.NONE, 0.0), found
+    # Its balance is far from where the URDF has it: the link never leaves one border.
+    held = replace(joint(loaded, half_gap=0.02), believed=-1.0)
+    [(found, _)] = searched([held], GUESS, SETTINGS)
+    assert found.verdict in (GapVerdict.ONE_BORDER, GapVerdict.TOO_SHORT), found
+    assert not found.usable
+    assert "one border" in found.reason
+
+
+def test_errors_of_the_motor_encoder_are_found_and_told():
+    size = 0.0004
+    wrong = replace(joint(loaded, half_gap=0.01), motor_error=np.array([[size, 1.0], [0.0, 0.0]]))
+    [(found, _)] = searched([wrong], GUESS, SETTINGS)
+    assert found.half_gap == pytest.approx(0.01, abs=0.0002), found
+    [harmonic] = [one for one in found.harmonics if one.order == 1]
+    assert harmonic.encoder == "motor"
+    assert harmonic.amplitude == pytest.approx(size, rel=0.15)
+
+
+def concluded(steps: Search, record: Callable[[Strokes], MotionLog]) -> GapResult:
+    """Result of a search."""
+    asked = next(steps)
+    while True:
+        try:
+            asked = steps.send(record(asked))
+        except StopIteration as end:
+            return end.value
+
+
+def stroke_log(way: float, speed: float, follows: float) -> MotionLog:
+    """Three strokes of a motor whose link moves by a share of that."""
+    t = np.arange(0.0, 3.0 * way / speed, 0.01)
+    velocity = speed * np.where((t * speed / way) % 2.0 < 1.0, 1.0, -1.0)
+    theta = np.cumsum(velocity) * 0.01
+    columns = [np.sign(velocity), follows * theta, velocity, theta]
+    return MotionLog(("j",), t, *(column[:, None] for column in columns))
+
+
+def test_the_search_goes_further_and_further_but_not_for_ever():
+    asked: list[Strokes] = []
+    steps = search(0, 1.0, 100.0, 0.01, lambda pose: 0.0, 0.0, (-2.0, 2.0))
+
+    def standing(asked_for: Strokes) -> MotionLog:
+        asked.append(asked_for)
+        return stroke_log(asked_for.way, asked_for.speed, 0.0)
+
+    found = concluded(steps, standing)
+    assert found.verdict is GapVerdict.TOO_SHORT
+    ways = [one.way for one in asked]
+    assert ways == sorted(ways)
+    assert ways[-1] == pytest.approx(2.0 * WIDEST + 0.03)
+    assert len(asked) < 8
+    assert max(one.speed for one in asked) <= 0.03
+
+
+@pytest.mark.parametrize("room", [(-2.0, 2.0), (-0.01, 0.5), (-0.5, 0.01), (-0.01, 0.02)])
+def test_strokes_stay_within_the_limits(room):
+    steps = search(0, 1.0, 100.0, 0.01, lambda pose: 0.0, 0.0, room)
+    one = next(steps)
+    assert room[0] <= one.about - 0.5 * one.way
+    assert one.about + 0.5 * one.way <= room[1]
+    assert one.way <= 2.0 * WIDEST + FURTHEST
+
+
+def test_a_balanced_pose_is_near_and_hangs():
+    robot = load_robot(ROMEO)
+    c = robot.configuration
+    model = Model(robot.urdf, c.joint_names)
+    lower = np.array([j.limits.lower for j in c.joints])
+    upper = np.array([j.limits.upper for j in c.joints])
+    here = 0.5 * (lower + upper)
+    shoulder = balanced_pose(model, 0, here, lower, upper, 0.01)
+    assert shoulder is not None
+    assert np.count_nonzero(shoulder != here) == 1
+    step = np.eye(len(here))[0] * 0.05
+    assert model.gravity(shoulder)[0] == pytest.approx(0.0, abs=0.02)
+    assert model.gravity(shoulder + step)[0] > model.gravity(shoulder - step)[0]
+    # Where it may not hang, there is none, however the others stand.
+    lower[0], upper[0] = 0.2, 0.5
+    lower[1:], upper[1:] = here[1:] - 0.1, here[1:] + 0.1
+    assert balanced_pose(model, 0, np.clip(here, lower, upper), lower, upper, 0.01) is None
+
+
+class Pendulum:
+    """One link that hangs at 0."""
+
+    n = 1
+
+    def gravity(self, q: np.ndarray) -> np.ndarray:
+        return np.sin(q)
+
+
+def test_a_link_that_hangs_is_better_than_one_that_would_fall_over():
+    ends = np.array([-1.0]), np.array([4.0])
+    found = balanced_pose(cast(Model, Pendulum()), 0, np.array([2.2]), *ends, 0.01)
+    assert found == pytest.approx([0.0], abs=0.01)
+    ends = np.array([1.0]), np.array([4.0])
+    found = balanced_pose(cast(Model, Pendulum()), 0, np.array([2.2]), *ends, 0.01)
+    assert found == pytest.approx([np.pi], abs=0.01)
+
+
+def test_a_joint_that_carries_nothing_stays_where_it_is():
+    robot = load_robot(ROMEO)
+    c = robot.configuration
+    model = Model(robot.urdf, c.joint_names)
+    n = len(c.joints)
+    here = np.zeros(n)
+    heavy = float(np.abs([model.gravity(row)[0] for row in np.eye(n)]).max())
+    found = balanced_pose(model, 0, here, np.full(n, -0.5), np.full(n, 0.5), 10.0 * heavy)
+    assert found is not None
+    np.testing.assert_array_equal(found, here)
+
+
+def test_strokes_are_told_from_a_hand_and_from_fast_motion(handled, moved):
+    assert stroking(stroke_log(0.06, 0.03, 1.0).motor_velocity[:, 0])
+    for log in (handled[0], moved.filtered[0]):
+        assert not any(stroking(log.motor_velocity[:, i]) for i in range(log.n))
