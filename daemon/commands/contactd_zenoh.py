@@ -44,7 +44,7 @@ def main(
     view_socket: Path | None,
     control_socket: Path | None,
     connect: tuple[str, ...],
-    configuration: str | None,
+    configuration: Path | None,
     namespace: str,
     domain: int,
     distro: str,

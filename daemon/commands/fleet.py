@@ -4,6 +4,7 @@
 import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -60,7 +61,7 @@ def _with_supervisor(
     use: Callable[["Supervisor"], int],
     *,
     connect: tuple[str, ...],
-    configuration: str | None,
+    configuration: Path | None,
     domain: int,
     distro: str,
 ) -> int:

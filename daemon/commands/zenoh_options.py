@@ -5,6 +5,8 @@ from typing import Any
 
 import click
 
+from daemon.commands.options import PATH
+
 _OPTIONS = (
     click.option(
         "--connect",
@@ -17,7 +19,7 @@ _OPTIONS = (
     click.option(
         "--config",
         "configuration",
-        type=click.Path(exists=True, dir_okay=False),
+        type=PATH,
         metavar="FILE.json5",
         help="Configuration of the Zenoh session (TLS, access control), instead of --connect.",
     ),

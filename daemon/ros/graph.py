@@ -5,6 +5,7 @@ import itertools
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
@@ -170,15 +171,18 @@ class Graph:
 
 
 def configuration(
-    connect: tuple[str, ...], file: str | None, patience_ms: int = -1
+    connect: tuple[str, ...], file: Path | None, patience_ms: int = -1
 ) -> zenoh.Config:
     """Configuration of a session: the file's, or a client of a router that it waits for, as long as
     it takes unless told otherwise. A client listens at no port, and asks nobody by multicast.
 
-    Raises zenoh.ZError for a file that is none, ConfigurationError for an endpoint that is none.
+    Raises ConfigurationError for a file or an endpoint that is none.
     """
     if file is not None:
-        return zenoh.Config.from_file(file)
+        try:
+            return zenoh.Config.from_file(file)
+        except zenoh.ZError as error:
+            raise ConfigurationError(f"{file}: Zenoh says: {error}") from error
     for where in connect:
         if not ENDPOINT.fullmatch(where):
             raise ConfigurationError(

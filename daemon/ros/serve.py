@@ -32,7 +32,7 @@ class Settings:
     control: Path | None
     node: Node
     connect: tuple[str, ...]
-    configuration: str | None
+    configuration: Path | None
 
 
 def serve(settings: Settings, say: Say, ended: threading.Event) -> None:

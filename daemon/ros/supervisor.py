@@ -5,6 +5,7 @@ import itertools
 import threading
 import time
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from types import TracebackType
 from typing import Final, Literal, Self
 
@@ -113,12 +114,14 @@ class Supervisor:
 
 @contextlib.contextmanager
 def supervising(
-    connect: tuple[str, ...], file: str | None, domain: int, distro: Distro, patience_ms: int
+    connect: tuple[str, ...], file: Path | None, domain: int, distro: Distro, patience_ms: int
 ) -> Iterator[Supervisor]:
     """A supervisor at these routers, or as a file says, while the block lasts. Raises
-    UnreachableError where there is no router within `patience_ms` [ms]."""
+    UnreachableError where there is no router within `patience_ms` [ms], ConfigurationError as
+    `configuration`."""
+    config = configuration(connect, file, patience_ms)
     try:
-        session = zenoh.open(configuration(connect, file, patience_ms))
+        session = zenoh.open(config)
     except zenoh.ZError as error:
         raise UnreachableError(f"no router at {file or ', '.join(connect)}: {error}") from error
     with contextlib.closing(session), Supervisor(session, domain, distro) as supervisor:

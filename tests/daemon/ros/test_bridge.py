@@ -339,7 +339,7 @@ def test_another_distribution_is_said(
 def test_a_file_that_zenoh_refuses(fake_daemon: Any, tmp_path: Path, text: str) -> None:
     file = tmp_path / "session.json5"
     file.write_text(text)
-    settings = Settings(fake_daemon.path, None, NODE, (), str(file))
+    settings = Settings(fake_daemon.path, None, NODE, (), file)
     with pytest.raises(ConfigurationError, match=r"session\.json5: Zenoh says: "):
         serve(settings, print, threading.Event())
 

@@ -180,6 +180,9 @@ def test_without_arms_and_without_a_router(fleet: Callable[..., Result], port: i
     unreachable = CliRunner().invoke(contactd.main, command)
     assert unreachable.exit_code == 69
     assert "contactd: no router at tcp/127.0.0.1:1: " in unreachable.output
+    unread = CliRunner().invoke(contactd.main, ["fleet", "--config", "/nowhere"])
+    assert unread.exit_code == 78
+    assert "contactd: /nowhere: Zenoh says: " in unread.output
 
 
 WRONG = [("left",), ("--stop",), ("--stop", "--all", "left"), ("--watch", "--json"), ("--all",)]
