@@ -9,9 +9,19 @@ MUTMUT := build/mutants/venv/bin/mutmut
 # Where `make install` puts things; DESTDIR in front of it all, for packages and images.
 PREFIX  ?= /opt/contactd
 DESTDIR ?=
+# The folder of your robot, which becomes /etc/contactd the first time; without one an example does.
+ROBOT   ?=
 LIB     := $(DESTDIR)/usr/local/lib
 UNITS   := $(LIB)/systemd/system
+DEVICE  := sys-subsystem-net-devices-can0.device.d
 SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
+# Manual pages and completions, made into $(PREFIX)/share (daemon/commands/manual.py) and linked from here.
+PAGES   := $(foreach p,contactd contactctl contactd-web,man/man1/$(p).1 bash-completion/completions/$(p) \
+  zsh/site-functions/_$(p) fish/vendor_completions.d/$(p).fish)
+# Shown to everybody; what else lies in configs/ is yours.
+EXAMPLES := $(addprefix configs/,desk_arm romeo_left_arm single_joint)
+# In front of what makes files: others must be able to read them, whatever root's umask is.
+PUBLIC  := umask 022;
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
@@ -33,10 +43,16 @@ define refuse-strange-prefix
   { echo "$(DESTDIR)$(PREFIX) is there and is no environment of contactd: choose another PREFIX"; exit 1; }
 endef
 
-$(STAMP): requirements.lock requirements-web.lock requirements-dev.lock pyproject.toml
+define refuse-strange-robot
+@test -z "$(ROBOT)" || test -f "$(ROBOT)/config.yaml" || \
+  { echo "ROBOT=$(ROBOT): no config.yaml is there; it is the folder of one robot"; exit 1; }
+endef
+
+$(STAMP): requirements.lock requirements-web.lock requirements-ros.lock requirements-dev.lock pyproject.toml
 	$(check-python)
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps -r requirements.lock -r requirements-web.lock -r requirements-dev.lock
+	@echo "installing the packages of the lock files, some minutes the first time"
+	@$(BIN)/pip install --disable-pip-version-check --no-deps -r requirements.lock -r requirements-web.lock -r requirements-ros.lock -r requirements-dev.lock | grep -E '^(Collecting|Installing|Successfully)'
 	@command -v gcc >/dev/null || command -v cc >/dev/null || $(BIN)/pip install --quiet --disable-pip-version-check ziglang==0.17.1
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
@@ -48,7 +64,7 @@ compiled: $(STAMP)  ## build the compiled modules where a source is another
 
 # WEB=1: on a page in your browser, too.
 demo: $(STAMP) compiled  ## the paper's third experiment on a simulated arm, about 30 s
-	@$(BIN)/contactd demo $(if $(WEB),--web)
+	@trap : INT; $(BIN)/contactd demo $(if $(WEB),--web) || test $$? -eq 130 # Ctrl-C is no error
 
 test: $(STAMP) compiled  ## all tests, some four minutes
 	$(BIN)/python -m pytest -q -n auto --dist loadfile
@@ -89,17 +105,20 @@ built:
 # must not say a word, either.
 units: STAGE := $(abspath build/units)
 units: SERVICE := $(STAGE)/usr/local/lib/systemd/system/contactd.service
-units: PAGE := $(STAGE)/usr/local/lib/systemd/system/contactd-web.service
+units: BESIDE := contactd-web contactd-zenoh
 units: $(STAMP)
 	@if ! command -v systemd-analyze >/dev/null; then \
 	  echo "units: not checked, there is no systemd-analyze here (apt install systemd)"; exit 0; fi; \
 	set -e; rm -rf $(STAGE); $(MAKE) -s install-files DESTDIR=$(STAGE) >/dev/null; \
 	sed -i 's|=/opt/contactd|=$(abspath $(VENV))|' $(SERVICE); \
-	sed -i 's|=/opt/contactd|=$(abspath $(VENV))|' $(PAGE); \
-	said=$$(systemd-analyze verify --man=no $(PAGE) 2>&1) && [ -z "$$said" ] || { echo "$$said"; exit 1; }; \
-	systemd-analyze security --no-pager --offline=true --threshold=20 $(PAGE) >$(STAGE)/security || \
-	  { cat $(STAGE)/security; exit 1; }; \
-	echo "units: verified contactd-web: $$(tail -1 $(STAGE)/security)"; \
+	for name in $(BESIDE); do \
+	  unit=$(dir $(SERVICE))$$name.service; \
+	  sed -i 's|=/opt/contactd|=$(abspath $(VENV))|' $$unit; \
+	  said=$$(systemd-analyze verify --man=no $$unit 2>&1) && [ -z "$$said" ] || { echo "$$said"; exit 1; }; \
+	  systemd-analyze security --no-pager --offline=true --threshold=20 $$unit >$(STAGE)/security || \
+	    { cat $(STAGE)/security; exit 1; }; \
+	  echo "units: verified $$name: $$(tail -1 $(STAGE)/security)"; \
+	done; \
 	for conf in systemd/contactd.service.d/bus.conf systemd/examples/bus-*.conf systemd/examples/cpu.conf; do \
 	  cp $$conf $(SERVICE).d/$$(basename $$conf | sed 's/bus-.*/bus.conf/'); \
 	  said=$$(systemd-analyze verify --man=no $(SERVICE) 2>&1) && [ -z "$$said" ] || \
@@ -126,7 +145,7 @@ $(MUTMUT):
 	$(PYTHON) -m venv --clear build/mutants/venv
 	build/mutants/venv/bin/pip install --quiet --disable-pip-version-check mutmut==2.5.1
 
-install: install-env install-files  ## into PREFIX=/opt/contactd, as a service (root; honours DESTDIR)
+install: install-env install-files  ## into PREFIX=/opt/contactd, as a service, with ROBOT=configs/my_arm (root; honours DESTDIR)
 ifneq ($(HERE),)
 	systemd-sysusers /usr/local/lib/sysusers.d/contactd.conf
 	systemctl daemon-reload
@@ -138,47 +157,60 @@ endif
 install-env: NEW := $(DESTDIR)$(PREFIX).new
 install-env:
 	$(refuse-strange-prefix)
+	$(refuse-strange-robot)
 	$(check-python)
 	@$(PYTHON) -c 'import sys; p = sys.base_prefix; sys.exit(p.startswith(("/home/", "/root/")) and \
 	  f"{p} is in a home folder, which the service cannot see: make install PYTHON=/usr/bin/python3")'
 	rm -rf $(NEW)
-	$(PYTHON) -m venv $(NEW)
-	$(NEW)/bin/pip install --quiet --disable-pip-version-check --no-compile --no-deps -r requirements.lock -r requirements-web.lock .
+	$(PUBLIC) $(PYTHON) -m venv $(NEW)
+	$(PUBLIC) $(NEW)/bin/pip install --quiet --disable-pip-version-check --no-compile --no-deps -r requirements.lock -r requirements-web.lock -r requirements-ros.lock .
 	@$(NEW)/bin/python -P -m compiled
+	$(PUBLIC) $(NEW)/bin/python -P -m daemon.commands.manual $(NEW)/share
 	grep -rlIF $(NEW) $(NEW)/bin $(NEW)/pyvenv.cfg | xargs sed -i 's|$(NEW)|$(PREFIX)|g'
-	-$(NEW)/bin/python -m compileall -qq -s $(NEW) -p $(PREFIX) $(NEW)/lib
+	-$(PUBLIC) $(NEW)/bin/python -m compileall -qq -s $(NEW) -p $(PREFIX) $(NEW)/lib
 	rm -rf $(DESTDIR)$(PREFIX)
 	mv $(NEW) $(DESTDIR)$(PREFIX)
 
 install-files:
-	install -d $(addprefix $(DESTDIR),/etc /usr/local/bin) $(SHARE)
-	ln -sf $(PREFIX)/bin/contactd $(PREFIX)/bin/contactctl $(PREFIX)/bin/contactd-web $(DESTDIR)/usr/local/bin/
-	cp -R --no-preserve=ownership docs configs systemd/examples $(SHARE)/
+	$(refuse-strange-robot)
+	$(PUBLIC) install -d $(addprefix $(DESTDIR),/etc /usr/local/bin) $(SHARE)/configs
+	ln -sf $(PREFIX)/bin/contactd $(PREFIX)/bin/contactctl $(PREFIX)/bin/contactd-web $(PREFIX)/bin/contactd-zenoh $(DESTDIR)/usr/local/bin/
+	$(PUBLIC) for page in $(PAGES); do install -d $(DESTDIR)/usr/local/share/$$(dirname $$page) && \
+	  ln -sf $(PREFIX)/share/$$page $(DESTDIR)/usr/local/share/$$page || exit 1; done
+	cp -R --no-preserve=ownership docs systemd/examples $(SHARE)/
+	cp -R --no-preserve=ownership $(EXAMPLES) $(SHARE)/configs/
+	rm -f $(SHARE)/configs/*/*.mcap
 	chmod -R a+rX $(SHARE)
-	install -d $(UNITS)/contactd.service.d
-	sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd.service >$(UNITS)/contactd.service
-	sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd-web.service >$(UNITS)/contactd-web.service
+	$(PUBLIC) install -d $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE)
+	$(PUBLIC) sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd.service >$(UNITS)/contactd.service
+	$(PUBLIC) sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd-web.service >$(UNITS)/contactd-web.service
+	$(PUBLIC) sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd-zenoh.service >$(UNITS)/contactd-zenoh.service
 	install -m 644 systemd/contactd.service.d/bus.conf $(UNITS)/contactd.service.d/
-	install -D -m 644 systemd/can0.network $(LIB)/systemd/network/can0.network
-	install -D -m 644 systemd/contactd.sysusers $(LIB)/sysusers.d/contactd.conf
-	@if [ -e $(DESTDIR)/etc/contactd ]; then echo "/etc/contactd is there already: kept as it is"; else \
-	  set -x; cp -R --no-preserve=ownership configs/romeo_left_arm $(DESTDIR)/etc/contactd && \
-	  rm $(DESTDIR)/etc/contactd/identified.yaml && \
-	  sed -i 's|^bus:.*|bus: {interface: socketcan, channel: can0, bitrate: 1000000}|' $(DESTDIR)/etc/contactd/config.yaml && \
+	install -m 644 systemd/$(DEVICE)/contactd.conf $(UNITS)/$(DEVICE)/
+	$(PUBLIC) install -D -m 644 systemd/can0.network $(LIB)/systemd/network/can0.network
+	$(PUBLIC) install -D -m 644 systemd/contactd.sysusers $(LIB)/sysusers.d/contactd.conf
+	@if [ -e $(DESTDIR)/etc/contactd ]; then \
+	  echo "/etc/contactd is there already: kept as it is$(if $(ROBOT),; ROBOT=$(ROBOT) is not copied)"; else \
+	  set -ex; cp -RL --no-preserve=ownership $(or $(ROBOT),configs/romeo_left_arm) $(DESTDIR)/etc/contactd; \
+	  rm -f $(DESTDIR)/etc/contactd/*.mcap; \
+	  $(if $(ROBOT),,rm $(DESTDIR)/etc/contactd/identified.yaml; \
+	  sed -i 's|^bus:.*|bus: {interface: socketcan, channel: can0, bitrate: 1000000}|' $(DESTDIR)/etc/contactd/config.yaml;) \
 	  chmod -R a+rX $(DESTDIR)/etc/contactd; fi
 
 uninstall:  ## stop the service and take it out again; configuration and recordings stay (root)
 	$(refuse-strange-prefix)
 ifneq ($(HERE),)
-	-systemctl disable --now contactd-web.service contactd.service
+	-systemctl disable --now contactd-web.service contactd-zenoh.service contactd.service
 endif
-	rm -rf $(UNITS)/contactd-web.service $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(DESTDIR)$(PREFIX)
+	rm -rf $(UNITS)/contactd-web.service $(UNITS)/contactd-zenoh.service $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE) $(DESTDIR)$(PREFIX)
 	rm -f $(LIB)/systemd/network/can0.network $(LIB)/sysusers.d/contactd.conf
-	rm -f $(addprefix $(DESTDIR)/usr/local/bin/,contactd contactctl contactd-web)
+	-rmdir --ignore-fail-on-non-empty $(UNITS) $(LIB)/systemd/network $(LIB)/systemd $(LIB)/sysusers.d
+	rm -f $(addprefix $(DESTDIR)/usr/local/bin/,contactd contactctl contactd-web contactd-zenoh) $(addprefix $(DESTDIR)/usr/local/share/,$(PAGES))
 ifneq ($(HERE),)
 	systemctl daemon-reload
 endif
-	@echo "kept: /etc/contactd, /var/lib/contactd, users contactd and contactd-web, groups contact and contact-view"
+	@echo "kept: /etc/contactd, /var/lib/contactd, users contactd, contactd-web and contactd-zenoh, groups contact and contact-view,"
+	@echo "and what you made yourself: drop-ins below /etc/systemd, and below /etc/systemd/network"
 
 verify: $(STAMP)  ## compare our URDF with the public Romeo description (downloads 400 MB)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps example-robot-data
@@ -204,8 +236,10 @@ lock:  ## resolve the dependencies anew and write the lock files (names and vers
 	build/lock/bin/pip freeze --exclude contactd > requirements.lock
 	build/lock/bin/pip install --quiet ".[web]"
 	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock > requirements-web.lock
-	build/lock/bin/pip install --quiet ".[bench,cluster,dev,foxglove,web]" hatchling
-	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock -f requirements-web.lock > requirements-dev.lock
+	build/lock/bin/pip install --quiet ".[ros,web]"
+	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock -f requirements-web.lock > requirements-ros.lock
+	build/lock/bin/pip install --quiet ".[bench,cluster,dev,foxglove,ros,web]" hatchling
+	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock -f requirements-web.lock -f requirements-ros.lock > requirements-dev.lock
 
 clean:  ## remove the environment and everything that was built
 	-$(BIN)/python hatch_build.py --clean

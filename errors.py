@@ -1,14 +1,26 @@
-"""The one exception tree. Every error that a user may meet derives from `ContactdError`.
+"""The one exception tree. Every error that a user may meet derives from `ContactdError`, which the
+client for other programs knows, too.
 
 Exit codes follow sysexits.h, so that systemd and scripts can tell a bad configuration (78, never
 restarted) from a bus that is not there (69, worth another try) and from a fault of ours (70).
 """
 
+from contactd_client.errors import ContactdError, ControlError, UnreachableError
 
-class ContactdError(Exception):
-    """Root of all errors raised on purpose; `str()` is one message fit for a terminal."""
-
-    exit_code = 1
+__all__ = [
+    "BusError",
+    "ConfigurationError",
+    "ContactdError",
+    "ControlError",
+    "DriveError",
+    "LogError",
+    "ModelError",
+    "ProgramError",
+    "ShortLogError",
+    "SilentDriveError",
+    "TrajectoryError",
+    "UnreachableError",
+]
 
 
 class ConfigurationError(ContactdError):
@@ -37,18 +49,6 @@ class DriveError(ContactdError):
 
 class SilentDriveError(DriveError):
     """A drive gives no answer, or none that can be read; worth another try."""
-
-
-class ControlError(ContactdError):
-    """A request to the daemon was refused, or what was said was not understood."""
-
-    exit_code = 1
-
-
-class UnreachableError(ControlError):
-    """There is no daemon, it may not be asked, or it fell silent."""
-
-    exit_code = 69
 
 
 class ProgramError(ContactdError):

@@ -1,11 +1,14 @@
 """Loads in the hand, hands that are none, and gears that wear, over arms as wide as the world.
 
-    python -m bench.load [--arms N] [--hand-minutes N] [--wear-arms N] [--days N] [--day-minutes X]
-                         [--part load|hand|wear|all] [--jobs N] [--seed N] [--json]
+    python -m bench.load [--arms N] [--armed-arms N] [--hand-minutes N] [--wear-arms N] [--days N]
+                         [--day-minutes X] [--part load|armed|hand|wear|all] [--jobs N] [--seed N]
+                         [--json]
 
 load  N arms take 0.2 kg, and N arms 0.5 kg, after two minutes at work with nobody there: when it is
       recognised (seconds of motion of joints that carry it), with what mass, and what the residual
       is with the load told, over that of the same motion without it.
+armed N arms are armed after a minute at work, and take these loads while their trajectory runs:
+      they yield, and hardly move. Seconds until it is said; an arm that cannot go on is started.
 hand  hands push, lead, lean on and pull at arms at work; pulls straight down at the hand change by
       a quarter or more. What is taken for a load.
 wear  one joint of N arms wears (gap doubles, friction +30 % in 30 days), none of N others; every
@@ -25,6 +28,7 @@ import numpy as np
 from bench.options import FIRST_SEED, JOBS, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO
+from bench.study.armed_loads import ArmedJob, ArmedResult, armed_load
 from bench.study.loads import (
     FREE_S,
     TOUCHES,
@@ -39,10 +43,12 @@ from bench.study.wear import WearJob, WearResult, wear
 from bench.study.world import LAWS
 from daemon.config.load import load_robot
 
-Part = Literal["load", "hand", "wear", "all"]
+Part = Literal["load", "armed", "hand", "wear", "all"]
 MASSES: Final = (0.2, 0.5)
 """[kg]"""
 WITHIN_S: Final = 10.0
+WORKED_S, SAID_S = 60.0, 120.0
+"""armed: at work before, and said within"""
 NAMED_BY: Final = 10
 """days"""
 HAND_S: Final = 300.0
@@ -70,6 +76,19 @@ def load_targets(results: Sequence[LoadResult]) -> list[Target]:
     return rows
 
 
+def armed_targets(results: Sequence[ArmedResult]) -> list[Target]:
+    """Said in time, though the arm yields."""
+    rows = []
+    for mass in MASSES:
+        judged = [r for r in results if r.job.mass == mass]
+        said = [r for r in judged if r.found_s is not None and r.found_s <= SAID_S]
+        name = f"armed, {mass:g} kg said within {SAID_S:g} s, of {len(judged)} arms"
+        rows.append(Target(name, 100.0 * len(said) / len(judged), 95.0, "%", "higher"))
+    before = sum(r.told_before for r in results)
+    rows.append(Target("armed: loads recognised before there was one", before, 0, "", "lower"))
+    return rows
+
+
 def wear_targets(results: Sequence[WearResult], joints: Sequence[str]) -> list[Target]:
     """The right joint is named in time, and no other."""
     worn = [r for r in results if r.job.joint >= 0]
@@ -91,6 +110,17 @@ def loads(arms: int, seed: int, processes: int) -> list[LoadResult]:
     todo = [LoadJob(ROMEO, LAWS[k % len(LAWS)], seed + k, MASSES) for k in range(arms)]
     found = [result for one in spread(load, todo, processes, "loads") for result in one]
     return sorted(found, key=lambda r: (r.given, r.job.seed))
+
+
+def armed_loads(arms: int, seed: int, processes: int) -> list[ArmedResult]:
+    """Arms that are armed, with each mass."""
+    todo = [
+        ArmedJob(ROMEO, LAWS[(seed + k) % len(LAWS)], seed + 3000 + k, mass, WORKED_S)
+        for mass in MASSES
+        for k in range(arms)
+    ]
+    done = spread(armed_load, todo, processes, "armed arms")
+    return sorted(done, key=lambda r: (r.job.mass, r.job.seed))
 
 
 def hands(minutes: float, seed: int, processes: int) -> list[tuple[HandJob, list[Any]]]:
@@ -122,16 +152,18 @@ def wears(
 
 @click.command(help=help_of(__doc__))
 @click.option("--arms", type=click.IntRange(min=1), default=100, show_default=True)
+@click.option("--armed-arms", type=click.IntRange(min=1), default=12, show_default=True)
 @click.option("--hand-minutes", type=click.FloatRange(min=1), default=60.0, show_default=True)
 @click.option("--wear-arms", type=click.IntRange(min=1), default=40, show_default=True)
 @click.option("--days", type=click.IntRange(min=1), default=30, show_default=True)
 @click.option("--day-minutes", type=click.FloatRange(min=1), default=4.0, show_default=True)
-@click.option("--part", type=click.Choice(["load", "hand", "wear", "all"]), default="all")
+@click.option("--part", type=click.Choice(["load", "armed", "hand", "wear", "all"]), default="all")
 @JOBS
 @FIRST_SEED
 @click.option("--json", "as_json", is_flag=True)
 def main(
     arms: int,
+    armed_arms: int,
     hand_minutes: float,
     wear_arms: int,
     days: int,
@@ -147,6 +179,10 @@ def main(
         results = loads(arms, seed, processes)
         targets += load_targets(results)
         data["loads"] = [_plain(r) for r in results]
+    if part in ("armed", "all"):
+        armed = armed_loads(armed_arms, seed, processes)
+        targets += armed_targets(armed)
+        data["armed"] = [_plain(r) for r in armed]
     if part in ("hand", "all"):
         touched = hands(hand_minutes, seed, processes)
         taken = [(job.touch, job.seed, *found) for job, one in touched for found in one]
@@ -161,7 +197,7 @@ def main(
     print_report("load", seed, targets, data, as_json=as_json)
 
 
-def _plain(result: LoadResult | WearResult) -> dict[str, Any]:
+def _plain(result: LoadResult | ArmedResult | WearResult) -> dict[str, Any]:
     """For JSON: the job without its folder, None for what is no number."""
     plain = asdict(result)
     plain |= {key: value for key, value in plain.pop("job").items() if key != "robot"}

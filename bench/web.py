@@ -20,7 +20,6 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import aiohttp
@@ -32,8 +31,8 @@ from bench.rigs.browser import browser, chromium
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.page import page_of, ticks_in
 from bench.rigs.processes import Pair, pair
+from bench.study.beside import cpu_s, median_ratio, p99_us, peak_mb, watch
 from daemon.clients.client import Client
-from daemon.protocol.messages import State
 from daemon.web.server import BUILT
 
 READERS = 5
@@ -113,27 +112,6 @@ class Readers:
         return sum(t[-1] - t[0] + 1 - len(t) for t in self.ticks if t)
 
 
-def watch(both: Pair, seconds: float) -> list[State]:
-    """States of so many seconds."""
-    client, _, states = both.subscribed()
-    with client:
-        first = next(states)
-        found = [first]
-        while found[-1].time_s - first.time_s < seconds:
-            found.append(next(states))
-    return found
-
-
-def p99_us(states: list[State]) -> dict[str, float]:
-    """p99 of the tick's work, of the doors, and of both together [us]."""
-    both = [s.timing.work_us + s.timing.doors_us for s in states]
-    return {
-        "both": float(np.percentile(both, 99)),
-        "tick": float(np.percentile([s.timing.work_us for s in states], 99)),
-        "doors": float(np.percentile([s.timing.doors_us for s in states], 99)),
-    }
-
-
 @dataclass(slots=True)
 class Rounds:
     """Figures of all rounds."""
@@ -148,8 +126,7 @@ class Rounds:
 
     def ratio(self, what: str) -> float:
         """Median over the rounds of with over without."""
-        pairs = zip(self.beside, self.without, strict=True)
-        return float(np.median([there[what] / here[what] for there, here in pairs]))
+        return median_ratio(self.beside, self.without, what)
 
     def play(self, both: Pair, seconds: float, *, page_first: bool) -> None:
         """One round; which comes first alternates."""
@@ -172,18 +149,6 @@ class Rounds:
             self.lost += readers.lost
             self.read += min(len(ticks) for ticks in readers.ticks)
             self.reader_kb_s = readers.bytes / READERS / (passed_s + SETTLE_S) / 1e3
-
-
-def cpu_s(pid: int) -> float:
-    """Processor time that a process has taken [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def peak_mb(pid: int) -> float:
-    """Most memory that a process has had [MB]."""
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return next(int(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM"))
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,12 +11,12 @@ import msgspec
 import numpy as np
 
 import compiled
+from contactd_client.paths import default_socket_path
 from daemon.assembly import build_boot, build_estimator, build_tick, check_identification
 from daemon.config.load import Robot
 from daemon.ending import bring_to_rest, stop_on_error
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Grant
-from daemon.protocol.socket_path import default_socket_path
 from daemon.service.black_box import BlackBox, default_directory, ring_path
 from daemon.service.journal import log_to_stderr
 from daemon.service.notify import Notifier, notifier_of
@@ -92,11 +92,12 @@ def _serve(
         _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
     process = Process(robot, os.getpid(), realtime, serials)
     loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)
-    service = Service(process, loop, control, notifier, boot, black_box.tell, trends)
+    service = Service(process, loop, control, notifier, boot, black_box, trends)
     # From the first heartbeat on the drives expect the next.
     tick.drives.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)
     notifier.ready(service.summary())
+    black_box.begin()
     with stop_on_error(tick.drives, c.period_s):
         loop.run(service.doors, lambda: not (signals.received or tick.fatal))
         why = signals.received or str(tick.fatal)

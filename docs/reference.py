@@ -1,18 +1,17 @@
 """Writer of the reference pages from the code: `python docs/reference.py`, or `make reference`.
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
-`contactctl.md` from the commands' own help. `faults.md`, `modes.md`, `mistakes.md`, `recording.md`
-and `rehearsing.md` are written by hand but for the parts between two markers, which come from what
-the program runs on.
+`contactctl.md` from the commands' own help; `schemas/` and `contactd_client/messages.py` from the
+messages of the socket; `daemon/ros/type_hashes.py` from the definitions of ROS 2. `faults.md`,
+`modes.md`, `mistakes.md`, `recording.md` and `rehearsing.md` are written by hand but for the parts
+between two markers, which come from what the program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
-import ast
 import inspect
-import io
 import re
-import tokenize
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,12 @@ from daemon.protocol.messages import Snapshot, State
 from simulator.truth import SimulationFile
 
 DOCS = Path(__file__).parent
+sys.path.append(str(DOCS.parent))  # for `docs` itself, which is in no wheel
+
+from docs.door import SCHEMAS, client_messages, schema  # noqa: E402
+from docs.fields import comments_of, structs_of  # noqa: E402
+from docs.ros_types import type_hashes  # noqa: E402
+
 MADE = "<!-- Made from the code by `make reference`: change it there. -->\n"
 
 CONFIGURATION = """
@@ -49,7 +54,7 @@ What each command says of itself. What they mean for the arm is in [operating.md
 
 def configuration_page() -> str:
     """docs/configuration.md."""
-    sections = [_section(cls, fields) for cls, fields in _structs(Configuration)]
+    sections = [_section(cls, fields) for cls, fields in structs_of(Configuration)]
     return "\n".join([MADE.rstrip() + CONFIGURATION, *sections])
 
 
@@ -89,7 +94,7 @@ def recording_page() -> str:
 def rehearsing_page() -> str:
     """docs/rehearsing.md, with the schema of `simulation.yaml`."""
     page = (DOCS / "rehearsing.md").read_text(encoding="utf-8")
-    sections = [_section(cls, fields) for cls, fields in _structs(SimulationFile)]
+    sections = [_section(cls, fields) for cls, fields in structs_of(SimulationFile)]
     return filled(page, {"schema": "\n".join(sections).rstrip().replace("## ", "### ")})
 
 
@@ -115,7 +120,8 @@ def filled(page: str, parts: Mapping[str, str]) -> str:
 
 def _table(*rows: tuple[str, ...]) -> str:
     """Of Markdown; the first row is the head."""
-    head, *others = ["| " + " | ".join(row) + " |" for row in rows]
+    escaped = [[cell.replace("|", "\\|") for cell in row] for row in rows]
+    head, *others = ["| " + " | ".join(row) + " |" for row in escaped]
     return "\n".join([head, "|---" * len(rows[0]) + "|", *others])
 
 
@@ -183,12 +189,12 @@ def _no_change() -> str:
 
 
 def _modes() -> str:
-    said = _comments(Mode)
+    said = comments_of(Mode)
     return _table(("mode", "what the arm does"), *[(f"`{m}`", said[m.name]) for m in Mode])
 
 
 def _events() -> str:
-    said = _comments(Event)
+    said = comments_of(Event)
     rows = [(f"`{e}`", said[e.name], "x" if e in DISARMING else "") for e in Event]
     return _table(("event", "when", "disarms"), *rows)
 
@@ -205,12 +211,12 @@ def _reactions() -> str:
 
 def _messages() -> str:
     """Every message of a recording, field by field."""
-    kinds = [cls for first in (Snapshot, State) for cls, _ in _structs(first)]
+    kinds = [cls for first in (Snapshot, State) for cls, _ in structs_of(first)]
     return "\n\n".join(_message(cls) for cls in dict.fromkeys(kinds))
 
 
 def _message(cls: type) -> str:
-    said = _comments(cls)
+    said = comments_of(cls)
     info = types.type_info(cls)
     assert isinstance(info, types.StructType)
     rows = [(f"`{f.encode_name}`", _words(f.type), said.get(f.name, "")) for f in info.fields]
@@ -242,36 +248,8 @@ def _help(command: click.Command, name: str) -> str:
 # --- the schema -----------------------------------------------------------------------------------
 
 
-def _structs(first: type) -> Iterator[tuple[type, tuple[types.Field, ...]]]:
-    """Every struct of the schema, in the order in which a reader meets them."""
-    queue, seen = [first], set()
-    while queue:
-        cls = queue.pop(0)
-        if cls in seen:
-            continue
-        seen.add(cls)
-        info = types.type_info(cls)
-        assert isinstance(info, types.StructType)
-        yield cls, info.fields
-        queue += [inner for field in info.fields for inner in _inner(field.type)]
-
-
-def _inner(kind: types.Type) -> Iterator[type]:
-    """Structs inside a type."""
-    match kind:
-        case types.StructType():
-            yield kind.cls
-        case types.UnionType():
-            for part in kind.types:
-                yield from _inner(part)
-        case types.DictType():
-            yield from _inner(kind.value_type)
-        case types.ListType() | types.VarTupleType():
-            yield from _inner(kind.item_type)
-
-
 def _section(cls: type, fields: tuple[types.Field, ...]) -> str:
-    said = _comments(cls)
+    said = comments_of(cls)
     title = "The file" if cls is Configuration else cls.__name__
     rows = [
         (f"`{f.encode_name}`", _words(f.type), _default(f), said.get(f.name, "")) for f in fields
@@ -343,37 +321,6 @@ def _bounds(kind: types.IntType | types.FloatType) -> str:
     return " " + " and ".join(words) if words else ""
 
 
-def _comments(cls: type) -> dict[str, str]:
-    """What stands beside, above or as text below each field, or member of an enum, in the code."""
-    source = inspect.getsource(cls)
-    tree = ast.parse(source).body[0]
-    assert isinstance(tree, ast.ClassDef)
-    above: dict[int, str] = {}
-    beside: dict[int, str] = {}
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            alone = not token.line[: token.start[1]].strip()
-            (above if alone else beside)[token.start[0]] = token.string.lstrip("# ")
-    said: dict[str, str] = {}
-    for i, node in enumerate(tree.body):
-        match node:
-            case ast.AnnAssign(target=ast.Name(id=name)) | ast.Assign(targets=[ast.Name(id=name)]):
-                pass
-            case _:
-                continue
-        below = tree.body[i + 1] if i + 1 < len(tree.body) else None
-        words = [beside[n] for n in range(node.lineno, (node.end_lineno or 0) + 1) if n in beside]
-        line, lead = node.lineno - 1, []
-        while line in above:
-            lead.insert(0, above[line])
-            line -= 1
-        match below:
-            case ast.Expr(value=ast.Constant(value=str() as text)):
-                words.append(" ".join(text.split()))
-        said[name] = " ".join([*lead, *words]).replace("|", "\\|")
-    return said
-
-
 PAGES = {
     "configuration": configuration_page,
     "contactctl": contactctl_page,
@@ -385,10 +332,20 @@ PAGES = {
 }
 
 
+def files() -> dict[Path, str]:
+    """Text of every file that is made here."""
+    made = {DOCS / f"{name}.md": page() for name, page in PAGES.items()}
+    made |= {DOCS / "schemas" / f"{name}.json": schema(cls) for name, cls in SCHEMAS.items()}
+    return made | {
+        DOCS.parent / "contactd_client/messages.py": client_messages(),
+        DOCS.parent / "daemon/ros/type_hashes.py": type_hashes(),
+    }
+
+
 def write() -> None:
-    """All pages."""
-    for name, page in PAGES.items():
-        (DOCS / f"{name}.md").write_text(page(), encoding="utf-8")
+    """All pages, schemas, and the client's types."""
+    for path, text in files().items():
+        path.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -94,8 +94,9 @@ class Give(Act, frozen=True, kw_only=True, tag="give"):
 
 
 AnyAct = Push | Lean | Hold | Clamp | Guide | Gap | Release | Give
-VISIT_S, WAY_S = 0.9, 0.25
-"""Of `gap`: from one border to the next, and how much of it the way takes."""
+TAKING_S, VISIT_S, WAY_S = 1.5, 0.9, 0.25
+"""Of `gap`: while the link's weight is taken up; from one border to the next, and how much of that
+the way takes."""
 Script = tuple[AnyAct, ...]
 
 
@@ -215,7 +216,7 @@ class Hand:
             self._push(t, words)
         if self._guiding:
             self._lead(period_s, words)
-        if self._gap is not None and t - self._gap[1] > VISIT_S * self._gap[0].times:
+        if self._gap is not None and t - self._gap[1] > TAKING_S + VISIT_S * self._gap[0].times:
             words.append(f"end {_describe(self._gap[0])}")
             self._gap = None
         return words
@@ -233,8 +234,12 @@ class Hand:
         if self._gap is not None:
             act, since, middle = self._gap
             i = self._index[act.joint]
-            out[i] += self._between_borders(act, self._now - since, middle - q[i])
-            out[i] += self._weight(q)[i] - min(2.0 * act.torque, self._damping_limit[i]) * q_dot[i]
+            t = self._now - since
+            taken = min(t / TAKING_S, 1.0)  # a weight taken at once would push the motor away
+            out[i] += taken * self._weight(q)[i]
+            if t > TAKING_S:
+                out[i] += self._between_borders(act, t - TAKING_S, middle - q[i])
+            out[i] -= min(2.0 * act.torque, self._damping_limit[i]) * q_dot[i]
 
     @staticmethod
     def _between_borders(act: Gap, t: float, way: float) -> float:

@@ -24,10 +24,9 @@ PATIENCE_S = 0.05
 class HandDoor:
     """Listening socket at a path. `serve` never waits for a client that has not connected."""
 
-    def __init__(self, path: Path, take: Callable[[AnyAct], str]) -> None:
-        """take: begins an act and returns it in words, or raises ConfigurationError. Raises
-        BusError where another simulator listens, or the socket cannot be made."""
-        self.path, self._take = path, take
+    def __init__(self, path: Path) -> None:
+        """Raises BusError where another simulator listens, or the socket cannot be made."""
+        self.path = path
         if _alive(path):
             raise BusError(f"another simulator listens for a hand at {path}")
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -41,26 +40,30 @@ class HandDoor:
             raise BusError(f"cannot listen for a hand at {path}: {error}") from error
         self._socket.setblocking(False)
 
-    def serve(self) -> None:
-        """Take the acts of all who have connected."""
+    def serve(self, take: Callable[[AnyAct], str]) -> None:
+        """Take the acts of all who have connected. take: begins an act and returns it in words, or
+        raises ConfigurationError."""
         with contextlib.suppress(BlockingIOError):
             while True:
                 connection, _ = self._socket.accept()
                 with connection, contextlib.suppress(OSError):
                     connection.settimeout(PATIENCE_S)
-                    connection.sendall(msgspec.json.encode(self._answer(_line(connection))) + b"\n")
-
-    def _answer(self, line: bytes) -> dict[str, object]:
-        try:
-            act = msgspec.json.decode(line, type=AnyAct)
-            return {"ok": True, "text": self._take(act)}
-        except (msgspec.MsgspecError, ConfigurationError, UnicodeDecodeError) as error:
-            return {"ok": False, "text": str(error)}
+                    connection.sendall(
+                        msgspec.json.encode(_answer(_line(connection), take)) + b"\n"
+                    )
 
     def close(self) -> None:
         """Close the socket and remove its file."""
         self._socket.close()
         self.path.unlink(missing_ok=True)
+
+
+def _answer(line: bytes, take: Callable[[AnyAct], str]) -> dict[str, object]:
+    try:
+        act = msgspec.json.decode(line, type=AnyAct)
+        return {"ok": True, "text": take(act)}
+    except (msgspec.MsgspecError, ConfigurationError, UnicodeDecodeError) as error:
+        return {"ok": False, "text": str(error)}
 
 
 def _line(connection: socket.socket) -> bytes:

@@ -6,7 +6,6 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import BinaryIO
 
 import can
@@ -43,25 +42,16 @@ class RealTimeArm:
         send: Callable[[can.Message], None],
         hand_script: Sequence[AnyAct],
         events: BinaryIO | None,
+        door: HandDoor | None = None,
     ) -> None:
-        self._events = events
+        self._events, self._door = events, door
         self._origin = time.monotonic()
         self.arm = SimulatedArm(
             description, settings, send, hand_script=hand_script, on_event=self.report
         )
         self._origin = self._lived_s = time.monotonic()
         self._complained_s = 0.0
-        self._door: HandDoor | None = None
         self.arm.power_on()
-
-    def open_door(self, path: Path) -> None:
-        """Listen for acts of a live hand at `path`. Raises BusError."""
-        self._door = HandDoor(path, self.arm.hand.take)
-
-    def close_door(self) -> None:
-        """Listen no more."""
-        if self._door is not None:
-            self._door.close()
 
     def live(self) -> float:
         """Bring the plant up to the present, a little at a time; returns it [s, monotonic].
@@ -81,7 +71,7 @@ class RealTimeArm:
                 self._complain(now, f"too slow by {behind:.3f} s: the plant stood still")
         self._lived_s = now
         if self._door is not None:
-            self._door.serve()
+            self._door.serve(self.arm.hand.take)
         self.arm.advance(min(now - self._origin, self.arm.now + LONGEST_TURN_S))
         return now
 
@@ -147,10 +137,10 @@ class Server:
         port: int = 29536,
         hand_script: Sequence[AnyAct] = (),
         events: BinaryIO | None = None,
-        hand_door: Path | None = None,
+        door: HandDoor | None = None,
     ) -> None:
         """Raises BusError when the port cannot be had; port 0 takes a free one, see `port`.
-        hand_door: where to listen for a live hand."""
+        door: where a live hand is listened for."""
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
             self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -162,16 +152,12 @@ class Server:
         self._listener.setblocking(False)
         self.port: int = self._listener.getsockname()[1]
         self._clients: dict[socket.socket, _Client] = {}
-        self._close_door: Callable[[], None] = lambda: None
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
         try:
             self._real_time = RealTimeArm(
-                description, settings, self._broadcast, hand_script, events
+                description, settings, self._broadcast, hand_script, events, door
             )
-            if hand_door is not None:
-                self._real_time.open_door(hand_door)
-                self._close_door = self._real_time.close_door
         except Exception:
             self.close()
             raise
@@ -202,7 +188,6 @@ class Server:
             self._drop(client)
         self._selector.close()
         self._listener.close()
-        self._close_door()
 
     def _accept(self) -> None:
         try:
@@ -256,12 +241,12 @@ def serve(
     port: int = 29536,
     hand_script: Sequence[AnyAct] = (),
     events: BinaryIO | None = None,
-    hand_door: Path | None = None,
+    door: HandDoor | None = None,
 ) -> None:
     """Serve the arm as a socketcand server until SIGTERM or SIGINT. Raises BusError."""
     server = Server(
         description, settings, host=host, port=port, hand_script=hand_script, events=events,
-        hand_door=hand_door,
+        door=door,
     )  # fmt: skip
     try:
         server.run(_stop_on_signals())
@@ -277,7 +262,7 @@ def serve_on_bus(
     channel: str,
     hand_script: Sequence[AnyAct] = (),
     events: BinaryIO | None = None,
-    hand_door: Path | None = None,
+    door: HandDoor | None = None,
     stop: threading.Event | None = None,
 ) -> None:
     """Be the nodes of the arm on a CAN bus until `stop`, SIGTERM or SIGINT; wait for a bus that
@@ -285,11 +270,8 @@ def serve_on_bus(
     stop = stop or _stop_on_signals()
     reports: list[str] = []
     bus_end = BusEnd(interface, channel, reports.append)
-    real_time: RealTimeArm | None = None
     try:
-        real_time = RealTimeArm(description, settings, bus_end.send, hand_script, events)
-        if hand_door is not None:
-            real_time.open_door(hand_door)
+        real_time = RealTimeArm(description, settings, bus_end.send, hand_script, events, door)
         while not stop.is_set():
             message = bus_end.receive(PULSE_S)
             real_time.live()
@@ -301,8 +283,6 @@ def serve_on_bus(
                 real_time.report(Happening(real_time.arm.now, "server", reports.pop(0)))
     finally:
         bus_end.close()
-        if real_time is not None:
-            real_time.close_door()
 
 
 def _stop_on_signals() -> threading.Event:

@@ -94,8 +94,6 @@ class GeneratedArm:
             )  # fmt: skip
         return {
             "urdf": URDF,
-            # Bent: stretched out along its first axis an arm has next to no inertia about it.
-            "initial_position": {"shoulder": 0.6, "elbow": 0.8},
             "joints": joints,
             "drives": {PROFILE: self.make.truth(EDS)},
             "settings": {"seed": self.seed},

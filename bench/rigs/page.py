@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from daemon.protocol.doors import view_socket_path
+from contactd_client.paths import view_socket_path
 from daemon.web import frames
 
 PATIENCE_S = 30.0

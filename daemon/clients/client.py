@@ -1,10 +1,9 @@
-"""Blocking client of the control socket.
+"""Blocking client of the control socket, with contactd's own types for its messages.
 
-The command lines use it; it imports nothing heavy, so that they start at once.
+The command lines use it; it imports nothing heavy, so that they start at once. The connection is
+that of `contactd_client`, which programs outside take.
 """
 
-import socket
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -12,6 +11,8 @@ from typing import Self, TypeVar
 
 import msgspec
 
+from contactd_client.connection import ANSWER_S, Connection, patience_s
+from contactd_client.paths import usual_socket_path
 from daemon.motion.trajectory_file import PLAUSIBLE, refuse_shapes, rows_of, slopes
 from daemon.protocol.lease import LONGEST_S
 from daemon.protocol.messages import (
@@ -26,16 +27,7 @@ from daemon.protocol.messages import (
     format_refusal,
     printable,
 )
-from daemon.protocol.socket_path import default_socket_path, how_to_be_let_in
-from errors import ControlError, TrajectoryError, UnreachableError
-
-# More than the daemon's socket can hold (twice its send buffer).
-MAX_PACKET_BYTES = 2 << 20
-
-_RETRY_S = 0.001  # where too many wait outside: whoever asks oftener gets in
-# Before these all drives are read, and those that are set up again may have to boot.
-SLOW_COMMANDS = frozenset({"enable", "reset"})
-SLOW_PATIENCE_S = 30.0
+from errors import ControlError, TrajectoryError
 
 T = TypeVar("T")
 
@@ -47,11 +39,10 @@ class Client:
     within `timeout_s` [s]; ControlError for an answer that is not understood.
     """
 
-    def __init__(self, path: Path | None = None, timeout_s: float = 2.0) -> None:
-        self.path = path or default_socket_path()
+    def __init__(self, path: Path | None = None, timeout_s: float = ANSWER_S) -> None:
+        self.path = path or usual_socket_path()
         self._timeout_s = timeout_s
-        self._socket = _connect(self.path, timeout_s)
-        self._buffer = bytearray(MAX_PACKET_BYTES)
+        self._connection = Connection(self.path, timeout_s)
         self._replies = msgspec.json.Decoder(Reply)
         self._states = msgspec.json.Decoder(State)
 
@@ -68,7 +59,7 @@ class Client:
 
     def close(self) -> None:
         """Close the connection."""
-        self._socket.close()
+        self._connection.close()
 
     def request(self, command: Command) -> Reply:
         """Send `command` and wait for the answer, which may be a refusal."""
@@ -76,30 +67,10 @@ class Client:
 
     def ask(self, request: Request) -> Reply:
         """Send a request with its arguments and wait for the answer, which may be a refusal."""
-        if request.command not in SLOW_COMMANDS:
-            return self._ask(request)
-        self._socket.settimeout(max(SLOW_PATIENCE_S, self._timeout_s))
-        try:
-            return self._ask(request)
-        finally:
-            self._socket.settimeout(self._timeout_s)
-
-    def _ask(self, request: Request) -> Reply:
-        if self._socket.fileno() < 0:
-            raise UnreachableError("this connection is closed; connect again")
-        try:
-            self._socket.send(msgspec.json.encode(request))
-        except (BrokenPipeError, ConnectionResetError):
-            pass  # it may have sent the reason before it closed: read on
-        except TimeoutError:
-            raise UnreachableError("the daemon is silent: it reads no requests") from None
-        try:
-            answer = self.packet("does not answer; is it still starting?")
-        except UnreachableError:
-            # A late answer would be taken for the answer to the next request.
-            self.close()
-            raise
-        return self._decode(self._replies, answer)
+        patience = patience_s(request.command, self._timeout_s)
+        return self._decode(
+            self._replies, self._connection.exchange(msgspec.json.encode(request), patience)
+        )
 
     def demand(self, command: Command) -> Reply:
         """Ask for `command`. Raises ControlError, with every reason, where it is refused."""
@@ -141,10 +112,10 @@ class Client:
         """Tell what the hand carries: a mass [kg] with its centre `com` (3,) [m] in the frame of
         the URDF's last link (by default the tool point), or the `name` of one in the configuration;
         neither, or 0 kg: nothing. The answer may be a refusal."""
-        if name:
-            return self.ask(Request("payload", name=name))
         place = None if com is None else list(com)
-        return self.ask(Request("payload", mass=mass or 0.0, com=place))
+        if name or place is not None:  # the daemon refuses what does not go together
+            return self.ask(Request("payload", name=name or None, mass=mass, com=place))
+        return self.ask(Request("payload", mass=mass or 0.0))
 
     def go(
         self,
@@ -238,23 +209,9 @@ class Client:
             raise ControlError(f"the daemon speaks another version: its States are {refusal}")
         return reply.snapshot, self._iterate()
 
-    def packet(self, silence: str = "fell silent") -> bytes:
-        """Next message, as it was sent. If none comes, the error reads "the daemon {silence}"."""
-        try:
-            try:
-                size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
-            except ConnectionResetError:
-                # Reported once, ahead of the messages that the daemon sent before it closed.
-                size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
-        except TimeoutError:
-            raise UnreachableError(f"the daemon {silence}") from None
-        except OSError as error:
-            raise UnreachableError(f"the daemon closed the connection ({error.strerror})") from None
-        if size == 0:
-            raise UnreachableError("the daemon closed the connection")
-        if flags & socket.MSG_TRUNC:
-            raise ControlError(f"the daemon sent more than {MAX_PACKET_BYTES} bytes at once")
-        return bytes(memoryview(self._buffer)[:size])
+    def packet(self) -> bytes:
+        """Next message, as it was sent."""
+        return self._connection.packet()
 
     def _iterate(self) -> Iterator[State]:
         while True:
@@ -287,35 +244,3 @@ def _a_lease(lease_s: float | None) -> float | None:
     if lease_s is not None and not 0.0 < lease_s <= LONGEST_S:  # nor NaN
         raise ControlError(f"{lease_s} is not a lease: more than 0, at most {LONGEST_S:g} s")
     return lease_s
-
-
-def _connect(path: Path, timeout_s: float) -> socket.socket:
-    connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    connection.settimeout(timeout_s)
-    deadline = time.monotonic() + timeout_s
-    try:
-        while True:
-            try:
-                connection.connect(str(path))
-            except BlockingIOError:  # its queue of connections is full
-                if time.monotonic() > deadline:
-                    raise TimeoutError from None
-                time.sleep(_RETRY_S)
-            else:
-                return connection
-    except OSError as error:
-        connection.close()
-        raise UnreachableError(why_unreachable(path, error)) from error
-
-
-def why_unreachable(path: Path, error: OSError) -> str:
-    """Reason why the daemon's socket at `path` cannot be connected to, in words for a person."""
-    match error:
-        case FileNotFoundError() | ConnectionRefusedError():
-            return f"no contactd serves {path}: is it running? (systemctl status contactd)"
-        case PermissionError():
-            return how_to_be_let_in(path)
-        case TimeoutError():
-            return f"the daemon at {path} is busy: it accepts no connections"
-        case _:
-            return f"cannot connect to {path}: {error.strerror or error}"

@@ -4,9 +4,11 @@ They are made from messages alone: nothing here reads a socket, a clock or a ter
 fits 100 x 30 characters, and 80 x 24 with narrower bars.
 """
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
@@ -20,6 +22,7 @@ from daemon.modes.table import Mode
 from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Check, Grant, Snapshot, State, Status, Trajectory
 
+TOLD_LAG_S = 0.5
 WINDOW_TICKS = 1000
 EVENTS_KEPT = 12
 WIDE = 96  # columns from which the bars are wide and the drives' states shown
@@ -76,6 +79,21 @@ class History:
         )
 
 
+@dataclass(slots=True)
+class Lag:
+    """How far the States that are read are behind the daemon: by how much more of our time has
+    passed between two of them than of theirs, at most. A reader that is slow, on a busy machine or
+    over a slow terminal, shows the past."""
+
+    _least: float = math.inf
+
+    def of(self, now_s: float, time_s: float) -> float:
+        """Lag [s] of a State of the daemon's `time_s` that is read at `now_s` of our clock."""
+        offset = now_s - time_s
+        self._least = min(self._least, offset)
+        return offset - self._least
+
+
 @dataclass(frozen=True, slots=True)
 class Dashboard:
     """One frame of `contactctl watch`, laid out for the console that prints it."""
@@ -83,6 +101,13 @@ class Dashboard:
     snapshot: Snapshot
     state: State
     summary: Summary
+    lag_s: float = 0.0  # of the picture
+
+    def _lagging(self) -> Text | None:
+        if self.lag_s < TOLD_LAG_S:
+            return None
+        text = f" this picture is {self.lag_s:.1f} s old: the terminal or this machine is too slow"
+        return Text(text, "bold yellow")
 
     def __rich_console__(
         self, console: Console, options: ConsoleOptions
@@ -90,7 +115,7 @@ class Dashboard:
         wide = options.max_width >= WIDE
         state = self.state
         yield _headline(state)
-        doubts = [not_seen_to_stand(state, " "), self._not_sensing()]
+        doubts = [self._lagging(), not_seen_to_stand(state, " "), self._not_sensing()]
         doubt_lines = [
             line for doubt in doubts if doubt for line in doubt.wrap(console, options.max_width)
         ]
@@ -207,8 +232,8 @@ def residual_bar(residual: float, threshold: float, half_width: int, ascii_only:
     return bar.append(other[::-1], "dim").append(middle).append(side, style)
 
 
-def status_view(status: Status) -> RenderableType:
-    """Report of `contactctl status`."""
+def status_view(status: Status, socket: Path | None = None) -> RenderableType:
+    """Report of `contactctl status`, of the daemon at this control socket."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold", no_wrap=True, overflow="crop")
     table.add_column()
@@ -241,6 +266,8 @@ def status_view(status: Status) -> RenderableType:
     table.add_row("real time", _grants(status.realtime))
     uptime = _duration(status.uptime_s)
     table.add_row("process", f"pid {status.pid}, up {uptime}, {status.readers} readers")
+    if socket is not None:
+        table.add_row("socket", Text(str(socket)))
     frame = Table.grid()
     frame.add_row(table)
     frame.add_row("")

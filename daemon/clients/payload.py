@@ -4,7 +4,7 @@ from daemon.protocol.messages import Status
 
 
 def payload_in_words(status: Status) -> str:
-    """What was announced, or that nothing was since the daemon started."""
+    """What was announced, or that it is nothing."""
     if status.payload is None:
-        return "none was told since the daemon started; what was told before is forgotten"
+        return "none; what was told before the daemon started is forgotten"
     return f"{status.payload} of {status.hand}; forgotten when the daemon ends"

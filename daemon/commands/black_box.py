@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from daemon.protocol.socket_path import default_socket_path, how_to_be_let_in
+from contactd_client.paths import how_to_be_let_in, usual_socket_path
 from daemon.service.black_box import (
     default_directory,
     new_log,
@@ -20,12 +20,13 @@ from regular_file import open_regular
 
 def write_frames(socket: Path | None, output: Path | None, *, left_over: bool) -> None:
     """Write a log and print its path. Raises LogError; UnreachableError if this user may not."""
-    path, directory = ring_path(socket or default_socket_path()), default_directory()
+    path, directory = ring_path(socket or usual_socket_path()), default_directory()
     if not _open_to_us(path):
         raise UnreachableError(how_to_be_let_in(path))
     if left_over:
-        saved = save_left_over(path, directory)
-        click.echo(f"saved: {saved}" if saved else "nothing is left over")
+        # With nothing to say it says nothing: in the service's log it comes after the reason.
+        if saved := save_left_over(path, directory):
+            click.echo(f"saved: {saved}")
         return
     if not path.exists():
         raise LogError(f"{path}: no frames are kept there; does the daemon run, with this socket?")

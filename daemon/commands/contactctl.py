@@ -283,6 +283,8 @@ def payload(options: Options, what: str | None, com: tuple[float, float, float] 
     else:
         if not math.isfinite(mass):
             raise click.UsageError(f"{what} is not a mass")
+        if com is not None and not all(map(math.isfinite, com)):
+            raise click.UsageError(f"--com {' '.join(map(str, com))} is not a place")
         request = Request("payload", mass=mass, com=None if com is None else list(com))
     with options.connect() as client:
         answer(options, client.ask(request))
@@ -306,7 +308,7 @@ def _show_payload(options: Options) -> None:
 def status(options: Options) -> None:
     """Show mode, joints, and what arming needs."""
     with options.connect() as client:
-        found = client.ask_status()
+        found, path = client.ask_status(), client.path
     if options.json:
         print_json(found)
         return
@@ -315,7 +317,7 @@ def status(options: Options) -> None:
     from daemon.clients.dashboard import status_view
 
     # Nothing is cut off where the output goes to a file.
-    Console(width=None if sys.stdout.isatty() else 120).print(status_view(found))
+    Console(width=None if sys.stdout.isatty() else 120).print(status_view(found, path))
 
 
 @main.command()

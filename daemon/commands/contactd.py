@@ -1,6 +1,7 @@
 """`contactd`: the command line of the daemon, of its configuration and of its recordings."""
 # ruff: noqa: PLC0415 - each command imports what it needs, so that `--help` starts at once
 
+import os
 import sys
 import traceback
 from contextlib import closing
@@ -12,9 +13,11 @@ from click.core import ParameterSource
 
 from compiled import refuse_stale
 from daemon.commands import recordings
+from daemon.commands.fleet import fleet
 from daemon.commands.options import PATH, Range
 from errors import ContactdError, ProgramError
 
+ENDED_BY_CTRL_C = 130  # as shells say it
 CONFIG = click.argument("config", type=PATH)
 SOCKET = click.option(
     "--socket",
@@ -81,10 +84,36 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
 
     single_threaded()  # before anything loads numpy
 
-    from daemon.config.load import load_robot
-    from daemon.run import run_daemon
+    from daemon.service.notify import why_told
 
-    run_daemon(load_robot(config).with_port(port), socket)
+    with why_told(os.environ, os.getpid()):
+        from daemon.config.load import load_robot
+        from daemon.run import run_daemon
+
+        run_daemon(load_robot(config).with_port(port), socket)
+
+
+@main.command()
+@click.argument("folder", type=PATH, metavar="DIR")
+@click.option("--urdf", type=PATH, required=True, metavar="FILE", help="Links and joints.")
+@click.option(
+    "--eds",
+    "sheets",
+    multiple=True,
+    required=True,
+    metavar="[NAME=]FILE",
+    help="Electronic data sheet of the drives; may be repeated.",
+)
+def new(folder: Path, urdf: Path, sheets: tuple[str, ...]) -> None:
+    """Write a configuration for a new arm into a new folder DIR, from its URDF and the EDS of its
+    drives.
+
+    What they do not say is guessed, so that the arm can be checked and simulated at once, and
+    marked `# CHECK`. Nothing is overwritten.
+    """
+    from daemon.commands.new import new_arm
+
+    new_arm(folder, urdf, sheets)
 
 
 @main.command()
@@ -107,6 +136,21 @@ def check(config: Path | None, field: str | None) -> None:
         raise click.UsageError("Missing argument 'CONFIG'.")
     else:
         print_check(config)
+
+
+@main.command()
+@CONFIG
+@PORT
+def scan(config: Path, port: int | None) -> None:
+    """List who is on the bus of CONFIG: node, vendor, product, serial number, modes, and which EDS
+    in the folder is theirs.
+
+    It reads by SDO and sends nothing else, and is refused where a master is heard. Of CONFIG only
+    `bus` is read: the rest may be wrong yet.
+    """
+    from daemon.commands.scan import run_scan
+
+    run_scan(config, port)
 
 
 @main.command()
@@ -190,12 +234,17 @@ def demo(as_json: bool, seconds: float, file: Path | None, web: bool, web_port: 
     """The paper's third experiment: a hand pushes, guides and lets go of a simulated Romeo arm.
 
     Simulator and daemon are two processes that speak CANopen in real time; the page is a third.
-    Exit status 0 only if the story happened.
+    Exit status 0 only if the story happened, 130 if Ctrl-C ended it.
     """
     from daemon.commands.demo import run_demo
 
     port = web_port if web else None
-    sys.exit(0 if run_demo(as_json=as_json, seconds=seconds, file=file, page_port=port) else 1)
+    try:
+        happened = run_demo(as_json=as_json, seconds=seconds, file=file, page_port=port)
+    except KeyboardInterrupt:
+        click.echo("ended by Ctrl-C", err=True)
+        sys.exit(ENDED_BY_CTRL_C)
+    sys.exit(0 if happened else 1)
 
 
 @main.command("black-box")
@@ -320,6 +369,7 @@ def thresholds(seconds: float, per_hour: float, it_was_me: bool, **asked: Any) -
 
 for command in recordings.COMMANDS:
     main.add_command(command)
+main.add_command(fleet)
 
 
 if __name__ == "__main__":

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import click
 
+from contactd_client.paths import usual_socket_path, view_socket_path
 from daemon.commands.options import PATH
-from daemon.protocol.doors import view_socket_path
-from daemon.protocol.socket_path import default_socket_path
 from errors import ConfigurationError, ContactdError
 
 
@@ -72,7 +71,7 @@ def main(
 
         with listen(bind, port) as listener:
             settings = settings_of(
-                view_sockets or (view_socket_path(default_socket_path()),),
+                view_sockets or (view_socket_path(usual_socket_path()),),
                 bind=bind,
                 port=port or listener.getsockname()[1],
                 hosts=hosts,

@@ -18,12 +18,12 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from contactd_client.paths import view_socket_path
 from daemon.clients.client import Client
 from daemon.clients.dashboard import Dashboard, History
 from daemon.commands.demo_story import Story, touch_of
 from daemon.config.load import load_robot
 from daemon.new_file import refuse_suffix, refuse_unless_new
-from daemon.protocol.doors import view_socket_path
 from daemon.protocol.messages import Snapshot, State
 from errors import ContactdError, ControlError
 

@@ -1,4 +1,5 @@
 """`contactctl hand`: a person's hand at a simulated arm, live, by the simulator's own socket."""
+# ruff: noqa: PLC0415 - imported by the command that needs it, so that `--help` starts at once
 
 import json
 import re
@@ -9,7 +10,6 @@ from typing import Any
 import click
 
 from daemon.commands.options import PATH, Range
-from daemon.protocol.socket_path import default_hand_path
 from errors import ControlError, UnreachableError
 
 PATIENCE_S = 5.0
@@ -67,6 +67,8 @@ def hand(context: click.Context, door: Path | None) -> None:
 
     Before a number below 0 write `--`: hand push -- elbow -3Nm.
     """
+    from daemon.protocol.socket_path import default_hand_path
+
     context.obj = door or default_hand_path()
 
 

@@ -23,18 +23,19 @@ def show_live(client: "Client") -> None:
     """Take every State and draw some, until interrupted."""
     from rich.live import Live
 
-    from daemon.clients.dashboard import Dashboard, History
+    from daemon.clients.dashboard import Dashboard, History, Lag
 
     snapshot, states = client.subscribe()
-    history = History()
+    history, lag = History(), Lag()
     drawn_s = 0.0
     with Live(screen=True, auto_refresh=False) as live:
         for state in states:
             history.add(state)
             now_s = time.monotonic()
+            lag_s = lag.of(now_s, state.time_s)
             if now_s - drawn_s >= 1 / FRAMES_PER_S:
                 drawn_s = now_s
-                live.update(Dashboard(snapshot, state, history.summary()), refresh=True)
+                live.update(Dashboard(snapshot, state, history.summary(), lag_s), refresh=True)
 
 
 def stream_json(client: "Client") -> None:

@@ -58,7 +58,9 @@ def socket_option(callback: Any = None) -> click.Option:
         ["--socket"],
         type=PATH,
         metavar="PATH",
-        help="The daemon's control socket, where it is not the usual one.",
+        help="The daemon's control socket. Without it $CONTACTD_SOCKET, else that of the service, "
+        "/run/contactd/control, else your own daemon's: $XDG_RUNTIME_DIR/contactd.sock or "
+        "/tmp/contactd-UID.sock.",
         callback=callback,
         expose_value=callback is None,
     )

@@ -1,16 +1,20 @@
 """`contactd simulate`: the simulated arm at the other end of the bus, in a process of its own."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import click
 import msgspec
 
 from daemon.commands.simulated_robot import true_arm
 from daemon.config.load import Robot
 from daemon.protocol.socket_path import default_hand_path
 from daemon.service.realtime import go_realtime
-from errors import ConfigurationError
+from errors import BusError, ConfigurationError
 from simulator.hand import read_script
+from simulator.hand_door import HandDoor
 from simulator.server import serve, serve_on_bus
 
 
@@ -27,30 +31,51 @@ def run_simulation(
     # Real drives are punctual; simulated ones need real-time priority for it.
     go_realtime()
     bus = robot.configuration.bus
-    events, door = sys.stdout.buffer, door or default_hand_path()
-    match bus.interface:
-        case "socketcand":
-            serve(
-                description,
-                settings,
-                host=bus.host,
-                port=bus.port,
-                hand_script=script,
-                events=events,
-                hand_door=door,
-            )
-        case "socketcan":
-            serve_on_bus(
-                description,
-                settings,
-                interface=bus.interface,
-                channel=bus.channel,
-                hand_script=script,
-                events=events,
-                hand_door=door,
-            )
-        case other:
-            raise ConfigurationError(
-                f"{robot.path}: bus.interface: {other} cannot be simulated by another process; "
-                "use socketcand (over TCP) or socketcan (a real or virtual CAN interface)"
-            )
+    events = sys.stdout.buffer
+    with _live_hand(door) as live:
+        match bus.interface:
+            case "socketcand":
+                serve(
+                    description,
+                    settings,
+                    host=bus.host,
+                    port=bus.port,
+                    hand_script=script,
+                    events=events,
+                    door=live,
+                )
+            case "socketcan":
+                serve_on_bus(
+                    description,
+                    settings,
+                    interface=bus.interface,
+                    channel=bus.channel,
+                    hand_script=script,
+                    events=events,
+                    door=live,
+                )
+            case other:
+                raise ConfigurationError(
+                    f"{robot.path}: bus.interface: {other} cannot be simulated by another process; "
+                    "use socketcand (over TCP) or socketcan (a real or virtual CAN interface)"
+                )
+
+
+@contextmanager
+def _live_hand(chosen: Path | None) -> Iterator[HandDoor | None]:
+    """Socket of the live hand. Where another simulation has the usual one, this goes without, and
+    says so; one that was chosen must be free: raises BusError."""
+    door: HandDoor | None = None
+    try:
+        door = HandDoor(chosen or default_hand_path())
+    except BusError as error:
+        if chosen is not None:
+            raise
+        click.echo(
+            f"contactd: no live hand here: {error} (choose another: --hand-socket)", err=True
+        )
+    try:
+        yield door
+    finally:
+        if door is not None:
+            door.close()

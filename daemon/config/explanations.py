@@ -98,8 +98,8 @@ EXPLANATIONS: dict[str, Explanation] = {
                                "only where the maker counts housings as products", "false"),
         "joints.name": ("name of the joint, as in the URDF", "<joint name=...> of the URDF",
                         "elbow"),
-        "joints.wiring.node": ("node id of the joint's drive", "switches of the drive; its boot-up "
-                               "message is 0x700 + node", "1 to 126, each once"),
+        "joints.wiring.node": ("node id of the joint's drive", "switches of the drive; `contactd "
+                               "scan` lists who answers", "1 to 126, each once"),
         "joints.wiring.profile": ("kind of the joint's drive: a key of `drives`", "above",
                                   "servo_drive"),
         "joints.wiring.gear": ("turns of the motor per turn of the joint, all stages together",

@@ -6,9 +6,9 @@ may stop what they see: a web page, a display, a logger. It lets nothing move.
 
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 from typing import Final
 
+from contactd_client.paths import CONTROL_GROUP, VIEW_GROUP
 from daemon.protocol.messages import COMMANDS, Command
 
 
@@ -31,13 +31,12 @@ class DoorRule:
 MAX_CONNECTIONS: Final = 256  # silent ones cost nothing, loud ones wait for their turn
 
 DOORS: Final[dict[Door, DoorRule]] = {
-    Door.CONTROL: DoorRule("contact", frozenset(COMMANDS), MAX_CONNECTIONS),
+    Door.CONTROL: DoorRule(CONTROL_GROUP, frozenset(COMMANDS), MAX_CONNECTIONS),
     # Never so many that those who command the arm find no place.
     Door.VIEW: DoorRule(
-        "contact-view", frozenset[Command]({"subscribe", "status", "stop", "disarm"}), 64
+        VIEW_GROUP, frozenset[Command]({"subscribe", "status", "stop", "disarm"}), 64
     ),
 }
-GROUPS: Final = frozenset(rule.group for rule in DOORS.values())
 
 
 def refusal(door: Door, command: str) -> str:
@@ -46,10 +45,3 @@ def refusal(door: Door, command: str) -> str:
     if command in taken:
         return ""
     return f"the {door} socket takes only {', '.join(sorted(taken))}"
-
-
-def view_socket_path(control: Path) -> Path:
-    """Path of the view socket beside a control socket: `contactd-view.sock` for `control` and for
-    `contactd.sock`, `NAME-view.sock` for `NAME.sock`."""
-    name = "contactd" if control.name == "control" else control.stem
-    return control.with_name(f"{name}-view.sock")

@@ -1,6 +1,7 @@
-"""File of the control socket: its path, its permissions, and the credentials of its peers.
+"""File of a socket that the daemon listens at: its permissions, and the credentials of its peers.
 
-The file's group decides who may connect; the kernel reports who is at the other end.
+The file's group decides who may connect; the kernel reports who is at the other end. Where the
+socket is, clients know as well: `contactd_client/paths.py`.
 """
 
 import contextlib
@@ -13,7 +14,6 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from daemon.protocol.doors import DOORS, GROUPS, Door
 from errors import ControlError
 
 LISTEN_BACKLOG = 256  # net.core.somaxconn is 4096 on Linux 5.4 and newer
@@ -22,28 +22,6 @@ _SO_PEERGROUPS = 59  # Linux 4.13; not in Python's socket module
 _MOST_GROUPS = 256
 
 _log = logging.getLogger("contactd")
-
-
-def default_socket_path() -> Path:
-    """Path of the control socket where no other is given.
-
-    `$CONTACTD_SOCKET`, else `/run/contactd/control` where that directory exists, else
-    `$XDG_RUNTIME_DIR/contactd.sock`, else `/tmp/contactd-UID.sock`. Any user may create files in
-    /tmp: a file of another user at that name raises ControlError.
-    """
-    if chosen := os.environ.get("CONTACTD_SOCKET"):
-        return Path(chosen)
-    if Path("/run/contactd").is_dir():
-        return Path("/run/contactd/control")
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    if runtime and Path(runtime).is_dir():
-        return Path(runtime) / "contactd.sock"
-    path = Path(f"/tmp/contactd-{os.getuid()}.sock")
-    with contextlib.suppress(FileNotFoundError):
-        owner = path.lstat().st_uid
-        if owner != os.getuid():
-            raise ControlError(f"{path} belongs to user {owner}, not to you: refused as unsafe")
-    return path
 
 
 def default_hand_path() -> Path:
@@ -101,25 +79,6 @@ def _refuse_unless_stale(path: Path) -> None:
         except BlockingIOError:  # alive, with a full backlog
             raise ControlError(f"another contactd serves {path}") from None
         raise ControlError(f"another contactd (pid {peer_of(probe).pid}) serves {path}")
-
-
-def how_to_be_let_in(path: Path) -> str:
-    """Advice for a user who may not open the control socket, or a file beside it."""
-    try:
-        group = path.group()
-    except KeyError:  # without a name
-        group = str(path.stat().st_gid)
-    except OSError:
-        return f"you may not use {path}: its folder is closed to you"
-    if group in GROUPS:
-        join = f"sudo usermod -aG {group} YOU; it counts from your next login"
-        return f"you may not use {path}: join the group {group} ({join})"
-    # Whoever joined that one, root's for instance, would get far more than an arm.
-    wanted = DOORS[Door.VIEW if path.name.endswith("-view.sock") else Door.CONTROL].group
-    return (
-        f"you may not use {path}: it belongs to the group {group}. Create the group {wanted}, add "
-        "yourself, and start the daemon again (docs/installing.md)"
-    )
 
 
 def open_to_group(path: Path, mode: int, group: str) -> str:

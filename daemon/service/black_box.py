@@ -4,7 +4,8 @@ The daemon keeps the frames in a `FrameRing` beside its control socket. Before i
 starts a helper, which holds the other end of a pipe and sleeps: a line on the pipe is a fault, and
 its end is the daemon's death, however it came. Either way the helper writes the ring to a log of
 python-can in the state directory, and beside it what the frames mean: configuration, URDF, and the
-faults (`Context`). An orderly end says so, and leaves nothing.
+faults (`Context`). An orderly end says so, and leaves nothing; so does a start that failed: it has
+no minute to tell of, and a day of them would push out the logs of what did happen.
 """
 
 import contextlib
@@ -41,6 +42,8 @@ FORMATS: Final = (".blf", ".log", ".asc")
 # Emergencies and whatever else is on the bus take room, too.
 MARGIN: Final = 1.2
 _PATIENCE_S: Final = 10.0
+# A helper that dies all the time is begun anew no oftener.
+HELPS_EVERY_S: Final = 10.0
 #: A daemon that ends for a fault is wanted again: so long it waits for its log at most [s].
 FAULTED_PATIENCE_S: Final = 1.0
 _ENDED: Final = b"ended\n"
@@ -89,7 +92,11 @@ class BlackBox:
         says why. The arm runs all the same.
         """
         self.ring: FrameRing | None = None
+        self._path, self._directory = path, directory
         self._helper: subprocess.Popen[bytes] | None = None
+        self._begun = False  # the loop ran
+        self._unheard = ""  # fault that no helper heard of
+        self._helped_s = -math.inf  # when it was last begun anew
         try:
             save_left_over(path, directory, patience_s=0.0)
             directory.mkdir(parents=True, exist_ok=True)
@@ -112,15 +119,40 @@ class BlackBox:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.close(orderly=kind is None)
+        self.close(orderly=kind is None or not self._begun)
+
+    def begin(self) -> None:
+        """From now on an end in disorder leaves a log."""
+        self._begun = True
 
     def tell(self, fault: str) -> None:
         """Report a fault to the helper. Never waits: a full pipe says that it knows of one."""
         if self._helper and self._helper.stdin:
             try:
                 os.write(self._helper.stdin.fileno(), fault.encode()[:200] + b"\n")
-            except OSError as error:
-                _log.warning("the black box does not hear: %s", error)
+            except BlockingIOError:
+                pass
+            except OSError:
+                self._unheard = fault  # for the next one: the frames are still there
+
+    def look_after(self, now_s: float) -> None:
+        """Begin the helper anew if it was killed, at most once in HELPS_EVERY_S; to be called now
+        and then, between two ticks. It hears of a fault that it missed."""
+        helper = self._helper
+        if helper is None or now_s < self._helped_s + HELPS_EVERY_S or helper.poll() is None:
+            return
+        self._helped_s = now_s
+        _log.warning("the black box's helper ended (%d): it is begun anew", helper.returncode)
+        try:
+            self._helper = _start_helper(self._path, self._directory)
+        except OSError as error:
+            _log.warning("no black box: %s", error)
+            return
+        if helper.stdin:
+            helper.stdin.close()
+        if missed := self._unheard:
+            self._unheard = ""
+            self.tell(missed)
 
     def close(self, *, orderly: bool) -> None:
         """Let the helper end; wait for a log that it still writes, after a fault not for long: the

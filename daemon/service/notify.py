@@ -7,7 +7,8 @@ import logging
 import math
 import os
 import socket
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 
 # The watchdog is fed this many times in the time that systemd allows.
 FEEDS_PER_TIMEOUT = 4
@@ -82,6 +83,18 @@ def notifier_of(environment: Mapping[str, str], pid: int) -> Notifier:
     watched = environment.get("WATCHDOG_PID", str(pid)) == str(pid)
     usec = environment.get("WATCHDOG_USEC", "")
     return Notifier(address, int(usec) / 1e6 if watched and usec.isdecimal() else 0.0)
+
+
+@contextmanager
+def why_told(environment: Mapping[str, str], pid: int) -> Iterator[None]:
+    """Report an error that ends process `pid` as its status: `systemctl status` shows it until the
+    next start, whatever is logged after it."""
+    try:
+        yield
+    except Exception as error:
+        with closing(notifier_of(environment, pid)) as notifier:
+            notifier.status(f"failed: {str(error) or type(error).__name__}")
+        raise
 
 
 def _socket_address(address: str) -> bytes:

@@ -48,7 +48,8 @@ class Payloads:
             if request.name not in self.named:
                 known = f"there are: {', '.join(self.named)}" if self.named else "there is none"
                 raise ModelError(
-                    f"no payload {request.name!r} under `payloads` in the configuration; {known}"
+                    f"no payload {request.name!r} under `payloads` in the configuration; {known}; "
+                    "a mass is a plain number, in kg"
                 )
             return self.named[request.name]
         if request.mass is None:

@@ -1,18 +1,19 @@
 """Running service: answers requests, publishes each tick to readers and the log."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 from msgspec.structs import replace
 
 from daemon.config.motion import limits_of
-from daemon.modes.table import Event, ModeMachine
+from daemon.modes.table import Event, Mode, ModeMachine
 from daemon.motion.path import Place
 from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Reply, Request, Status
 from daemon.protocol.socket_path import Peer
+from daemon.service.black_box import BlackBox
 from daemon.service.journal import LogLimit
 from daemon.service.notify import Notifier
 from daemon.service.permission import Answer, Permission, owner_of
@@ -48,6 +49,8 @@ SEEN_TO_STAND = frozenset({"disarm", "stop", "disable", "reset"})
 # stop the arm), and after which no more requests are begun.
 ENTRANCE_SHARE = 0.28
 TURNS_SHARE = 0.1
+LOOKS_EVERY = 100  # ticks, after the black box's helper
+AT_REST = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})
 
 _LEVELS = {"fault": logging.ERROR, "contact": logging.INFO, "mode": logging.INFO}
 _log = logging.getLogger("contactd")
@@ -92,7 +95,7 @@ class Service:
     control: ControlSocket
     notifier: Notifier
     boot: DriveBoot
-    on_fault: Callable[[str], None] = lambda text: None
+    black_box: BlackBox | None = None
     trends: TrendLine | None = None
     ending: bool = False  # the arm is being brought to rest for good
     dock: TrajectoryUpload = field(init=False)
@@ -127,12 +130,16 @@ class Service:
         for notice in record.notices:
             if notice.kind == "fault" or self._limit.admit(notice.text, self.loop.time_s):
                 self._tell(notice.kind, notice.text)
-            if notice.kind == "fault":
-                self.on_fault(notice.text)
+            if notice.kind == "fault" and self.black_box is not None:
+                self.black_box.tell(notice.text)
             if notice.kind == "mode":
                 self.notifier.status(self.summary())
         if left_out := self._limit.summary(self.loop.time_s):
             self._tell("mode", left_out)
+        # A new process may cost a tick: none that moves the arm.
+        at_rest = self.loop.tick.controller.machine.mode in AT_REST
+        if self.black_box is not None and at_rest and self.loop.tick.number % LOOKS_EVERY == 0:
+            self.black_box.look_after(self.loop.time_s)
         # After the State, which tells of what was decided in its tick: the next one tells of this.
         self.permission.expire(self.loop.time_s)
         period_s = self.process.robot.configuration.period_s

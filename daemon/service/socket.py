@@ -33,7 +33,8 @@ from typing import Final, Self
 
 import msgspec
 
-from daemon.protocol.doors import MAX_CONNECTIONS, Door, view_socket_path
+from contactd_client.paths import view_socket_path
+from daemon.protocol.doors import MAX_CONNECTIONS, Door
 from daemon.protocol.doors import refusal as refusal_at
 from daemon.protocol.messages import (
     AWAITED,

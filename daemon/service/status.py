@@ -122,6 +122,8 @@ def _advice(tick: Tick, unproved: Sequence[str]) -> str:
     if pressed:
         advice.append(f"free the arm ({pressed}), or `contactctl disable`")
     elif machine.paused and machine.mode is Mode.HOLDING:
+        if load := tick.loads.advice:
+            advice.append(f"tell what the hand carries ({load}), or take it away")
         advice.append("`contactctl start` goes on with the trajectory")
     return "\n".join(dict.fromkeys(advice))
 

@@ -13,10 +13,10 @@ from typing import Final
 
 import msgspec
 
+from daemon.clients.link import Link, ask_once
 from daemon.protocol.messages import Request, Snapshot, State, Status, format_refusal
 from daemon.web import frames, words
 from daemon.web.audience import Audience, Browser
-from daemon.web.link import Link, ask_once
 from errors import ContactdError, ControlError
 
 FRAMES_PER_S: Final = 30.0

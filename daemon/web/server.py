@@ -11,6 +11,7 @@ from urllib.parse import parse_qs
 
 from aiohttp import WSMsgType, web
 
+from daemon.clients.stopping import Command, carry_out
 from daemon.protocol.messages import on_behalf_of
 from daemon.web import words
 from daemon.web.arm import Arm, as_text
@@ -28,7 +29,6 @@ from daemon.web.guard import (
 from daemon.web.recording_routes import RecordingRoutes
 from daemon.web.recordings import Recorder
 from daemon.web.replies import as_json, said
-from daemon.web.stopping import Command, carry_out
 
 BUILT: Final = Path(__file__).parent / "built"
 TYPES: Final = {

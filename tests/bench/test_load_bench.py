@@ -7,9 +7,11 @@ import pytest
 from click.testing import CliRunner
 
 from bench import load as bench
-from bench.load import load_targets, wear_targets
+from bench.load import armed_targets, load_targets, wear_targets
 from bench.rigs.lockstep import ROMEO
+from bench.study import armed_loads
 from bench.study import loads as study
+from bench.study.armed_loads import ArmedJob, ArmedResult, armed_load
 from bench.study.loads import TOUCHES, LoadJob, LoadResult, hand_torque, load
 from bench.study.wear import WearJob, WearResult, wear
 from daemon.config.load import load_robot
@@ -39,6 +41,29 @@ def test_targets_of_loads() -> None:
     assert met([result(0.2), result(0.5, mass=0.58)])
     assert met([result(ratio=1.2), result(0.5)])
     assert met([result(told_before=1), result(0.5)])
+
+
+def test_targets_of_armed_arms() -> None:
+    def of(mass: float, found_s: float | None, told_before: bool = False) -> ArmedResult:
+        return ArmedResult(
+            job=ArmedJob(ROMEO, "dahl", 1, mass, 60.0), felt_s=1.0, found_s=found_s, mass=mass,
+            told_before=told_before, rearmed=0, modes={},
+        )  # fmt: skip
+
+    assert all(t.met for t in armed_targets([of(0.2, 119.0), of(0.5, 7.0)]))
+    for wrong in (of(0.5, 121.0), of(0.5, None), of(0.5, 7.0, told_before=True)):
+        assert [t.met for t in armed_targets([of(0.2, 119.0), wrong])].count(False) == 1
+
+
+def test_an_armed_arm_takes_a_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(armed_loads, "WATCHED_S", 12.0)
+    found = armed_load(ArmedJob(ROMEO, "dahl", 3010, 0.5, 12.0))
+    assert found.felt_s is not None
+    assert found.felt_s < 1.0
+    assert not found.told_before
+    assert sum(found.modes.values()) <= 12.0 + 1e-6
+    if found.found_s is not None:
+        assert found.mass == pytest.approx(0.5, rel=0.3)
 
 
 def test_targets_of_wear() -> None:

@@ -4,9 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from estimator.model import Model
+from estimator.payload import Payload
 from estimator.recognition import Recognition
+from tests.examples import scaled
 
 T = 0.01
 LEVEL = np.array([0.4, 0.25, 0.2, 0.15, 0.08, 0.08, 0.08])
@@ -165,3 +169,30 @@ def test_without_one_what_is_left_is_the_thresholded_residual(romeo: Model) -> N
     r = np.array([0.5, -0.3, 0.1, 0.0, 0.1, 0.0, -0.2])
     expected = np.sign(r) * np.maximum(np.abs(r) - LEVEL, 0.0)
     np.testing.assert_allclose(Recognition(romeo, T).left(HOME, r, LEVEL), expected)
+
+
+@settings(max_examples=scaled(15), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    size=st.integers(-6, 9).map(lambda power: 10.0**power),
+    level=st.integers(-4, 3).map(lambda power: 10.0**power),
+    mass=st.floats(-200.0, 200.0),
+    amplitude=st.sampled_from([0.0, 0.01, 0.3, 1.5]),
+)
+def test_whatever_is_shown_it_answers_with_a_payload_or_none(
+    romeo: Model, seed: int, size: float, level: float, mass: float, amplitude: float
+) -> None:
+    """Residuals of any size beside any load, at levels of any size: what is found may be told."""
+    recognition, rng = Recognition(romeo, T), np.random.default_rng(seed)
+    torque, threshold = load(mass), level * LEVEL
+    for k in range(1000):
+        q, q_dot = motion(k * T, amplitude)
+        if k % 40 == 0:
+            noise = size * rng.normal(size=7)
+        residual = torque(romeo, k * T, q) + noise * (seed % 2)
+        touched = bool((np.abs(residual) > threshold).any())
+        recognition.step(q, q_dot, residual, threshold, touched=touched)
+        if (found := recognition.found) is not None:
+            assert Payload.of(found.mass, found.com) == found
+            assert mass > 0.0 or seed % 2
+    assert np.isfinite(recognition._evidence).all()

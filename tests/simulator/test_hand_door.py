@@ -9,8 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from daemon.commands.contactctl import main
+from daemon.commands.simulate import _live_hand
 from errors import BusError, ConfigurationError
-from simulator.hand import VISIT_S, Clamp, Gap, Give, Hand, Lean, Push, Release
+from simulator.hand import TAKING_S, VISIT_S, Clamp, Gap, Give, Hand, Lean, Push, Release
 from simulator.hand_door import HandDoor
 
 NAMES = ("shoulder", "elbow")
@@ -68,14 +69,18 @@ def test_gap_goes_to_both_borders_and_carries_the_weight():
     hand = a_hand(weight=lambda q: np.array([5.0, 7.0]))
     hand.take(Gap(at_s=0.0, joint="elbow", torque=1.5, times=2))
     hand.update(0.0, Q)
+    hand.update(0.5 * TAKING_S, Q)
+    assert torque(hand) == pytest.approx([0.0, 3.5])  # half of the weight, and no push yet
     pressed = []
     for visit in (0, 1):
-        hand.update((visit + 0.9) * VISIT_S, Q)
+        hand.update(TAKING_S + (visit + 0.9) * VISIT_S, Q)
         pressed.append(torque(hand)[1] - 7.0)
     assert pressed == pytest.approx([1.5, -1.5])
     # A link in motion is damped.
     assert torque(hand, Q, [0.0, 0.1])[1] == pytest.approx(7.0 - 1.5 - 0.3)
-    assert hand.update(2.1 * VISIT_S, Q) == ["end move elbow in its gap with 1.5 Nm, 2 times"]
+    assert hand.update(TAKING_S + 2.1 * VISIT_S, Q) == [
+        "end move elbow in its gap with 1.5 Nm, 2 times"
+    ]
     assert torque(hand) == [0.0, 0.0]
 
 
@@ -90,11 +95,11 @@ def door(tmp_path: Path):
         asked.append(act)
         return "done"
 
-    one, stop = HandDoor(tmp_path / "hand", take), threading.Event()
+    one, stop = HandDoor(tmp_path / "hand"), threading.Event()
 
     def serve() -> None:
         while not stop.wait(0.005):
-            one.serve()
+            one.serve(take)
 
     thread = threading.Thread(target=serve)
     thread.start()
@@ -151,21 +156,36 @@ def test_there_is_no_hand_without_a_simulator(tmp_path: Path):
 
 
 def test_a_second_simulator_is_refused_and_a_socket_left_over_is_not(tmp_path: Path):
-    first = HandDoor(tmp_path / "hand", lambda _: "")
+    first = HandDoor(tmp_path / "hand")
     assert (tmp_path / "hand").stat().st_mode & 0o777 == 0o600
     with pytest.raises(BusError, match="another simulator"):
-        HandDoor(tmp_path / "hand", lambda _: "")
+        HandDoor(tmp_path / "hand")
     first._socket.close()  # as if it had been killed
-    HandDoor(tmp_path / "hand", lambda _: "").close()
+    HandDoor(tmp_path / "hand").close()
+
+
+def test_a_simulation_beside_another_goes_without_a_live_hand_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setenv("CONTACTD_HAND", str(tmp_path / "hand"))
+    with _live_hand(None) as first, _live_hand(None) as second:
+        assert first is not None
+        assert second is None
+        assert "no live hand here: another simulator listens" in capsys.readouterr().err
+        with pytest.raises(BusError), _live_hand(tmp_path / "hand"):
+            pass
+        with _live_hand(tmp_path / "other") as third:
+            assert third is not None
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_client_that_says_nothing_or_nonsense_does_no_harm(tmp_path: Path):
-    door = HandDoor(tmp_path / "hand", lambda _: "")
+    door = HandDoor(tmp_path / "hand")
     for said in (b"", b"{", b"\xff\n", b"[]\n", b'{"act": "fly"}\n'):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
             client.connect(str(door.path))
             client.sendall(said)
             client.shutdown(socket.SHUT_WR)
-            door.serve()
+            door.serve(lambda _: "")
             assert b'"ok":false' in client.recv(4096)
     door.close()

@@ -28,8 +28,8 @@ TCP_BUS = {"interface": "socketcand", "host": "127.0.0.1", "port": 29539, "chann
 EXAMPLES = Path(__file__).resolve().parents[2] / "systemd" / "examples"
 
 _CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-_DROP_INS = Path("/run/systemd/system/contactd.service.d")
-_OURS = _DROP_INS / "system-test.conf"
+DROP_INS = Path("/run/systemd/system/contactd.service.d")
+_OURS = DROP_INS / "system-test.conf"
 
 
 def run(*command: str, check: bool = False) -> subprocess.CompletedProcess[str]:
@@ -90,8 +90,8 @@ class Service:
     def configure(self, *lines: str, unit: tuple[str, ...] = ()) -> None:
         """Have the unit run our robot; more `lines` for [Service] and `unit` for [Unit]."""
         command = self.show("ExecStart").split("path=")[1].split(" ;")[0]
-        _DROP_INS.mkdir(parents=True, exist_ok=True)
-        text = ["[Unit]", "StartLimitIntervalSec=0", *unit, "[Service]", "WatchdogSec=60"]
+        DROP_INS.mkdir(parents=True, exist_ok=True)
+        text = ["[Unit]", *unit, "[Service]", "WatchdogSec=60"]
         text += ["TimeoutStartSec=infinity", "TimeoutStopSec=infinity", *lines]
         text += ["ExecStart=", f"ExecStart={command} run {self.robot}"]
         _OURS.write_text("\n".join(text) + "\n")
@@ -102,7 +102,7 @@ class Service:
 
     def replace_bus(self, drop_in: Path) -> None:
         """Put a file in the place of the bus.conf that was installed."""
-        (_DROP_INS / "bus.conf").write_text(drop_in.read_text())
+        (DROP_INS / "bus.conf").write_text(drop_in.read_text())
         run("systemctl", "daemon-reload", check=True)
 
     def forget(self) -> None:
@@ -111,7 +111,7 @@ class Service:
         run("systemctl", "kill", "--signal=SIGKILL", SERVICE)
         run("systemctl", "stop", SERVICE)
         run("systemctl", "reset-failed", SERVICE)
-        for path in (_OURS, _DROP_INS / "bus.conf"):
+        for path in (_OURS, DROP_INS / "bus.conf"):
             path.unlink(missing_ok=True)
         run("systemctl", "daemon-reload", check=True)
 

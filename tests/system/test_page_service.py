@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.protocol.doors import DOORS, Door, view_socket_path
+from contactd_client.paths import view_socket_path
+from daemon.protocol.doors import DOORS, Door
 from daemon.protocol.messages import COMMANDS
 from tests.system.stand import Service, Simulator, run, wait_for
 

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.stand import SERVICE, Service, Simulator, run, wait_for
+from tests.system.stand import DROP_INS, SERVICE, Service, Simulator, run, wait_for
 
 LOST = "heartbeat of the master lost, quick stop"
 SOCKET = Path("/run/contactd/control")
+STATE = Path("/var/lib/contactd")
 
 
 def energised(service: Service) -> bool:
@@ -185,11 +186,10 @@ def test_stopped_in_motion_it_brakes_holds_and_lets_go_in_this_order(
     service.wait_for_mode("tracking")
     service.stop()
     assert service.show("Result") == "success"
-    *lines, ended, left_over = service.log()
+    *lines, ended = service.log()
     changes = [line.split("] ")[1].split(":")[0] for line in lines if "[mode " in line]
     assert changes[-3:] == ["tracking -> stopping", "stopping -> holding", "holding -> off"]
     assert ended.endswith("ended: hold: joint")
-    assert left_over.endswith("nothing is left over")  # for the black box to save
     # It took its leave: the drives do not miss it.
     assert not simulator.told(LOST)
 
@@ -201,19 +201,62 @@ def test_a_wrong_configuration_is_not_tried_again(service: Service) -> None:
     wait_for(lambda: service.show("ActiveState") == "failed", "the end")
     assert service.show("ExecMainStatus") == "78"
     assert service.show("NRestarts") == "0"
-    (line,) = [line for line in service.log() if "period_ms" in line]
+    line = service.log()[-1]
     assert line.startswith("<3>")
+    assert "period_ms" in line
+    assert service.show("StatusText") == f"failed: {line[3:]}"
 
 
-def test_without_drives_it_is_tried_again_a_few_times_and_then_no_more(
-    service: Service,
+def test_without_drives_it_is_tried_until_they_are_there_and_no_start_is_one_too_many(
+    service: Service, vcan: bool
 ) -> None:
-    service.configure("RestartSec=0", unit=("StartLimitIntervalSec=infinity", "StartLimitBurst=3"))
-    run("systemctl", "start", SERVICE)
-    limit = "Start request repeated too quickly"
-    wait_for(lambda: any(limit in line for line in systemd_lines()), "the limit")
-    assert service.show("ExecMainStatus") == "69"
-    assert service.show("ActiveState") == "failed"
-    errors = [line for line in service.log() if line.startswith("<3>")]
-    assert len(errors) == 3
-    assert service.show("NRestarts") == "3"
+    logs = set(STATE.glob("frames-*"))
+    service.configure("RestartSec=1")
+    for number in range(7):
+        assert run("systemctl", "restart", SERVICE).returncode != 0
+        wait_for(lambda: service.show("SubState") == "auto-restart", "the next try")
+        assert service.show("Result") != "start-limit-hit"
+        assert len([line for line in service.log() if line.startswith("<3>")]) > number
+    service.configure("RestartSec=600")
+    run("systemctl", "restart", SERVICE)
+    wait_for(lambda: service.show("SubState") == "auto-restart", "a pause")
+    line = service.log()[-1]
+    assert line.startswith("<3>")
+    shown = run("systemctl", "status", SERVICE).stdout
+    assert f'Status: "failed: {line[3:]}"' in shown
+    assert set(STATE.glob("frames-*")) == logs, "there is nothing to tell of a start that failed"
+    service.configure("RestartSec=1")
+    run("systemctl", "restart", SERVICE)
+    assert run("systemctl", "start", SERVICE).returncode != 0, "it joins the next try"
+    wait_for(lambda: int(service.show("NRestarts")) > 6, "7 more tries of its own")
+    with Simulator(service.robot):
+        wait_for(lambda: service.show("ActiveState") == "active", "readiness, by itself")
+
+
+def test_without_can0_a_start_says_so(service: Service, vcan: bool) -> None:
+    device = "sys-subsystem-net-devices-can0.device"
+    assert (
+        run("systemctl", "show", "--value", "-p", "JobRunningTimeoutUSec", device).stdout == "5s\n"
+    )
+    if run("ip", "link", "show", "can0").returncode == 0:
+        run("ip", "link", "delete", "can0", check=True)
+    (DROP_INS / "bus.conf").unlink(missing_ok=True)
+    run("systemctl", "daemon-reload", check=True)
+    assert run("systemctl", "start", SERVICE).returncode != 0
+    assert service.show("ActiveState") == "inactive"
+    wait_for(lambda: any("on can0" in line for line in systemd_lines()), "the reason")
+    assert "on can0" in run("systemctl", "status", SERVICE).stdout
+
+
+def test_a_helper_of_the_black_box_that_is_killed_is_begun_anew(
+    service: Service, simulator: Simulator
+) -> None:
+    service.start()
+    helpers = run("pgrep", "-f", "daemon.service.black_box").stdout.split()
+    assert len(helpers) == 1
+    run("kill", "-9", *helpers, check=True)
+    wait_for(lambda: any("it is begun anew" in line for line in service.log()), "another")
+    again = run("pgrep", "-f", "daemon.service.black_box").stdout.split()
+    assert len(again) == 1
+    assert again != helpers
+    assert service.show("ActiveState") == "active"

@@ -17,10 +17,12 @@ ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.skipif(not shutil.which("make"), reason="needs make")
 
 
-def make(target: str, root: Path, **variables: str) -> subprocess.CompletedProcess[str]:
-    words = ["make", "-C", str(ROOT), target, f"DESTDIR={root}"]
+def make(
+    target: str, root: Path, umask: int = 0o022, clone: Path = ROOT, **variables: str
+) -> subprocess.CompletedProcess[str]:
+    words = ["make", "-C", str(clone), target, f"DESTDIR={root}"]
     words += [f"{name}={value}" for name, value in variables.items()]
-    return subprocess.run(words, capture_output=True, text=True, check=False)
+    return subprocess.run(words, capture_output=True, text=True, check=False, umask=umask)
 
 
 def files(root: Path) -> set[str]:
@@ -33,7 +35,13 @@ def installed(tmp_path: Path) -> Path:
     assert make("install-files", tmp_path).returncode == 0
     environment = tmp_path / "opt/contactd"
     (environment / "bin").mkdir()
-    for name in ("bin/contactd", "bin/contactctl", "bin/contactd-web", "pyvenv.cfg"):
+    for name in (
+        "bin/contactd",
+        "bin/contactctl",
+        "bin/contactd-web",
+        "bin/contactd-zenoh",
+        "pyvenv.cfg",
+    ):
         (environment / name).touch()
     return tmp_path
 
@@ -83,6 +91,80 @@ def test_uninstall_leaves_the_configuration_and_nothing_else(installed: Path) ->
     done = make("uninstall", installed)
     assert done.returncode == 0, done.stderr
     assert files(installed) == {f"etc/contactd/{name}" for name in before}
+    assert not (installed / "usr/local/lib/systemd").exists()
+    assert not (installed / "usr/local/lib/sysusers.d").exists()
+
+
+def test_a_folder_that_others_use_is_left(installed: Path) -> None:
+    other = installed / "usr/local/lib/systemd/system/other.service"
+    other.touch()
+    assert make("uninstall", installed).returncode == 0
+    assert other.exists()
+
+
+@pytest.mark.parametrize("umask", [0o077, 0o027])
+def test_whatever_the_umask_everybody_may_read_what_is_installed(
+    tmp_path: Path, umask: int
+) -> None:
+    done = make("install-files", tmp_path, umask)
+    assert done.returncode == 0, done.stderr
+    for path in tmp_path.rglob("*"):
+        if not path.is_symlink():
+            assert path.stat().st_mode & (0o005 if path.is_dir() else 0o004), path
+            assert not path.stat().st_mode & 0o022, path
+
+
+@pytest.fixture
+def my_arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A robot's folder, with what collects in one; its EDS is a link to another's."""
+    folder = tmp_path_factory.mktemp("robots") / "my_arm"
+    shutil.copytree(ROOT / "configs/romeo_left_arm", folder)
+    (folder / "touch.mcap").touch()
+    (folder / "drive.eds").unlink()
+    (folder / "drive.eds").symlink_to(ROOT / "configs/romeo_left_arm/drive.eds")
+    return folder
+
+
+def test_the_folder_of_a_robot_is_installed_and_kept(tmp_path: Path, my_arm: Path) -> None:
+    done = make("install-files", tmp_path, ROBOT=str(my_arm))
+    assert done.returncode == 0, done.stderr
+    there = tmp_path / "etc/contactd"
+    assert files(there) == files(my_arm) - {"touch.mcap"}
+    assert load_robot(there).text == (my_arm / "config.yaml").read_text()
+    assert not (there / "drive.eds").is_symlink()
+    identified = (there / "identified.yaml").read_text()
+    assert identified == (my_arm / "identified.yaml").read_text()
+    (my_arm / "identified.yaml").write_text("another\n")
+    again = make("install-files", tmp_path, ROBOT=str(my_arm))
+    assert f"kept as it is; ROBOT={my_arm} is not copied" in again.stdout
+    assert (there / "identified.yaml").read_text() == identified
+
+
+def test_of_configs_only_the_examples_are_installed(tmp_path: Path, my_arm: Path) -> None:
+    clone = tmp_path / "clone"
+    for name in ("configs", "systemd"):
+        shutil.copytree(ROOT / name, clone / name)
+    (clone / "docs").mkdir()
+    shutil.copy(ROOT / "Makefile", clone)
+    shutil.move(my_arm, clone / "configs/my_arm")
+    (clone / "configs/desk_arm/touch.mcap").touch()
+    assert make("install-files", tmp_path / "root", clone=clone).returncode == 0
+    examples = tmp_path / "root/opt/contactd/share/contactd/configs"
+    assert not list(examples.rglob("*.mcap"))
+    names = {path.name for path in examples.iterdir()}
+    assert names == {"desk_arm", "romeo_left_arm", "single_joint"}
+    for name in names:
+        load_robot(examples / name)
+
+
+@pytest.mark.parametrize("target", ["install-files", "install-env"])
+def test_a_folder_that_is_no_robot_is_refused_before_anything_is_done(
+    tmp_path: Path, target: str
+) -> None:
+    done = make(target, tmp_path, ROBOT="configs")
+    assert done.returncode != 0
+    assert "ROBOT=configs: no config.yaml is there" in done.stdout
+    assert not list(tmp_path.iterdir())
 
 
 def test_another_prefix_is_where_everything_points_to(tmp_path: Path) -> None:
@@ -90,8 +172,12 @@ def test_another_prefix_is_where_everything_points_to(tmp_path: Path) -> None:
     unit = (tmp_path / "usr/local/lib/systemd/system/contactd.service").read_text()
     assert "ExecStart=/srv/feel/bin/contactd run /etc/contactd\n" in unit
     assert "/opt/contactd" not in unit
-    link = tmp_path / "usr/local/bin/contactctl"
-    assert link.readlink() == Path("/srv/feel/bin/contactctl")
+    for name in (
+        "bin/contactctl",
+        "share/man/man1/contactctl.1",
+        "share/zsh/site-functions/_contactd",
+    ):
+        assert (tmp_path / "usr/local" / name).readlink() == Path("/srv/feel") / name
 
 
 @pytest.mark.parametrize("target", ["install-env", "uninstall"])

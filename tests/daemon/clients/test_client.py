@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-from daemon.clients import client as client_module
 from daemon.clients.client import Client
 from daemon.protocol.messages import Reply, State
 from errors import ControlError, UnreachableError
@@ -117,7 +116,7 @@ def test_who_may_not_use_the_socket_is_told_how_to_be_let_in(
             raise group
         return group
 
-    monkeypatch.setattr(client_module.socket.socket, "connect", denied)
+    monkeypatch.setattr(socket.socket, "connect", denied)
     monkeypatch.setattr(Path, "group", group_of)
     with pytest.raises(UnreachableError) as caught:
         Client(fake_daemon.path)

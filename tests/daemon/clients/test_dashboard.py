@@ -12,6 +12,7 @@ from daemon.clients.dashboard import (
     MODE_STYLES,
     Dashboard,
     History,
+    Lag,
     Summary,
     gap_bar,
     not_seen_to_stand,
@@ -64,6 +65,19 @@ def test_fits(dashboard: Any, width: int, height: int, encoding: str) -> None:
     for joint, threshold in zip(frame.snapshot.joints, ["0.80", "0.50", "0.40"], strict=False):
         assert any(joint in line and threshold in line for line in joints)
     assert any("x" * 40 in line for line in lines)
+
+
+def test_a_picture_of_the_past_says_so(dashboard: Any) -> None:
+    lag = Lag()
+    # The reader comes to a state 0.2 s after it was sent at best, later 0.9 s.
+    seen = [lag.of(100.0 + now, time_s) for now, time_s in ((0.3, 0.0), (1.2, 1.0), (2.9, 2.0))]
+    assert seen == pytest.approx([0.0, 0.0, 0.7])
+    frame = dashboard(range(0, 131))
+    for lag_s, told in ((0.0, False), (0.4, False), (0.7, True)):
+        late = Dashboard(frame.snapshot, frame.state, frame.summary, lag_s)
+        lines = text_of(late, 80, 24)
+        assert any("this picture is 0.7 s old" in line for line in lines) is told
+        assert len(lines) <= 23
 
 
 def test_shows_what_matters(dashboard: Any) -> None:

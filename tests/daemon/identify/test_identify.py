@@ -308,7 +308,7 @@ def test_a_new_drive_forgets_what_was_known_of_the_old(folder):
         ("joints: {elbow: {}}\n", "no joint elbow"),
         (
             "version: 1\njoints: {joint: {gap: {date: d, log: l, half_gap: -1, confidence: 0}}}\n",
-            ">= 0",
+            "at least 0",
         ),
     ],
 )

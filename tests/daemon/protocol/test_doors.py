@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.protocol.doors import DOORS, Door, refusal, view_socket_path
+from contactd_client.paths import view_socket_path
+from daemon.protocol.doors import DOORS, Door, refusal
 from daemon.protocol.messages import AWAITED, COMMANDS
 
 # Written out, so that a new command is refused by the view door until somebody decides otherwise.

@@ -13,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from daemon.protocol.doors import DOORS, Door, view_socket_path
+from contactd_client import paths
+from contactd_client.paths import default_socket_path, usual_socket_path, view_socket_path
+from daemon.protocol.doors import DOORS, Door
 from daemon.protocol.messages import Reply
-from daemon.protocol.socket_path import default_socket_path
 from daemon.service.socket import ControlSocket
 from errors import ControlError
 
@@ -145,6 +146,26 @@ def test_default_path(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", "")
     monkeypatch.setattr(os, "getuid", lambda: 987_654)
     assert default_socket_path() == Path("/tmp/contactd-987654.sock")
+
+
+def test_clients_look_for_the_installed_service_also_before_it_ever_ran(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("CONTACTD_SOCKET", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(paths, "SERVICE_SOCKET", tmp_path / "run/control")
+    monkeypatch.setattr(paths, "UNIT_FOLDERS", (tmp_path / "a", tmp_path / "b"))
+    mine = tmp_path / "contactd.sock"
+    assert usual_socket_path() == mine
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b/contactd.service").touch()
+    assert usual_socket_path() == tmp_path / "run/control"
+    mine.touch()
+    assert usual_socket_path() == mine, "a daemon of one's own is nearer"
+    (tmp_path / "run").mkdir()
+    assert usual_socket_path() == tmp_path / "run/control"
+    monkeypatch.setenv("CONTACTD_SOCKET", "/somewhere/else")
+    assert usual_socket_path() == Path("/somewhere/else")
 
 
 def test_default_path_of_another_user_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

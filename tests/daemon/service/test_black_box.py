@@ -229,6 +229,51 @@ def test_kill_9_with_the_real_helper(path, logs):
     assert ids(log) == [0x200 + k for k in range(300)]
 
 
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_start_that_failed_leaves_no_log(path, logs, begun):
+    def fail():
+        with BlackBox(path, logs, 10.0) as box:
+            box.ring.put(time.monotonic(), 0x581, b"", False)
+            if begun:
+                box.begin()
+            raise OSError("a drive does not answer")
+
+    with pytest.raises(OSError, match="does not answer"):
+        fail()
+    end = time.monotonic() + 20.0
+    while path.exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    assert len(list(logs.glob("*.blf"))) == int(begun)
+
+
+def test_a_helper_that_was_killed_is_begun_anew_and_hears_of_the_fault(path, logs, caplog):
+    with BlackBox(path, logs, 10.0) as box:
+        box.begin()
+        box.ring.put(time.monotonic(), 0x181, b"", False)
+        first = box._helper
+        first.kill()
+        first.wait()
+        for _ in range(15):
+            box.tell("heartbeat lost")
+        assert not caplog.records
+        box.look_after(100.0)
+        assert box._helper is not first
+        assert [r.message for r in caplog.records] == [
+            "the black box's helper ended (-9): it is begun anew"
+        ]
+        end = time.monotonic() + 20.0
+        while not list(logs.glob("*.blf")) and time.monotonic() < end:
+            time.sleep(0.05)
+        (log,) = logs.glob("*.blf")
+        box._helper.kill()
+        box._helper.wait()
+        box.look_after(101.0)
+        assert len(caplog.records) == 1, "not all the time"
+        box.look_after(110.0)
+        assert len(caplog.records) == 2
+    assert ids(log) == [0x181]
+
+
 # A helper that holds the ring and does not get on with its log.
 BUSY = (
     "import fcntl, sys, time; ring = open(sys.argv[1], 'rb'); fcntl.flock(ring, fcntl.LOCK_EX)\n"
@@ -363,6 +408,6 @@ def test_by_hand(tmp_path, monkeypatch):
     assert result.exit_code == 0
     assert len(list((tmp_path / "state").iterdir())) == 1
     result = CliRunner().invoke(main, [*run, "--left-over"], catch_exceptions=False)
-    assert (result.exit_code, result.output) == (0, "nothing is left over\n")
+    assert (result.exit_code, result.output) == (0, "")
     result = CliRunner().invoke(main, run, catch_exceptions=False)
     assert result.exit_code == 65

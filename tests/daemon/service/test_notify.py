@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.service.notify import Notifier, notifier_of
+from daemon.service.notify import Notifier, notifier_of, why_told
+from errors import DriveError
 
 T = 0.01
 Connect = Callable[..., Notifier]
@@ -140,3 +141,17 @@ def test_the_timeout_comes_from_the_environment(
 ) -> None:
     with closing(notifier_of(environment, os.getpid())) as notifier:
         assert notifier.feed_every_s == feed_every_s
+
+
+def test_an_error_that_ends_the_process_is_its_status(manager: socket.socket) -> None:
+    there = {"NOTIFY_SOCKET": address_of(manager)}
+    with pytest.raises(DriveError), why_told(there, os.getpid()):
+        raise DriveError("LElbowRoll (node 3):\ndoes not answer")
+    with pytest.raises(ZeroDivisionError), why_told(there, os.getpid()):
+        raise ZeroDivisionError
+    with why_told(there, os.getpid()):
+        pass
+    assert received(manager) == [
+        b"STATUS=failed: LElbowRoll (node 3): does not answer",
+        b"STATUS=failed: ZeroDivisionError",
+    ]

@@ -22,7 +22,7 @@ CUP = PayloadEntry(mass=0.3, com=(0.2, 0.0, 0.1))
 def test_it_is_told_shown_and_taken_off(served: ServedDaemon) -> None:
     assert (
         served.contactctl("payload").stdout
-        == "none was told since the daemon started; what was told before is forgotten\n"
+        == "none; what was told before the daemon started is forgotten\n"
     )
     result = served.contactctl("payload", "0.4", "--com", "0.1", "0", "-0.05")
     assert (result.exit_code, result.stdout) == (0, "payload: 0.4 kg at (0.100 0.000 -0.050) m\n")
@@ -44,6 +44,8 @@ def test_it_is_told_shown_and_taken_off(served: ServedDaemon) -> None:
         (["-1"], 1, "-1 kg is no payload: more than 0, at most 100 kg"),
         (["nan"], 2, "nan is not a mass"),
         (["101"], 1, "at most 100 kg"),
+        (["0.4", "--com", "0", "nan", "0"], 2, "--com 0.0 nan 0.0 is not a place"),
+        (["0,4"], 1, "a mass is a plain number, in kg"),
         (["1", "--com", "0", "0", "3"], 1, "(0 0 3) m is no place"),
         (["cup", "--com", "0", "0", "0"], 2, "'cup' is a name"),
         (["--com", "0", "0", "0"], 2, "--com belongs to a mass"),
@@ -70,6 +72,36 @@ def test_its_fields_belong_to_it(served: ServedDaemon, client: Client) -> None:
         reply = served.until(lambda asked=request: client.ask(asked))
         assert not reply.ok
         assert reason in reply.reasons[0]
+
+
+def test_a_program_is_refused_what_does_not_go_together(
+    served: ServedDaemon, client: Client
+) -> None:
+    place = (0.0, 0.0, 0.1)
+    for asked in (
+        lambda: client.payload(0.4, name="cup"),
+        lambda: client.payload(com=place),
+        lambda: client.payload(com=place, name="cup"),
+    ):
+        reply = served.until(asked)
+        assert not reply.ok
+        assert "it takes a `name`, or a `mass` with its `com`" in reply.reasons[0]
+
+
+def test_what_holds_a_recognised_load_says_what_to_do(served: ServedDaemon, client: Client) -> None:
+    rig = served.rig
+    rig.enable()
+    rig.request(Event.START)
+    served.run(1.0)
+    rig.request(Event.PAUSE)
+    served.run(1.0)
+    rig.tick.loads._recognition.found = Payload.of(0.4, rig.tick.estimator.model.tool_place)
+    status = served.until(client.ask_status)
+    assert status.recognised == "looks like a load of 0.4 kg at the hand: `contactctl payload 0.4`"
+    assert status.advice.splitlines() == [
+        "tell what the hand carries (`contactctl payload 0.4`), or take it away",
+        "`contactctl start` goes on with the trajectory",
+    ]
 
 
 def test_it_is_refused_while_somebody_guides_the_arm(served: ServedDaemon) -> None:

@@ -125,3 +125,28 @@ def test_a_gain_needs_its_joint_and_belongs_to_its_command(
     ):
         reply = served.until(lambda asked=request: client.ask(asked))
         assert (reply.ok, reply.reasons) == (False, [reason])
+
+
+# --- the black box's helper ---------------------------------------------------------------------
+
+
+def test_the_helper_is_looked_after_while_nothing_moves(served: ServedDaemon) -> None:
+    seen: list[Mode] = []
+
+    class Box:
+        def look_after(self, _: float) -> None:
+            seen.append(served.rig.mode)
+
+        def tell(self, fault: str) -> None: ...
+
+    served.service.black_box = Box()
+    served.run(3.0)
+    served.rig.enable()
+    served.run(3.0)
+    assert set(seen) == {Mode.OFF, Mode.HOLDING}
+    assert len(seen) == pytest.approx(served.rig.tick.number / 100, abs=1)
+    assert served.contactctl("start").exit_code == 0
+    before = len(seen)
+    served.run(3.0)
+    assert served.rig.mode is Mode.TRACKING
+    assert len(seen) == before

@@ -147,6 +147,35 @@ def test_it_is_held_in_the_middle_of_being_led_by_it(rig: Rig) -> None:
     assert rig.mode is Mode.TRACKING, said
 
 
+def test_a_person_who_was_taken_for_a_load_lets_go_and_nothing_moves(rig: Rig) -> None:
+    """A pull of constant force, straight down, is a load to the residual. The arm holds; it does
+    not go on by itself when the hand is gone, and yields to the next touch."""
+    rig.run(20.0)
+    assert not rig.permit()
+    give(rig, JUG)
+    rig.run(0.1)
+    for _ in range(1000):
+        if rig.mode is Mode.HOLDING:
+            break
+        believe(rig, JUG)
+        rig.step()
+    assert rig.mode is Mode.HOLDING
+    q = rig.samples.link_position.copy()
+    level = rig.tick.estimator.detector.levels.contact_at(0, 0.0)
+    give(rig, None)
+    said = news(rig, 6.0)
+    assert rig.mode is Mode.HOLDING, said
+    assert rig.last.payload is None
+    assert rig.tick.estimator.detector.levels.contact_at(0, 0.0) == pytest.approx(level, rel=0.05)
+    np.testing.assert_allclose(rig.samples.link_position, q, atol=0.03)  # links fall through gaps
+    rig.arm.external_torque[3] = 2.5
+    rig.run(0.5)
+    assert rig.mode is Mode.ADMITTANCE
+    rig.run(0.6)
+    assert rig.tick.loads.found is None
+    rig.arm.external_torque[3] = 0.0
+
+
 def test_it_is_forgotten_with_the_drives(rig: Rig) -> None:
     give(rig, CUP)
     believe(rig, CUP)

@@ -66,6 +66,16 @@ def test_a_day_that_is_none_is_damaged(tmp_path: Path) -> None:
     assert read_days(tmp_path, until=LATE).damaged == (str(tmp_path / "2026-06-31.json"),)
 
 
+def test_what_cannot_be_set_aside_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def read_only(*_: object) -> None:
+        raise OSError(30, "Read-only file system")
+
+    (tmp_path / "2026-06-04.json").write_text("{")
+    monkeypatch.setattr(Path, "rename", read_only)
+    (said,) = read_days(tmp_path, until=LATE, set_aside=True).words
+    assert said.endswith("2026-06-04.json: Read-only file system")
+
+
 def test_days_to_come_and_what_cannot_be_read_stay_and_are_left_out(tmp_path: Path) -> None:
     for date in ("2026-06-03", "2026-06-04", "2099-01-01"):
         write_day(tmp_path, record(date))

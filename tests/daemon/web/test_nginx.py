@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from daemon.protocol.doors import view_socket_path
+from contactd_client.paths import view_socket_path
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLE = ROOT / "systemd/examples/web-nginx.conf"

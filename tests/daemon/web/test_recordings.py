@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from bench.rigs.visitor import visiting
-from daemon.protocol.doors import view_socket_path
+from contactd_client.paths import view_socket_path
 
 FakeDaemon = Any  # of tests/daemon/conftest.py, which nothing imports
 

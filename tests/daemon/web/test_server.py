@@ -13,13 +13,13 @@ import msgspec
 import pytest
 
 from bench.rigs.visitor import PATIENCE_S, messages, visiting
+from contactd_client.paths import view_socket_path
+from daemon.clients.stopping import carry_out
 from daemon.modes.table import Mode
-from daemon.protocol.doors import view_socket_path
 from daemon.protocol.messages import Reply
 from daemon.web import frames
 from daemon.web.guard import COMMAND_HEADER
 from daemon.web.serve import listen
-from daemon.web.stopping import carry_out
 from errors import UnreachableError
 
 FakeDaemon = Any  # of tests/daemon/conftest.py, which nothing imports
@@ -129,7 +129,7 @@ def test_a_daemon_that_hangs_is_not_reached_in_time(tmp_path: Path) -> None:
 def test_a_throng_outside_the_view_socket_only_delays_a_stop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("daemon.web.stopping.WITHIN_S", PATIENCE_S)
+    monkeypatch.setattr("daemon.clients.stopping.WITHIN_S", PATIENCE_S)
     path = tmp_path / "full-view.sock"
 
     async def visit(full: socket.socket) -> None:

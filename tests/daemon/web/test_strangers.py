@@ -14,7 +14,7 @@ import pytest
 
 from bench.rigs.page import ticks_in
 from bench.rigs.visitor import PATIENCE_S, TOKEN, messages, token_file, visiting
-from daemon.protocol.doors import view_socket_path
+from contactd_client.paths import view_socket_path
 from daemon.web import server
 from daemon.web.guard import COOKIE
 from daemon.web.serve import settings_of

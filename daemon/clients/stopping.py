@@ -1,4 +1,4 @@
-"""Stop and disarm from the page, and whether the arm was seen to stand: independent of the stream.
+"""Stop and disarm from elsewhere, and whether the arm was seen to stand: independent of the stream.
 
 Over a connection of its own, so that it works while the picture is stale. Within a second a person
 knows: it stands, or it was not reached, or it has not been seen to stand yet.
@@ -10,9 +10,9 @@ from typing import Final, Literal
 
 import msgspec
 
+from daemon.clients.link import Link
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Reply, Request
-from daemon.web.link import Link
 from errors import ContactdError
 
 WITHIN_S: Final = 0.8  # of the second that a person waits: the network takes the rest

@@ -1,0 +1,104 @@
+"""Client that waits: one thread, one connection. `contactd_client.aio` has the same for asyncio."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from contactd_client.connection import ANSWER_S, Connection, patience_s
+from contactd_client.errors import ContactdError
+from contactd_client.messages import Reply, Request, Snapshot, State, Status
+from contactd_client.packets import decode_reply, decode_state, encode, snapshot_of, status_of
+from contactd_client.paths import usual_socket_path, view_socket_path
+
+RETRY_S: Final = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """A daemon was found; its States come now."""
+
+    snapshot: Snapshot
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """The daemon is gone, silent, or never was there: nothing is known of the arm."""
+
+    why: str
+
+
+class Client:
+    """One connection to a daemon, from construction to `close`.
+
+    `path` is one of its two sockets; by default the view socket, which lets nothing move. Raises
+    UnreachableError if there is no daemon, this user may not ask it, or it does not answer within
+    `timeout_s` [s]; ControlError for an answer that is not understood.
+    """
+
+    def __init__(self, path: Path | None = None, timeout_s: float = ANSWER_S) -> None:
+        self._timeout_s = timeout_s
+        self._connection = Connection(path or view_socket_path(usual_socket_path()), timeout_s)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection; the arm is disarmed if this connection had armed it."""
+        self._connection.close()
+
+    def ask(self, request: Request) -> Reply:
+        """Send a request and wait for the answer, which may be a refusal: look at `ok`. It is never
+        sent twice."""
+        patience = patience_s(request["command"], self._timeout_s)
+        return decode_reply(self._connection.exchange(encode(request), patience))
+
+    def status(self) -> Status:
+        """The daemon's Status. Raises ControlError where it is refused."""
+        return status_of(self.ask({"command": "status"}))
+
+    def states(self) -> tuple[Snapshot, Iterator[State]]:
+        """Snapshot, and an iterator over every State from then on.
+
+        The iterator never ends by itself: it raises UnreachableError when the daemon is gone or
+        silent. A reader that is too slow misses States: look at their `tick`. Ask nothing more on
+        this connection.
+        """
+        return snapshot_of(self.ask({"command": "subscribe"})), self._iterate()
+
+    def _iterate(self) -> Iterator[State]:
+        while True:
+            yield decode_state(self._connection.packet())
+
+
+def follow(
+    path: Path | None = None, *, timeout_s: float = ANSWER_S, retry_s: float = RETRY_S
+) -> Iterator[Joined | Lost | State]:
+    """Every State for ever, over as many connections as it takes, tried each `retry_s` [s].
+
+    Each connection begins with `Joined`; `Lost` comes once whenever there is none, and again when
+    the reason is another. `path` and `timeout_s` are as of Client.
+    """
+    told = ""
+    while True:
+        try:
+            with Client(path, timeout_s) as client:
+                snapshot, states = client.states()
+                told = ""
+                yield Joined(snapshot)
+                yield from states
+        except ContactdError as error:
+            if str(error) != told:
+                told = str(error)
+                yield Lost(told)
+        time.sleep(retry_s)

@@ -1,0 +1,99 @@
+"""Connection to a daemon's socket: packets, each one message of JSON. Blocking."""
+
+import socket
+import time
+from pathlib import Path
+from typing import Final
+
+from contactd_client.errors import ControlError, UnreachableError
+from contactd_client.paths import why_unreachable
+
+# More than the daemon's socket can hold (twice its send buffer).
+MAX_PACKET_BYTES: Final = 2 << 20
+ANSWER_S: Final = 2.0
+# Before these all drives are read, and those that are set up again may have to boot.
+SLOW_COMMANDS: Final = frozenset({"enable", "reset"})
+SLOW_PATIENCE_S: Final = 30.0
+
+_RETRY_S = 0.001  # where too many wait outside: whoever asks oftener gets in
+
+
+def patience_s(command: str, timeout_s: float) -> float:
+    """Time [s] after which the answer to `command` comes no more."""
+    return max(SLOW_PATIENCE_S, timeout_s) if command in SLOW_COMMANDS else timeout_s
+
+
+class Connection:
+    """One connection, from construction to `close`.
+
+    Raises UnreachableError if there is no daemon, this user may not ask it, or it does not answer
+    within `timeout_s` [s].
+    """
+
+    def __init__(self, path: Path, timeout_s: float = ANSWER_S) -> None:
+        self._timeout_s = timeout_s
+        self._socket = _connect(path, timeout_s)
+        self._buffer = bytearray(MAX_PACKET_BYTES)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._socket.close()
+
+    def exchange(self, request: bytes, timeout_s: float) -> bytes:
+        """Send a request and wait for its answer, for `timeout_s` [s] at most. The connection is
+        closed where none comes."""
+        if self._socket.fileno() < 0:
+            raise UnreachableError("this connection is closed; connect again")
+        self._socket.settimeout(timeout_s)
+        try:
+            self._socket.send(request)
+        except (BrokenPipeError, ConnectionResetError):
+            pass  # it may have sent the reason before it closed: read on
+        except TimeoutError:
+            raise UnreachableError("the daemon is silent: it reads no requests") from None
+        try:
+            answer = self.packet("does not answer; is it still starting?")
+        except UnreachableError:
+            # A late answer would be taken for the answer to the next request.
+            self.close()
+            raise
+        self._socket.settimeout(self._timeout_s)
+        return answer
+
+    def packet(self, silence: str = "fell silent") -> bytes:
+        """Next message, as it was sent. If none comes, the error reads "the daemon {silence}".
+        Raises ControlError for one that is larger than any daemon sends."""
+        try:
+            try:
+                size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
+            except ConnectionResetError:
+                # Reported once, ahead of the messages that the daemon sent before it closed.
+                size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
+        except TimeoutError:
+            raise UnreachableError(f"the daemon {silence}") from None
+        except OSError as error:
+            raise UnreachableError(f"the daemon closed the connection ({error.strerror})") from None
+        if size == 0:
+            raise UnreachableError("the daemon closed the connection")
+        if flags & socket.MSG_TRUNC:
+            raise ControlError(f"the daemon sent more than {MAX_PACKET_BYTES} bytes at once")
+        return bytes(memoryview(self._buffer)[:size])
+
+
+def _connect(path: Path, timeout_s: float) -> socket.socket:
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    connection.settimeout(timeout_s)
+    deadline = time.monotonic() + timeout_s
+    try:
+        while True:
+            try:
+                connection.connect(str(path))
+            except BlockingIOError:  # its queue of connections is full
+                if time.monotonic() > deadline:
+                    raise TimeoutError from None
+                time.sleep(_RETRY_S)
+            else:
+                return connection
+    except OSError as error:
+        connection.close()
+        raise UnreachableError(why_unreachable(path, error)) from error

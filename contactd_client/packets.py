@@ -1,0 +1,63 @@
+"""Messages as they travel: a request as JSON, an answer or a State out of it. Pure."""
+
+import json
+from typing import Any, cast
+
+from contactd_client.errors import ControlError
+from contactd_client.messages import STATE_FORMAT, Reply, Request, Snapshot, State, Status
+
+
+def encode(request: Request) -> bytes:
+    """The request as a packet. Raises ControlError for what is no JSON."""
+    try:
+        return json.dumps(request, separators=(",", ":"), allow_nan=False).encode()
+    except (TypeError, ValueError) as error:
+        raise ControlError(f"no request: {error}") from error
+
+
+def decode_reply(packet: bytes) -> Reply:
+    """The answer in a packet. Raises ControlError for what is none."""
+    return cast(Reply, _decode(packet, "ok"))
+
+
+def decode_state(packet: bytes) -> State:
+    """The State in a packet. Raises ControlError for what is none."""
+    return cast(State, _decode(packet, "tick"))
+
+
+def refusal(reply: Reply) -> str:
+    """The message and every reason of a refusal, in one line."""
+    return "; ".join([reply.get("message") or "refused", *reply.get("reasons", [])])
+
+
+def status_of(reply: Reply) -> Status:
+    """The Status in the answer to `status`. Raises ControlError where that was refused."""
+    status = reply.get("status")
+    if status is None:
+        raise ControlError(refusal(reply))
+    return status
+
+
+def snapshot_of(reply: Reply) -> Snapshot:
+    """The Snapshot in the answer to `subscribe`. Raises ControlError where that was refused, or
+    where the States that follow have other fields than this client knows."""
+    snapshot = reply.get("snapshot")
+    if snapshot is None:
+        raise ControlError(refusal(reply))
+    version = snapshot.get("format", 0)
+    if version != STATE_FORMAT:
+        raise ControlError(
+            f"the daemon's States are of format {version}, this client reads {STATE_FORMAT}: take "
+            "the client that belongs to that contactd"
+        )
+    return snapshot
+
+
+def _decode(packet: bytes, key: str) -> Any:
+    try:
+        message = json.loads(packet)
+    except (ValueError, RecursionError) as error:
+        raise ControlError(f"the daemon speaks another version: {error}") from error
+    if not isinstance(message, dict) or key not in message:
+        raise ControlError(f"the daemon speaks another version: no `{key}` in its message")
+    return message

@@ -1,0 +1,94 @@
+"""Paths of the daemon's two sockets, the group of each, and why one cannot be used."""
+
+import contextlib
+import os
+from pathlib import Path
+from typing import Final
+
+from contactd_client.errors import ControlError
+
+CONTROL_GROUP: Final = "contact"
+VIEW_GROUP: Final = "contact-view"
+SERVICE_SOCKET: Final = Path("/run/contactd/control")
+UNIT_FOLDERS: Final = tuple(
+    Path(f"{root}/systemd/system") for root in ("/etc", "/usr/local/lib", "/usr/lib", "/lib")
+)
+
+
+def default_socket_path() -> Path:
+    """Path of the control socket of a daemon that is given no other.
+
+    `$CONTACTD_SOCKET`, else `/run/contactd/control` where that directory exists, else
+    `$XDG_RUNTIME_DIR/contactd.sock`, else `/tmp/contactd-UID.sock`. Any user may create files in
+    /tmp: a file of another user at that name raises ControlError.
+    """
+    if chosen := os.environ.get("CONTACTD_SOCKET"):
+        return Path(chosen)
+    if SERVICE_SOCKET.parent.is_dir():
+        return SERVICE_SOCKET
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime and Path(runtime).is_dir():
+        return Path(runtime) / "contactd.sock"
+    path = Path(f"/tmp/contactd-{os.getuid()}.sock")
+    with contextlib.suppress(FileNotFoundError):
+        owner = path.lstat().st_uid
+        if owner != os.getuid():
+            raise ControlError(f"{path} belongs to user {owner}, not to you: refused as unsafe")
+    return path
+
+
+def usual_socket_path() -> Path:
+    """Path at which clients look for a daemon: as `default_socket_path`, but where none of that
+    user's own is there, that of the installed service, also before its first start. Raises
+    ControlError."""
+    path = default_socket_path()
+    if os.environ.get("CONTACTD_SOCKET") or path.exists() or not service_installed():
+        return path
+    return SERVICE_SOCKET
+
+
+def service_installed() -> bool:
+    """True if systemd has a contactd.service on this machine."""
+    return any((folder / "contactd.service").exists() for folder in UNIT_FOLDERS)
+
+
+def view_socket_path(control: Path) -> Path:
+    """Path of the view socket beside a control socket: `contactd-view.sock` for `control` and for
+    `contactd.sock`, `NAME-view.sock` for `NAME.sock`."""
+    name = "contactd" if control.name == "control" else control.stem
+    return control.with_name(f"{name}-view.sock")
+
+
+def why_unreachable(path: Path, error: OSError) -> str:
+    """Reason why the daemon's socket at `path` cannot be connected to, in words for a person."""
+    match error:
+        case FileNotFoundError() | ConnectionRefusedError():
+            if path == SERVICE_SOCKET and service_installed():
+                how = "`sudo systemctl start contactd`; `systemctl status contactd` says why not"
+                return f"no contactd serves {path}: its service does not run ({how})"
+            return f"no contactd serves {path}: is it running? (`contactd run CONFIG`)"
+        case PermissionError():
+            return how_to_be_let_in(path)
+        case TimeoutError():
+            return f"the daemon at {path} is busy: it accepts no connections"
+        case _:
+            return f"cannot connect to {path}: {error.strerror or error}"
+
+
+def how_to_be_let_in(path: Path) -> str:
+    """Advice for a user who may not open the control socket, or a file beside it."""
+    try:
+        group = path.group()
+    except KeyError:  # without a name
+        group = str(path.stat().st_gid)
+    except OSError:
+        return f"you may not use {path}: its folder is closed to you"
+    if group in (CONTROL_GROUP, VIEW_GROUP):
+        join = f"sudo usermod -aG {group} YOU; it counts from your next login"
+        return f"you may not use {path}: join the group {group} ({join})"
+    # Whoever joined that one, root's for instance, would get far more than an arm.
+    wanted = VIEW_GROUP if path.name.endswith("-view.sock") else CONTROL_GROUP
+    return (
+        f"you may not use {path}: it belongs to the group {group}. Create the group {wanted}, add "
+        "yourself, and start the daemon again (docs/installing.md)"
+    )

@@ -1,0 +1,112 @@
+"""`contactd-zenoh`: the command line of the door to ROS 2."""
+# ruff: noqa: PLC0415 - zenoh is an extra, and only this program needs it
+
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from contactd_client.paths import usual_socket_path, view_socket_path
+from daemon.commands.options import PATH
+from daemon.commands.zenoh_options import zenoh_options
+from errors import ConfigurationError, ContactdError
+
+EXTRA = frozenset({"zenoh", "xxhash"})
+END_S = 3.0  # more than the longest silence of a daemon that is waited for
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--view-socket",
+    type=PATH,
+    metavar="PATH",
+    help="View socket of the daemon, where it is not the usual one.",
+)
+@click.option(
+    "--control-socket",
+    type=PATH,
+    metavar="PATH",
+    help="Control socket of the daemon: offers the service `reset`, too.",
+)
+@click.option(
+    "--namespace",
+    default="/contactd",
+    show_default=True,
+    metavar="NAME",
+    help="Namespace of the node and its topics: one for each arm, / for none.",
+)
+@zenoh_options
+@click.version_option(package_name="contactd", prog_name="contactd-zenoh")
+def main(
+    view_socket: Path | None,
+    control_socket: Path | None,
+    connect: tuple[str, ...],
+    configuration: str | None,
+    namespace: str,
+    domain: int,
+    distro: str,
+) -> None:
+    """Show an arm to ROS 2 by Zenoh, as a node with rmw_zenoh_cpp sees others.
+
+    Topics: joint_states, external_torque, contact_threshold, contact, robot_description,
+    /diagnostics. Services: stop, disarm. Nothing that comes over the network lets the arm move:
+    docs/ros.md.
+
+    Exit status: 0 ended by a signal, 2 usage, 78 wrong configuration.
+    """
+    try:
+        from daemon.ros.names import Distro, Node, checked_namespace
+        from daemon.ros.serve import Settings, serve
+
+        settings = Settings(
+            view=view_socket or view_socket_path(usual_socket_path()),
+            control=control_socket,
+            node=Node(domain, checked_namespace(namespace), "contactd", Distro(distro)),
+            connect=connect,
+            configuration=configuration,
+        )
+        ended = threading.Event()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: ended.set())
+        _run(lambda: serve(settings, _say, ended), ended)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.split(".")[0] not in EXTRA:
+            raise
+        _end(ConfigurationError("it needs the extra `ros`: pip install 'contactd[ros]'"))
+    except ContactdError as error:
+        _end(error)
+
+
+def _say(text: str) -> None:
+    click.echo(f"contactd-zenoh: {text}")
+
+
+def _run(serve: Callable[[], None], ended: threading.Event) -> None:
+    """Serve in a thread: signals are heard while Zenoh waits for a router that is not there."""
+    errors: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            serve()
+        except BaseException as error:
+            errors.append(error)
+        ended.set()
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    ended.wait()
+    thread.join(END_S)
+    if errors:
+        raise errors[0]
+
+
+def _end(error: ContactdError) -> None:
+    click.echo(f"contactd-zenoh: {error}", err=True)
+    sys.exit(error.exit_code)
+
+
+if __name__ == "__main__":
+    main(prog_name="contactd-zenoh")

@@ -1,0 +1,95 @@
+"""`contactd scan`: who is on the bus, which EDS in the folder is theirs, by reading alone."""
+
+from pathlib import Path
+
+import click
+import msgspec
+
+from daemon.config.load import convert
+from daemon.config.yaml_source import Source, read_yaml
+from drivers.boot.data_sheet import load_data_sheet, makers_numbers
+from drivers.boot.scan import FoundNode, scan
+from drivers.can.bus import open_bus
+from drivers.settings import BusSettings
+from errors import ConfigurationError
+
+
+class _Bus(msgspec.Struct, frozen=True):
+    """The only part of `config.yaml` that is read: the others may not be there yet."""
+
+    bus: BusSettings
+
+
+def run_scan(config: Path, port: int | None) -> None:
+    """Print who answers on the bus of a folder's config.yaml. Raises ContactdError."""
+    path = config / "config.yaml" if config.is_dir() else config
+    bus = bus_of(read_yaml(path))
+    if port is not None:
+        bus = msgspec.structs.replace(bus, port=port)
+    sheets = data_sheets(path.parent)
+    click.echo(f"listening for a master on {bus.interface} {bus.channel}, then asking 127 nodes")
+    opened = open_bus(bus)
+    try:
+        found = scan(opened.wire)
+    finally:
+        opened.python_can.shutdown()
+    for line in table(found, sheets):
+        click.echo(line)
+
+
+def bus_of(source: Source) -> BusSettings:
+    """`bus` of a configuration, whatever else is wrong with it. Raises ConfigurationError."""
+    if not isinstance(source.data, dict) or "bus" not in source.data:
+        raise ConfigurationError(f"{source.path}: no `bus`")
+    return convert(source, _Bus).bus
+
+
+def data_sheets(folder: Path) -> dict[str, dict[str, int]]:
+    """VendorNumber and ProductNumber of every EDS in a folder that can be read, by file name."""
+    sheets = {}
+    for path in sorted(folder.glob("*.[eE][dD][sS]")):
+        try:
+            sheets[path.name] = makers_numbers(load_data_sheet(path))
+        except ConfigurationError as error:
+            click.echo(str(error), err=True)
+    return sheets
+
+
+def table(found: list[FoundNode], sheets: dict[str, dict[str, int]]) -> list[str]:
+    """What was found, line by line."""
+    if not found:
+        return [
+            "nobody answers: are the drives powered, is the bitrate theirs, is the bus terminated?"
+        ]
+    rows = [("node", "vendor", "product", "serial", "modes", "EDS")]
+    rows += [
+        (
+            str(one.node),
+            _hex(one.vendor),
+            _hex(one.product),
+            "-" if one.serial is None else str(one.serial),
+            (one.mode_names or "-") if one.is_drive else "no drive by CiA 402",
+            ", ".join(fitting(one, sheets)) or "none in this folder",
+        )
+        for one in found
+    ]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
+def fitting(one: FoundNode, sheets: dict[str, dict[str, int]]) -> list[str]:
+    """Names of the EDS files that say this vendor and product, or of these say nothing else."""
+    return [
+        name
+        for name, told in sheets.items()
+        if told
+        and told.get("VendorNumber", one.vendor) == one.vendor
+        and told.get("ProductNumber", one.product) == one.product
+    ]
+
+
+def _hex(value: int | None) -> str:
+    return "-" if value is None else f"0x{value:X}"

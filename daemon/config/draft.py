@@ -1,0 +1,132 @@
+"""Draft of a configuration from a URDF and the EDS of its drives: every figure that they do not say
+is a guess that holds the arm, marked `# CHECK`, so that the draft passes `contactd check`."""
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+
+from arrays import Vector
+from daemon.config.drafted_drive import DraftedDrive
+from daemon.config.problem import figure
+from errors import ConfigurationError, ModelError
+from estimator.model import Model
+from estimator.urdf import JointRange, joint_ranges
+
+MARK = "# CHECK"
+GEAR, SHAFT_CONSTANT = 100.0, 0.04  # of usual motors, the latter in Nm/A
+INSIDE = 0.05  # of the URDF's limits [rad], at most a tenth of the range
+PEAK = 1.8  # times the rated current
+SLOWLY = 0.5  # [rad/s]
+
+HEAD = """\
+# Draft by `contactd new`. Every line with CHECK holds a guess: look it up, correct it, and take the
+# mark away. `contactd check --explain FIELD` says what a field is and how to find it.
+# What only you know: node ids, gears, currents and torque constants (data sheets); the size of
+# counts (the drives' manual). Signs, zeros, gaps, friction and levels are found by
+# `contactd identify` (docs/commissioning.md); guesses will do until then.
+"""
+
+
+def draft(
+    name: str, urdf: str, urdf_name: str, drives: Mapping[str, tuple[str, DraftedDrive]]
+) -> str:
+    """Text of `config.yaml`. drives: (EDS file, draft) by the profile's name; with several, each
+    joint gets one, the last the others, too. Raises ConfigurationError for a URDF without joints
+    that can be used."""
+    ranges = _moving(urdf, urdf_name)
+    motors, inertias = _loads(urdf, urdf_name, [one.joint for one in ranges])
+    profiles = "\n".join(drive.text(key, eds) for key, (eds, drive) in drives.items())
+    names = list(drives)
+    sent = all("motor_position" in drive.quantities for _, drive in drives.values())
+    measured = "measured" if sent else "integrated"
+    joints = "\n".join(
+        _joint(
+            i,
+            one,
+            float(motors[i]),
+            float(inertias[i]),
+            names[min(i, len(names) - 1)],
+            several=len(names) > 1,
+        )
+        for i, one in enumerate(ranges)
+    )
+    return f"""{HEAD}version: 1
+name: {json.dumps(name)}
+urdf: {json.dumps(urdf_name)}
+period_ms: 10
+
+# {MARK[2:]}: this is the simulator's; your arm's may be
+# {{interface: socketcan, channel: can0, bitrate: 1000000}}
+bus: {{interface: socketcand, host: 127.0.0.1, port: 29536, channel: can0, bitrate: 1000000}}
+
+drives:
+{profiles}
+joints:
+{joints}
+estimator:
+  motor_position: {measured}
+"""
+
+
+def _moving(urdf: str, urdf_name: str) -> list[JointRange]:
+    try:
+        ranges = joint_ranges(urdf)
+    except ModelError as error:
+        raise ConfigurationError(f"{urdf_name}: {error}") from error
+    if not ranges:
+        raise ConfigurationError(f"{urdf_name}: no joint moves; make those that do `revolute`")
+    for one in ranges:
+        if not one.lower < one.upper:
+            raise ConfigurationError(
+                f"{urdf_name}, line {one.line}: joint {one.joint!r} has limits {one.lower:g} to "
+                f"{one.upper:g} rad: lower must be less than upper"
+            )
+    return ranges
+
+
+def _loads(urdf: str, urdf_name: str, names: list[str]) -> tuple[Vector, Vector]:
+    """Torque with which each joint's motor carries the arm with room [Nm], and the largest inertia
+    that it moves [kg m2], both (n,)."""
+    try:
+        model = Model(urdf, names)
+    except ModelError as error:
+        raise ConfigurationError(f"{urdf_name}: {error}") from error
+    poses = np.random.default_rng(0).uniform(model.lower, model.upper, (400, len(names)))
+    gravity = np.max([np.abs(model.gravity(q)) for q in poses], axis=0)
+    inertia = np.max([model.inertia(q) for q in poses], axis=0)
+    return 2.0 * gravity + 6.0 * inertia + 1.0, inertia
+
+
+def _joint(
+    i: int, one: JointRange, motor: float, inertia: float, profile: str, *, several: bool
+) -> str:
+    """A joint with a motor that carries it."""
+    inside = min(INSIDE, 0.1 * (one.upper - one.lower))
+    velocity = min(SLOWLY, one.velocity or SLOWLY)
+    constant = SHAFT_CONSTANT * GEAR * 0.8
+    rated = float(figure(motor / constant / PEAK))
+    most = PEAK * rated
+    # A motor's usual one; no velocity loop is stable in the gap whose rotor is far lighter.
+    rotor = max(3e-4 * (constant * rated / GEAR) ** (5.0 / 3.0) * GEAR**2, 0.15 * inertia)
+    gap = min(0.005, 0.01 * (one.upper - one.lower))
+    check = f"   {MARK}: which of the drives" if several else ""
+    f = figure
+    return f"""\
+  - name: {json.dumps(one.joint)}
+    wiring:
+      node: {i + 1}   {MARK}: `contactd scan` lists who is there
+      profile: {json.dumps(profile)}{check}
+      gear: {GEAR:g}   {MARK}: turns of the motor per turn of the joint
+      rated_current_A: {f(rated)}   {MARK}: of the motor
+      max_current_A: {f(most)}   {MARK}
+    torque_constant: {f(constant)}   {MARK}: Nm at the link per A: the motor's times the gear
+    rotor_inertia: {f(rotor)}   # found by `contactd identify friction`
+    half_gap: {f(gap)}   # found by `contactd identify gap {one.joint}`
+    friction: {{motor_coulomb: {f(0.03 * motor)}, motor_viscous: {f(0.02 * motor)}}}
+    thresholds: {{contact: {f(0.2 * motor)}, collision: {f(1.2 * motor)}}}
+    limits: {{lower: {f(one.lower + inside)}, upper: {f(one.upper - inside)}, \
+velocity: {f(velocity)}, acceleration: 2, quick_stop: 6}}
+    admittance_gain: 0.1
+    end: brake   {MARK}: hold, where the joint has no brake
+"""

@@ -1,0 +1,258 @@
+"""Draft of a drive profile from its EDS: objects found by index, types, scales with their reasons,
+a PDO mapping that fits, and what the drive lacks.
+
+What an EDS cannot say, the size of a count above all, is guessed by what is usual and marked
+`# CHECK`: only the manual knows.
+"""
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from drivers.boot.data_sheet import DataSheet, find_object, type_name
+from drivers.codec import STRUCT_CODES, WORDS
+from errors import ConfigurationError
+
+TURN = 2.0 * math.pi
+RPM = TURN / 60.0
+
+Object = tuple[int, int]
+
+CANDIDATES: dict[str, tuple[Object, ...]] = {
+    "current": ((0x6078, 0),),
+    "torque": ((0x6077, 0),),
+    "link_position": ((0x60E4, 1), (0x60E4, 2), (0x60E4, 3), (0x6064, 0)),
+    "motor_velocity": ((0x606C, 0), (0x6069, 0)),
+    "motor_position": ((0x6064, 0), (0x6063, 0)),
+    "target_velocity": ((0x60FF, 0),),
+    "quick_stop_deceleration": ((0x6085, 0),),
+    "max_motor_speed": ((0x6080, 0), (0x607F, 0)),
+}
+"""Where CiA 402 has a quantity, the likeliest first."""
+OPTIONAL = ("current", "torque", "motor_position", "max_motor_speed")
+MEASURED = ("current", "torque", "motor_velocity", "link_position", "motor_position")
+_MAKERS_OWN = range(0x2000, 0x6000)
+
+
+@dataclass(frozen=True, slots=True)
+class Drafted:
+    """One quantity: where it is, and why it is thought to be what it is."""
+
+    name: str
+    index: int
+    subindex: int
+    type: str
+    scale: float
+    reason: str
+    sure: bool
+
+    @property
+    def bits(self) -> int:
+        """Size of its object."""
+        return 8 if self.type.endswith("8") else 16 if self.type.endswith("16") else 32
+
+    def line(self) -> str:
+        """As `config.yaml` has it, with its reason."""
+        sub = f", subindex: {self.subindex}" if self.subindex else ""
+        check = "" if self.sure else "CHECK: "
+        return (
+            f"    {self.name}: {{object: 0x{self.index:04X}{sub}, type: {self.type}, "
+            f"scale: {self.scale!r}}}   # {check}{self.reason}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class DraftedDrive:
+    """A profile: its quantities, its PDOs, and what it says about itself."""
+
+    quantities: dict[str, Drafted]
+    tpdo: dict[str, list[str]]
+    rpdo: dict[str, list[str]]
+    fixed: bool
+    remarks: list[str]
+
+    def text(self, name: str, eds: str) -> str:
+        """As `config.yaml` has it under `drives`."""
+        why = "as the EDS fixes them" if self.fixed else "laid out by contactd"
+        pdos = [
+            f"    {kind}:   # {why}\n"
+            + "\n".join(f'      "{n}": [{", ".join(entries)}]' for n, entries in layout.items())
+            for kind, layout in (("tpdo", self.tpdo), ("rpdo", self.rpdo))
+        ]
+        lines = [f"  {json.dumps(name)}:", f"    eds: {json.dumps(eds)}"]
+        lines += [quantity.line() for quantity in self.quantities.values()]
+        return "\n".join([*lines, *pdos]) + "\n"
+
+
+def drafted_drive(sheet: DataSheet, eds: str) -> DraftedDrive:
+    """Profile of the drive of an EDS. Raises ConfigurationError where it lacks what contactd needs:
+    a quantity, or room in its PDOs."""
+    counts = _resolution(sheet)
+    quantities: dict[str, Drafted] = {}
+    for name, places in CANDIDATES.items():
+        if name == "torque" and "current" in quantities:
+            continue
+        found = _found(sheet, name, places, quantities)
+        if found is not None:
+            quantities[name] = _drafted(name, found, type_of(sheet, found), counts)
+        elif name not in OPTIONAL:
+            where = ", ".join(f"0x{i:04X}:{s:02X}" for i, s in places)
+            raise ConfigurationError(f"{eds}: no object for {name} ({where}), nor one by its name")
+    if "current" not in quantities and "torque" not in quantities:
+        raise ConfigurationError(f"{eds}: neither current (0x6078) nor torque (0x6077)")
+    tpdo, rpdo, fixed = _pdos(sheet, eds, quantities)
+    listed = {entry for entries in tpdo.values() for entry in entries}
+    if "motor_position" not in listed:
+        quantities.pop("motor_position", None)
+    return DraftedDrive(quantities, tpdo, rpdo, fixed, list(_remarks(sheet)))
+
+
+def type_of(sheet: DataSheet, where: Object) -> str:
+    """Type of an object that is there."""
+    variable = find_object(sheet, *where)
+    assert variable is not None
+    return type_name(variable)
+
+
+def _found(
+    sheet: DataSheet, name: str, places: tuple[Object, ...], taken: dict[str, Drafted]
+) -> Object | None:
+    """The first place that is there, mappable where it must be, and not taken; else a maker's own
+    object by its name."""
+    used = {(one.index, one.subindex) for one in taken.values()}
+    by_name = _by_name(sheet, name)
+    # 0x6064 is the motor's wherever the link has an object of its own.
+    if name == "link_position" and by_name and find_object(sheet, 0x60E4, 1) is None:
+        places = (*places[:-1], *by_name, *places[-1:])
+    for where in (*places, *by_name):
+        variable = find_object(sheet, *where)
+        if variable is None or where in used or type_name(variable) not in STRUCT_CODES:
+            continue
+        if name in MEASURED and not variable.pdo_mappable:
+            continue
+        return where
+    return None
+
+
+def _by_name(sheet: DataSheet, name: str) -> tuple[Object, ...]:
+    words = name.split("_")
+    return tuple(
+        (index, sub)
+        for index in sheet
+        if index in _MAKERS_OWN
+        for sub in getattr(sheet[index], "subindices", (0,))
+        if (variable := find_object(sheet, index, sub)) is not None
+        and all(word in variable.name.lower() for word in words)
+    )
+
+
+def _resolution(sheet: DataSheet) -> float:
+    """Counts per motor turn by 0x608F, 0 where the EDS does not say."""
+    increments, turns = (find_object(sheet, 0x608F, sub) for sub in (1, 2))
+    if increments is None or turns is None or not increments.default or not turns.default:
+        return 0.0
+    return float(increments.default) / float(turns.default)
+
+
+def _drafted(name: str, where: Object, kind: str, counts: float) -> Drafted:
+    scale, reason, sure = _scale(name, where, counts)
+    return Drafted(name, *where, kind, scale, reason, sure)
+
+
+def _scale(name: str, where: Object, counts: float) -> tuple[float, str, bool]:
+    """Scale, its reason, and whether that is more than a guess."""
+    if name in ("current", "torque"):
+        return 0.001, "per mille of what is rated, by CiA 402", True
+    if name == "link_position":
+        return (
+            TURN / 131072,
+            "2 pi / counts per turn of the link's encoder: 131072 is a guess",
+            False,
+        )
+    if name == "motor_position" and counts:
+        return TURN / counts, f"2 pi / {counts:g} counts per turn, by 0x608F", True
+    if name == "motor_position":
+        return TURN / 4096, "2 pi / counts per turn of the motor's encoder: 4096 is a guess", False
+    if where == (0x6080, 0):
+        return RPM, "rpm, by CiA 402", True
+    return 0.1 * RPM, "0.1 rpm is a guess: 1 rpm is 0.10471975511965977, see docs/porting.md", False
+
+
+# --- PDOs -----------------------------------------------------------------------------------------
+
+
+def _pdos(
+    sheet: DataSheet, eds: str, quantities: dict[str, Drafted]
+) -> tuple[dict[str, list[str]], dict[str, list[str]], bool]:
+    effort = "current" if "current" in quantities else "torque"
+    first = ["statusword", effort, "motor_velocity", "link_position", "motor_position"]
+    wanted = [entry for entry in first if entry in WORDS or entry in quantities]
+    fixed_t, fixed_r = (_fixed(sheet, base, quantities) for base in (0x1800, 0x1400))
+    tpdo = fixed_t or _packed(sheet, eds, 0x1800, wanted, quantities)
+    rpdo = fixed_r or _packed(sheet, eds, 0x1400, ["controlword", "target_velocity"], quantities)
+    return tpdo, rpdo, bool(fixed_t or fixed_r)
+
+
+def _fixed(sheet: DataSheet, base: int, quantities: dict[str, Drafted]) -> dict[str, list[str]]:
+    """PDOs whose mapping the EDS fixes, as far as they carry quantities alone."""
+    entries = {(index, 0): word for word, index in WORDS.items()}
+    entries |= {(one.index, one.subindex): name for name, one in quantities.items()}
+    found: dict[str, list[str]] = {}
+    for number in range(4):
+        first = find_object(sheet, base + number + 0x200, 1)
+        count = find_object(sheet, base + number + 0x200, 0)
+        if first is None or count is None or first.writable or not count.default:
+            continue
+        mapped = [
+            find_object(sheet, base + number + 0x200, sub) for sub in range(1, count.default + 1)
+        ]
+        values = [int(one.default or 0) for one in mapped if one is not None]
+        names = [entries.get((value >> 16, value >> 8 & 0xFF)) for value in values]
+        if names and all(names):
+            found[str(number + 1)] = [name for name in names if name]
+    return found
+
+
+def _packed(
+    sheet: DataSheet, eds: str, base: int, wanted: list[str], quantities: dict[str, Drafted]
+) -> dict[str, list[str]]:
+    """Entries in as few PDOs as hold them, eight bytes each."""
+    found: dict[str, list[str]] = {}
+    left = list(wanted)
+    for number in range(4):
+        if not left or base + number not in sheet or base + number + 0x200 not in sheet:
+            break
+        bits = 0
+        entries: list[str] = []
+        mapping = sheet[base + number + 0x200]
+        room = max(len(mapping.subindices) - 1, 1) if hasattr(mapping, "subindices") else 8
+        for entry in list(left):
+            size = 16 if entry in WORDS else quantities[entry].bits
+            if bits + size <= 64 and len(entries) < room:
+                bits += size
+                entries.append(entry)
+                left.remove(entry)
+        found[str(number + 1)] = entries
+    if "motor_position" in left:  # it can be integrated
+        left.remove("motor_position")
+    if left:
+        raise ConfigurationError(f"{eds}: no room in its PDOs for {', '.join(left)}")
+    return found
+
+
+def _remarks(sheet: DataSheet) -> Iterator[str]:
+    """What contactd needs of every drive and this EDS does not have."""
+    for index, subindex, what in (
+        (
+            0x1016,
+            1,
+            "it cannot watch the master's heartbeat, and would move on when the daemon dies",
+        ),
+        (0x1017, 0, "it sends no heartbeat"),
+        (0x6007, 0, "it cannot be told to stop when the master falls silent"),
+        (0x605A, 0, "it cannot be told to hold after a quick stop"),
+        (0x6060, 0, "its mode cannot be chosen"),
+    ):
+        if find_object(sheet, index, subindex) is None:
+            yield f"without 0x{index:04X}:{subindex:02X}: {what}. contactd refuses it"

@@ -1,0 +1,96 @@
+"""Arms of a fleet as one supervisor sees them: who is alive, and what each said last. Pure.
+
+Fed by liveliness tokens and `/diagnostics`, from wherever: nothing in them is believed but as text
+to show, and no more than MOST_ARMS are kept.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from daemon.protocol.messages import printable
+from daemon.ros.messages import Diagnosis, Level
+from daemon.ros.names import ADMIN, NAME, Kind
+
+MOST_ARMS: Final = 256
+MOST_TEXT: Final = 200
+#: Twice the time between two messages of an arm, and some more.
+SILENT_S: Final = 2.5
+NODE_NAME: Final = "contactd"
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """One arm; times by the supervisor's monotonic clock."""
+
+    name: str  # its namespace, without the first slash
+    alive: bool = False
+    heard_s: float | None = None
+    level: Level = Level.STALE
+    text: str = ""
+    mode: str = ""
+    armed: str = ""
+    contact: str = ""  # the last one that was heard of
+
+    def silent_s(self, now_s: float) -> float | None:
+        """How long nothing was heard of it; None while it is heard."""
+        if self.heard_s is None:
+            return None
+        silence = now_s - self.heard_s
+        return silence if silence > SILENT_S or not self.alive else None
+
+
+def arm_of_token(token: str, domain: int) -> str:
+    """Name of the arm whose node has this token; empty where it is no node of contactd."""
+    parts = token.split("/")
+    if len(parts) != 9 or parts[:2] != [ADMIN, str(domain)]:
+        return ""
+    namespace = parts[7].replace("%", "/")
+    if parts[5] != Kind.NODE or parts[8] != NODE_NAME or not NAME.fullmatch(namespace):
+        return ""
+    return namespace[1:]
+
+
+class Fleet:
+    """All arms that were ever seen, by name."""
+
+    def __init__(self) -> None:
+        self.arms: dict[str, Arm] = {}
+
+    def meet(self, name: str, alive: bool) -> None:
+        """A token came, or went."""
+        self._put(replace(self._arm(name), alive=alive))
+
+    def hear(self, diagnoses: list[Diagnosis], now_s: float) -> None:
+        """A message on `/diagnostics`; those of other programs are left out."""
+        for found in diagnoses:
+            prefix, _, name = found.name.partition(": ")
+            if prefix != "contactd" or ":" in name or not NAME.fullmatch(f"/{name}"):
+                continue
+            values = dict(found.values)
+            self._put(
+                replace(
+                    self._arm(name),
+                    heard_s=now_s,
+                    level=found.level,
+                    text=shown(found.message),
+                    mode=shown(values.get("mode", "")),
+                    armed=shown(values.get("armed", "")),
+                )
+            )
+
+    def touch(self, contact: Diagnosis) -> None:
+        """A message on an arm's `contact`."""
+        if NAME.fullmatch(f"/{contact.hardware_id}"):
+            self._put(replace(self._arm(contact.hardware_id), contact=shown(contact.message)))
+
+    def _arm(self, name: str) -> Arm:
+        return self.arms.get(name, Arm(name))
+
+    def _put(self, arm: Arm) -> None:
+        if arm.name in self.arms or len(self.arms) < MOST_ARMS:
+            self.arms[arm.name] = arm
+
+
+def shown(text: str) -> str:
+    """Text from a network as it may stand on a terminal."""
+    return printable(text[:MOST_TEXT])

@@ -1,0 +1,211 @@
+"""The arm as a node in the graph of ROS 2: publishers, services and tokens in a Zenoh session."""
+
+import contextlib
+import itertools
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping
+from types import TracebackType
+from typing import Any, Final, Self
+
+import zenoh
+from zenoh import ext
+
+from daemon.protocol.messages import printable
+from daemon.ros import services
+from daemon.ros.names import (
+    ADMIN,
+    GID_BYTES,
+    Endpoint,
+    Node,
+    Qos,
+    attachment,
+    gid_of,
+    mismatch,
+    read_attachment,
+)
+from daemon.ros.services import Act, Service
+from errors import ConfigurationError
+
+MOST_REQUEST_BYTES: Final = 1024
+#: Zenoh itself tries for ever what is none.
+ENDPOINT: Final = re.compile(r"(tcp|tls|quic|udp|ws)/[^\s\"\\/]+:\d{1,5}")
+MOST_WARNINGS: Final = 64
+MOST_SAID: Final = 400  # characters of one
+
+Say = Callable[[str], object]
+
+
+class Publisher:
+    """One topic: numbers its messages, and never waits; what finds no room is left out."""
+
+    def __init__(self, session: zenoh.Session, node: Node, endpoint: Endpoint, token: str) -> None:
+        latched = endpoint.qos is Qos.LATCHED
+        self._gid = gid_of(token)
+        self._numbers = itertools.count(1)
+        self._publisher = ext.declare_advanced_publisher(
+            session,
+            node.key(endpoint),
+            congestion_control=zenoh.CongestionControl.DROP,
+            reliability=zenoh.Reliability.RELIABLE,
+            cache=ext.CacheConfig(max_samples=1) if latched else None,
+            publisher_detection=latched,
+        )
+
+    def put(self, payload: bytes) -> None:
+        """Send a message. Raises zenoh.ZError once the session is closed."""
+        about = attachment(next(self._numbers), time.time_ns(), self._gid)
+        self._publisher.put(payload, attachment=about)
+
+    def close(self) -> None:
+        """Take the topic back."""
+        self._publisher.undeclare()
+
+
+class Query:
+    """A call that came over Zenoh."""
+
+    def __init__(self, query: zenoh.Query) -> None:
+        self._query = query
+        payload = query.payload
+        size = len(payload) if payload is not None else 0
+        self.request = b"" if payload is None or size > MOST_REQUEST_BYTES else payload.to_bytes()
+        self._sequence, self._caller = 0, bytes(GID_BYTES)
+        with contextlib.suppress(ValueError):
+            if query.attachment is not None and len(query.attachment) <= MOST_REQUEST_BYTES:
+                self._sequence, _, self._caller = read_attachment(query.attachment.to_bytes())
+
+    @property
+    def caller(self) -> str:
+        """The caller's GID: all that the attachment tells of it."""
+        return f"ROS 2 client {self._caller.hex()}"
+
+    def answer(self, payload: bytes) -> None:
+        """Answer with the number and the GID of the call, as rmw_zenoh finds it by them."""
+        about = attachment(self._sequence, time.time_ns(), self._caller)
+        with contextlib.suppress(zenoh.ZError):  # the caller is gone
+            self._query.reply(self._query.key_expr, payload, attachment=about)
+        self._drop()
+
+    def refuse(self, why: str) -> None:
+        """Answer that it was no call."""
+        with contextlib.suppress(zenoh.ZError):
+            self._query.reply_err(why.encode())
+        self._drop()
+
+    def _drop(self) -> None:
+        self._query.drop()
+
+
+class Graph:
+    """The node and all that it offers, from construction to `close`."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        node: Node,
+        topics: Mapping[str, Endpoint],
+        actions: Mapping[str, Act],
+        say: Say,
+    ) -> None:
+        self._node, self._say = node, say
+        self._ours = {**topics, **{name: services.endpoint(node, name) for name in actions}}
+        self._said: set[str] = set()
+        self.publishers: dict[str, Publisher] = {}
+        with contextlib.ExitStack() as opened:
+            live = session.liveliness()
+            opened.callback(live.declare_token(node.token()).undeclare)
+            for number, (name, endpoint) in enumerate(self._ours.items(), start=1):
+                token = node.endpoint_token(number, endpoint)
+                if name in actions:
+                    self._serve(opened, session, name, actions[name])
+                else:
+                    self.publishers[name] = Publisher(session, node, endpoint, token)
+                    opened.callback(self.publishers[name].close)
+                opened.callback(live.declare_token(token).undeclare)
+            others = live.declare_subscriber(f"{ADMIN}/{node.domain}/**", self._meet, history=True)
+            opened.callback(others.undeclare)
+            self._close = opened.pop_all().close
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Take everything back."""
+        self._close()
+
+    def _serve(
+        self, opened: contextlib.ExitStack, session: zenoh.Session, name: str, act: Act
+    ) -> None:
+        service = Service(name, act)
+        opened.callback(service.close)
+        key = self._node.key(self._ours[name])
+
+        def take(query: zenoh.Query) -> None:
+            call = Query(query)
+            if str(query.key_expr) == key:
+                service.put(call)
+            else:  # one question to many: none of rmw_zenoh's
+                call.refuse(f"ask {key}")
+
+        opened.callback(session.declare_queryable(key, take, complete=True).undeclare)
+
+    def _meet(self, sample: zenoh.Sample) -> None:
+        """Say so, once, where a newcomer wants one of ours and will never hear it."""
+        if sample.kind != zenoh.SampleKind.PUT or len(self._said) >= MOST_WARNINGS:
+            return
+        for endpoint in self._ours.values():
+            why = printable(mismatch(self._node, endpoint, str(sample.key_expr)))[:MOST_SAID]
+            if why and why not in self._said:
+                self._said.add(why)
+                self._say(why)
+
+
+def configuration(
+    connect: tuple[str, ...], file: str | None, patience_ms: int = -1
+) -> zenoh.Config:
+    """Configuration of a session: the file's, or a client of a router that it waits for, as long as
+    it takes unless told otherwise. A client listens at no port, and asks nobody by multicast.
+
+    Raises zenoh.ZError for a file that is none, ConfigurationError for an endpoint that is none.
+    """
+    if file is not None:
+        return zenoh.Config.from_file(file)
+    for where in connect:
+        if not ENDPOINT.fullmatch(where):
+            raise ConfigurationError(
+                f"--connect {where}: a protocol, a slash, host and port, as tcp/localhost:7447"
+            )
+    config = zenoh.Config()
+    values: dict[str, Any] = {
+        "mode": '"client"',
+        "connect/endpoints": "[" + ", ".join(f'"{where}"' for where in connect) + "]",
+        "connect/timeout_ms": str(patience_ms),
+        "connect/exit_on_failure": "false" if patience_ms < 0 else "true",
+        "scouting/multicast/enabled": "false",
+        "timestamping/enabled": "true",  # what is latched is found by it
+        # Beside a machine's other work a link pauses for some ms; what is behind it is not lost.
+        "transport/link/tx/queue/size/data": "16",
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": "50000",
+    }
+    for key, value in values.items():
+        config.insert_json5(key, value)
+    return config
+
+
+@contextlib.contextmanager
+def session_of(config: zenoh.Config) -> Iterator[zenoh.Session]:
+    """A session while the block lasts."""
+    session = zenoh.open(config)
+    try:
+        yield session
+    finally:
+        session.close()

@@ -1,0 +1,122 @@
+"""`contactd-zenoh` at work: takes every State from the view socket and publishes it, for ever."""
+
+import logging
+import os
+import threading
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import zenoh
+
+from daemon.clients.client import Client
+from daemon.protocol.messages import Snapshot, State, Status
+from daemon.ros import diagnoses, topics
+from daemon.ros.graph import Graph, Say, configuration, session_of
+from daemon.ros.messages import Diagnosis, diagnostic_array
+from daemon.ros.names import Node
+from daemon.ros.services import actions
+from errors import ConfigurationError, ContactdError
+
+NICE: Final = 10
+RETRY_S: Final = 0.25
+DIAGNOSTICS_S: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What the command line says; `control` is the full door, or None."""
+
+    view: Path
+    control: Path | None
+    node: Node
+    connect: tuple[str, ...]
+    configuration: str | None
+
+
+def serve(settings: Settings, say: Say, ended: threading.Event) -> None:
+    """Serve until `ended`. Raises ConfigurationError for a configuration that Zenoh refuses."""
+    os.setpriority(os.PRIO_PROCESS, 0, NICE)  # never against the loop
+    logging.getLogger("asyncio").setLevel(logging.WARNING)
+    try:
+        config = configuration(settings.connect, settings.configuration)
+        say(f"looks for a router: {settings.configuration or ', '.join(settings.connect)}")
+        with session_of(config) as session:
+            node = replace(settings.node, zid=str(session.zid()))
+            offered = actions(settings.view, settings.control)
+            with Graph(session, node, topics.endpoints(node), offered, say) as graph:
+                say(f"node {node.absolute(node.name)} in domain {node.domain}")
+                Bridge(settings.view, graph, node, say, ended).run()
+    except zenoh.ZError as error:
+        what = settings.configuration or ", ".join(settings.connect)
+        raise ConfigurationError(f"{what}: Zenoh says: {error}") from error
+
+
+class Bridge:
+    """States of one daemon on their way to the graph."""
+
+    def __init__(
+        self, view: Path, graph: Graph, node: Node, say: Say, ended: threading.Event
+    ) -> None:
+        self._view, self._graph, self._say, self._ended = view, graph, say, ended
+        self._arm = node.namespace.strip("/") or node.name
+        self._status: Status | None = None
+        self._said = ""
+        self._due_s = 0.0  # of the next message on /diagnostics, by the monotonic clock
+        self._key: diagnoses.Key = ()
+
+    def run(self) -> None:
+        """Follow the daemon until the end; join it again whenever it was gone."""
+        asker = threading.Thread(target=self._ask, name="status", daemon=True)
+        asker.start()
+        while not self._ended.is_set():
+            try:
+                with Client(self._view) as client:
+                    self._follow(client)
+            except ContactdError as error:
+                self._lose(str(error))
+                self._ended.wait(RETRY_S)
+        asker.join()
+
+    def _follow(self, client: Client) -> None:
+        snapshot, states = client.subscribe()
+        self._said, self._key = "", ()
+        self._say(f"joined {snapshot.program}: {', '.join(snapshot.joints)}")
+        made = topics.Topics(snapshot, self._arm)
+        self._graph.publishers["robot_description"].put(made.description)
+        for state in states:
+            for name, payload in made.of(state):
+                self._graph.publishers[name].put(payload)
+            self._diagnose(snapshot, state)
+            if self._ended.is_set():
+                return
+
+    def _diagnose(self, snapshot: Snapshot, state: State) -> None:
+        key, now_s = diagnoses.changed(state), time.monotonic()
+        if key != self._key or now_s >= self._due_s:
+            self._key = key
+            found = diagnoses.of(state, snapshot.joints, self._arm, self._status)
+            self._publish(state.timing.wall_s, found, now_s)
+
+    def _lose(self, why: str) -> None:
+        if why != self._said:
+            self._said = why
+            self._say(why)
+        key, now_s = (why,), time.monotonic()
+        if key != self._key or now_s >= self._due_s:
+            self._key = key
+            self._publish(time.time(), diagnoses.gone(self._arm, why), now_s)
+
+    def _publish(self, wall_s: float, found: list[Diagnosis], now_s: float) -> None:
+        self._due_s = now_s + DIAGNOSTICS_S
+        self._graph.publishers["/diagnostics"].put(diagnostic_array(wall_s, found))
+
+    def _ask(self) -> None:
+        """Ask for what no State tells, now and then, apart from the stream."""
+        while not self._ended.wait(DIAGNOSTICS_S):
+            try:
+                with Client(self._view) as client:
+                    self._status = client.ask_status()
+            except ContactdError:
+                self._status = None

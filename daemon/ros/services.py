@@ -1,0 +1,125 @@
+"""Services of an arm: what a caller asks for, carried out at the daemon's doors, bounded.
+
+`stop` and `disarm` go through the view socket; `reset` only where the control socket was given. One
+thread for each service takes all calls that wait, carries the command out once, and answers them
+all: a thousand calls a second are a few commands. Nobody waits behind another service.
+"""
+
+import asyncio
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, Protocol
+
+from daemon.clients.client import Client
+from daemon.clients.stopping import Command, carry_out
+from daemon.protocol.messages import Request, on_behalf_of
+from daemon.ros.cdr import CdrError, refuse_unless_empty
+from daemon.ros.messages import outcome
+from daemon.ros.names import Endpoint, Kind, Node, Qos
+from errors import ContactdError
+
+MOST_WAITING: Final = 64
+TRIGGER: Final = "std_srvs/srv/Trigger"
+BUSY: Final = "busy: too many calls wait"
+
+Outcome = tuple[bool, str]
+Act = Callable[[str], Outcome]
+
+
+class Call(Protocol):
+    """A call from outside that is answered once: by a payload, or by an error in words."""
+
+    @property
+    def request(self) -> bytes:
+        """Its payload."""
+
+    @property
+    def caller(self) -> str:
+        """Who calls, in its own words."""
+
+    def answer(self, payload: bytes) -> None:
+        """Answer it."""
+
+    def refuse(self, why: str) -> None:
+        """Answer that it was no call."""
+
+
+def actions(view: Path, control: Path | None) -> dict[str, Act]:
+    """What each service does, by its name: without the control socket nothing that it takes."""
+    made: dict[str, Act] = {
+        "stop": lambda who: _halt(view, "stop", who),
+        "disarm": lambda who: _halt(view, "disarm", who),
+    }
+    if control is not None:
+        made["reset"] = lambda who: _reset(control, who)
+    return made
+
+
+def endpoint(node: Node, name: str) -> Endpoint:
+    """The service's endpoint."""
+    return Endpoint(Kind.SERVICE, node.absolute(name), TRIGGER, Qos.DEFAULT)
+
+
+def _halt(view: Path, command: Command, who: str) -> Outcome:
+    stopped = asyncio.run(carry_out(view, command, on_behalf_of(who)))
+    done = stopped.outcome in ("stands", "disarmed")
+    return done, f"{stopped.outcome}: {stopped.text}" if stopped.text else stopped.outcome
+
+
+def _reset(control: Path, who: str) -> Outcome:
+    try:
+        with Client(control) as client:
+            reply = client.ask(Request("reset", on_behalf_of=on_behalf_of(who)))
+    except ContactdError as error:
+        return False, f"not reached: {error}"
+    return reply.ok, reply.message if reply.ok else reply.refusal
+
+
+class Service:
+    """One service, from construction to `close`; `put` is called from any thread."""
+
+    def __init__(self, name: str, act: Act) -> None:
+        self._act = act
+        self._waiting: list[Call] = []
+        self._changed = threading.Condition()
+        self.ended = False
+        self._thread = threading.Thread(target=self._run, name=f"service {name}", daemon=True)
+        self._thread.start()
+
+    def put(self, call: Call) -> None:
+        """Take a call, or refuse it: what is no request, and what finds no place."""
+        try:
+            refuse_unless_empty(call.request)
+        except CdrError as error:
+            call.refuse(str(error))
+            return
+        with self._changed:
+            full = len(self._waiting) >= MOST_WAITING or self.ended
+            if not full:
+                self._waiting.append(call)
+                self._changed.notify()
+        if full:
+            call.refuse(BUSY)
+
+    def close(self) -> None:
+        """End; calls that wait are refused."""
+        with self._changed:
+            self.ended = True
+            self._changed.notify()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                while not self._waiting and not self.ended:
+                    self._changed.wait()
+                calls, self._waiting = self._waiting, []
+                ended = self.ended
+            if ended:
+                for call in calls:
+                    call.refuse("the bridge is ending")
+                return
+            payload = outcome(*self._act(calls[0].caller))
+            for call in calls:
+                call.answer(payload)

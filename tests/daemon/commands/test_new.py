@@ -1,0 +1,156 @@
+"""`contactd new`: a draft that can be checked and rehearsed at once, from URDF and EDS alone."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from bench.rigs.generated_arms import generate
+from bench.rigs.generated_makes import MAKES
+from bench.rigs.lockstep import DESK_ARM, ROMEO, lockstep_rig
+from bench.study.mistakes import told
+from daemon.commands.contactd import main
+from daemon.commands.simulated_robot import true_arm
+
+
+def new(folder: Path, urdf: Path, *sheets: str):
+    words = ["new", str(folder), "--urdf", str(urdf)]
+    for sheet in sheets:
+        words += ["--eds", sheet]
+    return CliRunner().invoke(main, words)
+
+
+@pytest.fixture
+def given(tmp_path: Path):
+    """Writes what an owner has of the arm of a seed, and drafts a folder from it."""
+
+    def draft(seed: int) -> Path:
+        arm = generate(seed)
+        desk = tmp_path / "desk"
+        desk.mkdir()
+        (desk / "arm.urdf").write_text(arm.urdf)
+        (desk / "drive.eds").write_text(arm.make.eds())
+        result = new(tmp_path / "mine", desk / "arm.urdf", f"servo={desk / 'drive.eds'}")
+        assert result.exit_code == 0, result.output
+        assert "lines with CHECK hold guesses" in result.output
+        return tmp_path / "mine"
+
+    return draft
+
+
+@pytest.mark.parametrize("seed", range(len(MAKES)), ids=[make.name for make in MAKES])
+def test_the_draft_has_the_objects_of_the_data_sheet_and_passes_the_check(seed, given):
+    folder, arm = given(seed), generate(seed)
+    said = told(folder)
+    assert (said.refused, said.lines) == (False, [])
+    written = yaml.safe_load((folder / "config.yaml").read_text())
+    assert [joint["name"] for joint in written["joints"]] == list(arm.names)
+    drive = written["drives"]["servo"]
+    for name, quantity in arm.make.quantities.items():
+        found = drive[name]
+        assert (found["object"], found.get("subindex", 0), found["type"]) == (
+            quantity.index, quantity.subindex, quantity.type,
+        ), name  # fmt: skip
+    if "motor_position" in arm.make.quantities and arm.make.quantities["motor_position"].index == (
+        0x6064
+    ):
+        assert drive["motor_position"]["scale"] == arm.make.quantities["motor_position"].scale
+    if arm.make.fixed_pdos:
+        assert drive["tpdo"] == {n: list(e) for n, e in arm.make.tpdo.items()}
+        assert drive["rpdo"] == {n: list(e) for n, e in arm.make.rpdo.items()}
+
+
+def test_an_object_that_no_pdo_takes_is_passed_over(tmp_path):
+    text = (ROMEO / "drive.eds").read_text()
+    text, count = re.subn(r"(?s)(\[60E4sub1\].*?PDOMapping=)1", r"\g<1>0", text, count=1)
+    assert count
+    (tmp_path / "drive.eds").write_text(text)
+    assert new(tmp_path / "mine", ROMEO / "arm.urdf", str(tmp_path / "drive.eds")).exit_code == 0
+    drive = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())["drives"]["drive"]
+    assert drive["link_position"]["object"] == 0x6064
+    assert "motor_position" not in drive
+
+
+def test_every_guess_of_a_data_sheet_is_marked(given):
+    text = (given(0) / "config.yaml").read_text()
+    lines = text.splitlines()
+    for field in ("node", "gear", "rated_current_A", "max_current_A", "torque_constant"):
+        of = [line for line in lines if re.match(rf"\s+{field}:", line)]
+        assert len(of) == 7
+        assert all("# CHECK" in line for line in of), field
+    scales = [line for line in lines if "scale:" in line]
+    sure = [line.split(":")[0].strip() for line in scales if "CHECK" not in line]
+    assert sure == ["current", "motor_position", "max_motor_speed"]
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_the_draft_can_be_rehearsed_at_once(seed, given):
+    folder = given(seed)
+    with lockstep_rig(folder, described=lambda robot, _: true_arm(robot)[0]) as rig:
+        rig.enable()
+        rig.run(1.0)
+        assert rig.tick.controller.machine.mode == "holding"
+
+
+@pytest.mark.parametrize("folder", [ROMEO, DESK_ARM], ids=lambda f: f.name)
+def test_shipped_arms_can_be_drafted(folder, tmp_path):
+    result = new(tmp_path / "mine", folder / "arm.urdf", str(folder / "drive.eds"))
+    assert result.exit_code == 0, result.output
+    assert list(yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())["drives"]) == [
+        "drive"
+    ]
+    assert told(tmp_path / "mine").lines == []
+
+
+def test_drives_of_several_makes_are_all_there_and_the_choice_is_marked(tmp_path):
+    one, other = (tmp_path / f"{MAKES[i].name}.eds" for i in (0, 4))
+    one.write_text(MAKES[0].eds())
+    other.write_text(MAKES[4].eds())
+    result = new(tmp_path / "mine", ROMEO / "arm.urdf", str(one), f"small={other}")
+    assert result.exit_code == 0, result.output
+    text = (tmp_path / "mine" / "config.yaml").read_text()
+    written = yaml.safe_load(text)
+    assert [j["wiring"]["profile"] for j in written["joints"]] == ["alder"] + 6 * ["small"]
+    assert text.count("# CHECK: which of the drives") == 7
+    assert told(tmp_path / "mine").lines == []
+
+
+def test_nothing_is_overwritten(tmp_path):
+    (tmp_path / "mine").mkdir()
+    result = new(tmp_path / "mine", ROMEO / "arm.urdf", str(ROMEO / "drive.eds"))
+    assert result.exit_code == 78
+    assert "exists: it is never overwritten" in result.output
+    assert list((tmp_path / "mine").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("edit", "says"),
+    [
+        (lambda u, e: (re.sub('type="revolute"', 'type="fixed"', u), e), "no joint moves"),
+        (lambda u, e: (u.replace('upper="2.22041"', 'upper="-3"'), e),
+         "line 1[0-9]: joint 'LShoulderPitch' has limits .* lower must be less than upper"),
+        (lambda u, e: (u.replace("</robot>", ""), e), "arm.urdf: not XML"),
+        (lambda u, e: (re.sub(r"(?s)<inertial>.*?</inertial>", "", u), e), "has a mass"),
+        (lambda u, e: (u, re.sub(r"\[60FF\].*?\n\n", "", e, flags=re.DOTALL)),
+         "no object for target_velocity"),
+        (lambda u, e: (u, "nothing"), "not a readable EDS"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_drafted_is_refused_and_nothing_is_left(edit, says, tmp_path):
+    urdf, eds = edit((ROMEO / "arm.urdf").read_text(), (ROMEO / "drive.eds").read_text())
+    (tmp_path / "arm.urdf").write_text(urdf)
+    (tmp_path / "drive.eds").write_text(eds)
+    result = new(tmp_path / "mine", tmp_path / "arm.urdf", str(tmp_path / "drive.eds"))
+    assert result.exit_code == 78, result.output
+    assert re.search(says, result.output), result.output
+    assert not (tmp_path / "mine").exists()
+
+
+def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):
+    eds = str(ROMEO / "drive.eds")
+    twice = new(tmp_path / "mine", ROMEO / "arm.urdf", eds, f"drive={eds}")
+    assert (twice.exit_code, "two drives of one name" in twice.output) == (78, True)
+    missing = new(tmp_path / "mine", tmp_path / "none.urdf", eds)
+    assert (missing.exit_code, "cannot be read" in missing.output) == (78, True)

@@ -1,0 +1,44 @@
+"""A router, somebody else's session there, and bridges to it."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from bench.rigs.bridge import Bridge
+from bench.rigs.zenoh_router import free_port, session_at
+
+
+@pytest.fixture
+def port() -> int:
+    return free_port()
+
+
+@pytest.fixture
+def routed(port: int) -> Iterator[int]:
+    """Port of a router in this process."""
+    with contextlib.closing(session_at(f"tcp/127.0.0.1:{port}", "router")):
+        yield port
+
+
+@pytest.fixture
+def other(routed: int) -> Iterator[zenoh.Session]:
+    """A session of somebody else."""
+    with contextlib.closing(session_at(f"tcp/127.0.0.1:{routed}", "client")) as opened:
+        yield opened
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., Bridge]]:
+    """Starts the bridge of a daemon, to the router at a port."""
+    started: list[Bridge] = []
+
+    def begin(control: Path, port: int, name: str = "left_arm") -> Bridge:
+        started.append(Bridge(control, f"tcp/127.0.0.1:{port}", name))
+        return started[-1]
+
+    yield begin
+    for bridge in started:
+        bridge.close()
