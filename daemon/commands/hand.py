@@ -118,7 +118,7 @@ def lead(door: Path, joint: str, position: float, speed: float, torque: float) -
 @click.option("--times", type=click.IntRange(1, 1000), default=40, show_default=True)
 @click.pass_obj
 def gap(door: Path, joint: str, torque: float, times: int) -> None:
-    """Move JOINT's link between the borders of its gap, as `contactd identify gap` asks for."""
+    """Move JOINT's link between the borders of its gap, for `contactd identify gap --by-hand`."""
     _do(door, act="gap", joint=joint, torque=torque, times=times)
 
 
