@@ -46,7 +46,7 @@ LEASED = ("arm", "renew")
 WISHES: dict[Mode, dict[str, float]] = {
     Mode.OFF: {"enable": 8, "stray": 1},
     Mode.ENABLING: {NOTHING: 8, "stray": 1},
-    Mode.HOLDING: {"start": 5, "arm": 5, "load": 2, "gain": 1, "disable": 0.5, "stray": 1},
+    Mode.HOLDING: {"start": 4, "go": 2, "arm": 5, "load": 2, "gain": 1, "disable": 0.5, "stray": 1},
     Mode.TRACKING: {"arm": 6, NOTHING: 6, "pause": 1, "stop": 0.5, "gain": 1, "stray": 1},
     Mode.ADMITTANCE: {NOTHING: 12, "pause": 1, "disarm": 1, "stop": 0.5, "gain": 2, "stray": 0.5},
     Mode.RETRACTING: {NOTHING: 8, "stray": 1},
@@ -103,6 +103,12 @@ def _requests(wish: str, rng: Random, c: Configuration) -> tuple[Request, ...]:
             joint = rng.choice(c.joints)
             gain = rng.choice((-1.0, 1e9, *(rng.uniform(0.2, 1.5) * joint.admittance_gain,) * 8))
             return (Request("gain", joint=joint.name, gain=gain),)
+        case "go":
+            joint = rng.choice(c.joints)
+            # One in some is out of its limits.
+            value = rng.uniform(1.1 * joint.limits.lower, 1.1 * joint.limits.upper)
+            speed = rng.choice((None, 0.5, 2.0))
+            return (Request("go", targets={joint.name: value}, speed=speed),)
         case "load":
             return _trajectory(rng, c)
         case _:

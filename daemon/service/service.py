@@ -215,7 +215,7 @@ class Service:
 
     def _go(self, request: Request, who: str) -> Reply:
         last, poses = self.loop.tick.last, self.process.poses
-        if last is None:
+        if last is None or last.decision is None:
             return self._reply(request, ["no samples of the drives yet"])
         q = last.samples.link_position
         try:
