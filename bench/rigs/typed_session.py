@@ -19,7 +19,7 @@ from daemon.modes.table import Mode
 
 MOTION_S = 3.0
 """Motion after which a step has measured something [s]."""
-HEARING_S = 0.02
+HEARING_S = 0.1
 """Time that a command has to hear Ctrl-C, at each tick until the arm is stopped [s]."""
 
 

@@ -284,7 +284,7 @@ def test_it_waits_for_a_daemon_that_is_not_there_yet(tmp_path: Path) -> None:
             return news
         return None
 
-    said = f"no contactd serves {tmp_path / 'nothing'}: is it running? (systemctl status contactd)"
+    said = f"no contactd serves {tmp_path / 'nothing'}: is it running? (`contactd run CONFIG`)"
     expected = Lost(said)
     assert next(follow(tmp_path / "nothing")) == expected
     assert asyncio.run(first()) == expected
