@@ -21,6 +21,8 @@ MOTION_S = 3.0
 """Motion after which a step has measured something [s]."""
 HEARING_S = 0.1
 """Time that a command has to hear Ctrl-C, at each tick until the arm is stopped [s]."""
+ENDING_S = 0.005
+"""Time that it has to end, at each tick after that: it looks at the arm by the clock [s]."""
 
 
 def wired_joint(folder: Path) -> CommissionedArm:
@@ -52,6 +54,7 @@ class TypedCommand:
         def work() -> None:
             self._results.append(CliRunner().invoke(contactd.main, command))
 
+        self._pause_s = 0.0
         self._thread = threading.Thread(target=work)
         self._thread.start()
         self.ticks_in_motion = 0
@@ -65,7 +68,7 @@ class TypedCommand:
         """Do a tick of the daemon, and let the command go on where it waits for none."""
         self.served.tick()
         self.ticks_in_motion += self.served.rig.mode is Mode.TRACKING
-        self._thread.join(0.0 if self.served.service.control.readers else 0.005)
+        self._thread.join(self._pause_s if self.served.service.control.readers else 0.005)
 
     def moves(self, seconds: float = MOTION_S) -> None:
         """Tick until the step's motion has lasted so long."""
@@ -77,6 +80,7 @@ class TypedCommand:
         time to hear that, on a busy machine too."""
         number = ctypes.c_ulong(self._thread.ident or 0)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(KeyboardInterrupt))
+        self._pause_s = ENDING_S
         while self._thread.is_alive() and self.served.rig.mode is Mode.TRACKING:
             self._thread.join(HEARING_S)
             self.tick()
