@@ -66,7 +66,7 @@ compiled: $(STAMP)  ## build the compiled modules where a source is another
 demo: $(STAMP) compiled  ## the paper's third experiment on a simulated arm, about 30 s
 	@trap : INT; $(BIN)/contactd demo $(if $(WEB),--web) || test $$? -eq 130 # Ctrl-C is no error
 
-test: $(STAMP) compiled  ## all tests, some four minutes
+test: $(STAMP) compiled  ## all tests, some five minutes
 	$(BIN)/python -m pytest -q -n auto --dist loadfile
 
 # New examples for every property in tests/: a failure prints the example and how to repeat it.
