@@ -200,6 +200,34 @@ def test_what_comes_to_a_load_that_was_told_is_advised_with_it(rig: Rig) -> None
     assert loads.advice == "`contactctl payload 0.25 --com 0.10 0.00 -0.03`"
 
 
+@pytest.mark.parametrize("torque", [2.5, -2.5])
+def test_a_hand_that_comes_while_a_told_load_settles_is_felt(rig: Rig, torque: float) -> None:
+    """What the residual still shows of the load for some 0.1 s covers no touch of a joint."""
+    rig.run(20.0)
+    assert not rig.permit()
+    give(rig, JUG)
+    for _ in range(1000):
+        believe(rig, JUG)
+        rig.step()
+        if rig.mode is Mode.HOLDING and rig.estimate.thresholded.any():
+            break
+    assert rig.mode is Mode.HOLDING
+    assert not rig.tick.carry(JUG, "the test")
+    rig.arm.external_torque[3] = torque
+    rig.run(0.1)
+    assert rig.mode is Mode.ADMITTANCE
+    assert np.sign(rig.estimate.thresholded[3]) == np.sign(torque)
+
+
+def test_a_load_that_is_told_and_is_not_there_is_a_contact(rig: Rig) -> None:
+    """Its weight is felt upwards, at once: nothing of it is taken for what settles."""
+    rig.run(20.0)
+    assert not rig.permit()
+    assert not rig.tick.carry(JUG, "the test")
+    rig.run(0.15)
+    assert rig.mode is Mode.ADMITTANCE
+
+
 def test_an_arm_that_holds_a_load_is_told_and_does_not_move(rig: Rig) -> None:
     """Armed, at rest against more than the level: what is left of it in r is nobody's."""
     rig.run(20.0)
