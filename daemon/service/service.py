@@ -136,8 +136,9 @@ class Service:
                 self.notifier.status(self.summary())
         if left_out := self._limit.summary(self.loop.time_s):
             self._tell("mode", left_out)
-        # A new process may cost a tick: none that moves the arm.
-        at_rest = self.loop.tick.controller.machine.mode in AT_REST
+        # A new process may cost a tick: none that moves the arm, or in which it may have to yield.
+        machine = self.loop.tick.controller.machine
+        at_rest = machine.mode in AT_REST and not machine.armed
         if self.black_box is not None and at_rest and self.loop.tick.number % LOOKS_EVERY == 0:
             self.black_box.look_after(self.loop.time_s)
         # After the State, which tells of what was decided in its tick: the next one tells of this.

@@ -130,7 +130,9 @@ def test_a_gain_needs_its_joint_and_belongs_to_its_command(
 # --- the black box's helper ---------------------------------------------------------------------
 
 
-def test_the_helper_is_looked_after_while_nothing_moves(served: ServedDaemon) -> None:
+def test_the_helper_is_looked_after_while_nothing_moves_or_may_have_to(
+    served: ServedDaemon,
+) -> None:
     seen: list[Mode] = []
 
     class Box:
@@ -145,6 +147,11 @@ def test_the_helper_is_looked_after_while_nothing_moves(served: ServedDaemon) ->
     served.run(3.0)
     assert set(seen) == {Mode.OFF, Mode.HOLDING}
     assert len(seen) == pytest.approx(served.rig.tick.number / 100, abs=1)
+    before = len(seen)
+    assert not served.rig.permit()
+    served.run(3.0)
+    assert (served.rig.mode, len(seen)) == (Mode.HOLDING, before)
+    assert served.contactctl("disarm").exit_code == 0
     assert served.contactctl("start").exit_code == 0
     before = len(seen)
     served.run(3.0)
