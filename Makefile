@@ -20,6 +20,8 @@ SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
 # Manual pages and completions, made into $(PREFIX)/share (daemon/commands/manual.py) and linked from here.
 PAGES   := $(foreach p,contactd contactctl contactd-web,man/man1/$(p).1 bash-completion/completions/$(p) \
   zsh/site-functions/_$(p) fish/vendor_completions.d/$(p).fish)
+# Debian's zsh looks for those of packages elsewhere.
+LINKED  := $(if $(filter /usr,$(LOCAL)),sed 's|zsh/site-functions|zsh/vendor-completions|',cat)
 # Shown to everybody; what else lies in configs/ is yours.
 EXAMPLES := $(addprefix configs/,desk_arm romeo_left_arm single_joint)
 # In front of what makes files: others must be able to read them, whatever root's umask is.
@@ -192,8 +194,8 @@ install-service:
 	$(refuse-strange-robot)
 	$(PUBLIC) install -d $(DESTDIR)$(LOCAL)/bin $(SHARE)/configs
 	ln -sf $(PREFIX)/bin/contactd $(PREFIX)/bin/contactctl $(PREFIX)/bin/contactd-web $(PREFIX)/bin/contactd-zenoh $(DESTDIR)$(LOCAL)/bin/
-	$(PUBLIC) for page in $(PAGES); do install -d $(DESTDIR)$(LOCAL)/share/$$(dirname $$page) && \
-	  ln -sf $(PREFIX)/share/$$page $(DESTDIR)$(LOCAL)/share/$$page || exit 1; done
+	$(PUBLIC) for page in $(PAGES); do link=$(DESTDIR)$(LOCAL)/share/$$(echo $$page | $(LINKED)) && \
+	  install -d $$(dirname $$link) && ln -sf $(PREFIX)/share/$$page $$link || exit 1; done
 	cp -R --no-preserve=ownership docs systemd/examples $(SHARE)/
 	cp -R --no-preserve=ownership $(EXAMPLES) $(SHARE)/configs/
 	rm -f $(SHARE)/configs/*/*.mcap

@@ -109,7 +109,8 @@ def passes(point: Callable[[str], str], release: str) -> bool:
 
 def main(release: str) -> int:
     """Exit status: 0 where all holds."""
-    if not all([passes(point, release) for point in QUICK]):
+    held = [passes(point, release) for point in QUICK]
+    if not all(held):
         return 1
     if not all(passes(point, release) for point in LONG):
         return 1
