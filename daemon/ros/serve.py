@@ -11,6 +11,7 @@ from typing import Final
 import zenoh
 
 from daemon.clients.client import Client
+from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State, Status
 from daemon.ros import diagnoses, topics
 from daemon.ros.graph import Graph, Say, configuration, session_of
@@ -22,6 +23,9 @@ from errors import ConfigurationError, ContactdError
 NICE: Final = 10
 RETRY_S: Final = 0.25
 DIAGNOSTICS_S: Final = 1.0
+#: A status costs the daemon more than a tick's States do, and what only it tells changes slowly.
+STATUS_EVERY_S: Final = 60.0
+STATUS_APART_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +66,7 @@ class Bridge:
         self._view, self._graph, self._say, self._ended = view, graph, say, ended
         self._arm = node.namespace.strip("/") or node.name
         self._status: Status | None = None
+        self._wanted = threading.Event()  # a new status
         self._said = ""
         self._due_s = 0.0  # of the next message on /diagnostics, by the monotonic clock
         self._key: diagnoses.Key = ()
@@ -77,11 +82,13 @@ class Bridge:
             except ContactdError as error:
                 self._lose(str(error))
                 self._ended.wait(RETRY_S)
+        self._wanted.set()
         asker.join()
 
     def _follow(self, client: Client) -> None:
         snapshot, states = client.subscribe()
         self._said, self._key = "", ()
+        self._wanted.set()
         self._say(f"joined {snapshot.program}: {', '.join(snapshot.joints)}")
         made = topics.Topics(snapshot, self._arm)
         self._graph.publishers["robot_description"].put(made.description)
@@ -95,6 +102,8 @@ class Bridge:
     def _diagnose(self, snapshot: Snapshot, state: State) -> None:
         key, now_s = diagnoses.changed(state), time.monotonic()
         if key != self._key or now_s >= self._due_s:
+            if key != self._key and state.mode is Mode.FAULTED:
+                self._wanted.set()
             self._key = key
             found = diagnoses.of(state, snapshot.joints, self._arm, self._status)
             self._publish(state.timing.wall_s, found, now_s)
@@ -113,10 +122,15 @@ class Bridge:
         self._graph.publishers["/diagnostics"].put(diagnostic_array(wall_s, found))
 
     def _ask(self) -> None:
-        """Ask for what no State tells, now and then, apart from the stream."""
-        while not self._ended.wait(DIAGNOSTICS_S):
+        """Ask for what no State tells: once joined, at a fault, and now and then."""
+        while not self._ended.is_set():
+            self._wanted.wait(STATUS_EVERY_S)
+            self._wanted.clear()
+            if self._ended.is_set():
+                return
             try:
                 with Client(self._view) as client:
                     self._status = client.ask_status()
             except ContactdError:
                 self._status = None
+            self._ended.wait(STATUS_APART_S)

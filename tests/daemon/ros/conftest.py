@@ -3,9 +3,11 @@
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
+from rosbags.typesys import Stores, get_typestore
 
 from bench.rigs.bridge import Bridge
 from bench.rigs.zenoh_router import free_port, session_at
@@ -28,6 +30,19 @@ def other(routed: int) -> Iterator[zenoh.Session]:
     """A session of somebody else."""
     with contextlib.closing(session_at(f"tcp/127.0.0.1:{routed}", "client")) as opened:
         yield opened
+
+
+@pytest.fixture
+def diagnostics(other: zenoh.Session) -> list[Any]:
+    """What comes on /diagnostics, as rosbags reads it."""
+    store, got = get_typestore(Stores.ROS2_JAZZY), list[Any]()
+
+    def take(sample: zenoh.Sample) -> None:
+        payload = sample.payload.to_bytes()
+        got.append(store.deserialize_cdr(payload, "diagnostic_msgs/msg/DiagnosticArray"))
+
+    other.declare_subscriber("0/diagnostics/**", take)
+    return got
 
 
 @pytest.fixture

@@ -212,21 +212,10 @@ def test_whoever_comes_late_gets_the_description(
 # --- what goes wrong -----------------------------------------------------------------------------
 
 
-def diagnostics(other: zenoh.Session) -> list[Any]:
-    got: list[Any] = []
-    kind = "diagnostic_msgs/msg/DiagnosticArray"
-
-    def take(sample: zenoh.Sample) -> None:
-        got.append(STORE.deserialize_cdr(sample.payload.to_bytes(), kind))
-
-    other.declare_subscriber(topic("/diagnostics", kind), take)
-    return got
-
-
 def test_a_daemon_that_ends_is_stale_and_comes_back(
-    fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
+    fake_daemon: Any, routed: int, diagnostics: list[Any], start: Any
 ) -> None:
-    got = diagnostics(other)
+    got = diagnostics
     bridge = start(fake_daemon.path, routed)
     first = until(lambda: got and got[-1])
     assert [status.name for status in first.status][:2] == [
