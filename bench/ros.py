@@ -10,25 +10,21 @@ the daemon published it, by a reader of ours at its socket, and no `joint_states
 came. Figures in real time hold for an idle machine only.
 """
 
-import contextlib
 import os
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import click
 import numpy as np
 
 from bench.report import Target, print_report
+from bench.rigs.bridge import bridge_of
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.processes import Pair, pair
 from bench.rigs.ros_listener import Arrival, listener_of
 from bench.rigs.zenoh_router import free_port, router_of
 from bench.study.beside import cpu_s, median_ratio, p99_us, peak_mb, watch
-from contactd_client.paths import view_socket_path
 from daemon.clients.client import Client
 from daemon.protocol.messages import State
 from daemon.ros.messages import stamp
@@ -36,22 +32,6 @@ from daemon.ros.messages import stamp
 KEY = "0/contactd/joint_states/**"
 ALL = "0/**"
 SETTLE_S = 1.0
-
-
-@contextlib.contextmanager
-def bridge_of(both: Pair, endpoint: str) -> Iterator[subprocess.Popen[str]]:
-    """`contactd-zenoh` of this daemon, which has joined it, while the context lasts."""
-    command = [sys.executable, "-m", "daemon.commands.contactd_zenoh", "--connect", endpoint]
-    command += ["--view-socket", str(view_socket_path(both.door))]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            while "joined" not in (said := process.stdout.readline()):
-                if not said:
-                    raise RuntimeError("the bridge does not start")
-            yield process
-        finally:
-            process.terminate()
 
 
 @dataclass(slots=True)
@@ -85,7 +65,7 @@ class Rounds:
             self._compare(states, reader.arrivals())
 
     def _with(self, both: Pair, endpoint: str, seconds: float) -> list[State]:
-        with bridge_of(both, endpoint) as bridge:
+        with bridge_of(both.door, endpoint) as bridge:
             time.sleep(SETTLE_S)
             before_s, begun_s = cpu_s(bridge.pid), time.monotonic()
             states = watch(both, seconds)

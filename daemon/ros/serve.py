@@ -14,10 +14,11 @@ from daemon.clients.client import Client
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State, Status
 from daemon.ros import diagnoses, topics
+from daemon.ros.arming import Arming
 from daemon.ros.graph import Graph, Say, configuration, session_of
 from daemon.ros.messages import Diagnosis, diagnostic_array
 from daemon.ros.names import Node
-from daemon.ros.services import actions
+from daemon.ros.services import Offer, actions, trigger
 from errors import ConfigurationError, ContactdError
 
 NICE: Final = 10
@@ -30,13 +31,15 @@ STATUS_APART_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What the command line says; `control` is the full door, or None."""
+    """What the command line says; `control` is the full door, or None; only through it may others
+    arm the arm, where `arming` allows it."""
 
     view: Path
     control: Path | None
     node: Node
     connect: tuple[str, ...]
     configuration: Path | None
+    arming: bool = False
 
 
 def serve(settings: Settings, say: Say, ended: threading.Event) -> None:
@@ -48,13 +51,23 @@ def serve(settings: Settings, say: Say, ended: threading.Event) -> None:
         say(f"looks for a router: {settings.configuration or ', '.join(settings.connect)}")
         with session_of(config) as session:
             node = replace(settings.node, zid=str(session.zid()))
-            offered = actions(settings.view, settings.control)
-            with Graph(session, node, topics.endpoints(node), offered, say) as graph:
+            with Graph(session, node, topics.endpoints(node), offers(settings), say) as graph:
+                if settings.arming:
+                    say("whoever reaches the router may arm the arm, unless its rules say who may")
                 say(f"node {node.absolute(node.name)} in domain {node.domain}")
                 Bridge(settings.view, graph, node, say, ended).run()
     except zenoh.ZError as error:
         what = settings.configuration or ", ".join(settings.connect)
         raise ConfigurationError(f"{what}: Zenoh says: {error}") from error
+
+
+def offers(settings: Settings) -> dict[str, Offer]:
+    """Services of an arm, by name."""
+    acts = actions(settings.view, settings.control)
+    offered = {name: trigger(act) for name, act in acts.items()}
+    if settings.arming and settings.control is not None:
+        offered["arm"] = Arming.at(settings.control, acts["disarm"]).offer()
+    return offered
 
 
 class Bridge:

@@ -4,7 +4,7 @@ import contextlib
 import re
 import textwrap
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from zenoh import ext
 from zenoh_ros2_sdk import discovery
 from zenoh_ros2_sdk.service_client import ROS2ServiceClient
-from zenoh_ros2_sdk.session import ZenohSession
 from zenoh_ros2_sdk.subscriber import ROS2Subscriber
-from zenoh_ros2_sdk.utils import compute_service_type_hash
 
 from bench.rigs.bridge import LONGEST_S, Bridge, until
 from bench.rigs.zenoh_router import session_at
@@ -25,7 +23,6 @@ from daemon.ros.messages import outcome
 from daemon.ros.names import Distro, Endpoint, Kind, Node, Qos, attachment, read_attachment
 from daemon.ros.serve import Settings, serve
 from daemon.ros.services import TRIGGER
-from daemon.ros.type_hashes import TYPE_HASHES
 from errors import ConfigurationError
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -51,15 +48,6 @@ def reached(bridge: Bridge, other: zenoh.Session) -> Bridge:
 # --- as somebody else sees it --------------------------------------------------------------------
 
 
-@pytest.fixture
-def sdk(routed: int) -> Iterator[int]:
-    """Port of a router to which zenoh-ros2-sdk is connected."""
-    opened = ZenohSession.get_instance("127.0.0.1", routed)
-    yield routed
-    opened.session.close()
-    ZenohSession._instance = None
-
-
 def test_topics_and_services_are_listed(fake_daemon: Any, sdk: int, start: Any) -> None:
     start(fake_daemon.path, sdk)
     expected = {
@@ -75,13 +63,6 @@ def test_topics_and_services_are_listed(fake_daemon: Any, sdk: int, start: Any) 
     trigger = ["std_srvs/srv/Trigger"]
     offered = {"/left_arm/disarm": trigger, "/left_arm/stop": trigger}
     until(lambda: dict(discovery.get_service_names_and_types(*where)) == offered)
-
-
-def test_the_hash_of_a_service_is_what_others_compute() -> None:
-    """Of messages, rosbags says so in another test."""
-    request = "uint8 structure_needs_at_least_one_member"  # of all that are empty
-    found = compute_service_type_hash(TRIGGER, request, "bool success\nstring message")
-    assert TYPE_HASHES[TRIGGER] == found
 
 
 def test_joint_states_are_read_and_disarm_is_called(
