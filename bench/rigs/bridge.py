@@ -32,12 +32,18 @@ class Bridge:
     `said` is what it tells its log."""
 
     def __init__(
-        self, control: Path, endpoint: str, name: str = "left_arm", *, arming: bool = False
+        self,
+        control: Path,
+        endpoint: str,
+        name: str = "left_arm",
+        *,
+        arming: bool = False,
+        configuration: Path | None = None,
     ) -> None:
         self.said: list[str] = []
         self.node = Node(0, f"/{name}", "contactd", Distro.JAZZY)
         view, full = view_socket_path(control), control if arming else None
-        settings = Settings(view, full, self.node, (endpoint,), None, arming)
+        settings = Settings(view, full, self.node, (endpoint,), configuration, arming)
         self._ended = threading.Event()
         self.thread = threading.Thread(target=serve, args=(settings, self.said.append, self._ended))
         self.thread.start()

@@ -1,8 +1,6 @@
 """The bridge between a daemon's socket and a router, heard by zenoh-ros2-sdk, which is not ours."""
 
 import contextlib
-import re
-import textwrap
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -319,17 +317,3 @@ def test_an_endpoint_that_is_none(fake_daemon: Any, where: str) -> None:
     settings = Settings(fake_daemon.path, None, NODE, (where,), None)
     with pytest.raises(ConfigurationError, match="--connect "):
         serve(settings, print, threading.Event())
-
-
-def test_the_configurations_of_the_page_are_zenohs(tmp_path: Path) -> None:
-    """docs/ros.md has one for the arm and one for the router."""
-    page = (Path(__file__).parents[3] / "docs/ros.md").read_text()
-    blocks = [textwrap.dedent(block) for block in re.findall(r"(?:^    .*\n|^\n)+", page, re.M)]
-    arm = next(block for block in blocks if 'mode: "client"' in block)
-    rules = next(block for block in blocks if "access_control:" in block)
-    assert zenoh.Config.from_json5(arm).get_json("mode") == '"client"'
-    router = zenoh.Config.from_json5("{" + rules + "}")
-    router.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
-    router.insert_json5("scouting/multicast/enabled", "false")
-    router.insert_json5("mode", '"router"')
-    zenoh.open(router).close()  # which reads the rules
