@@ -16,6 +16,7 @@ GRAVITY_TOLERANCE = 0.25
 LEAST_MOTION = 0.005
 """[rad] the motor must have turned."""
 _PIECE = 0.012  # [rad]: less than the link is to move
+_FRAGMENT = 0.25  # of the longest way: a link that strikes its border halts the motor for a moment
 _STEADY = 0.08  # change of the ratio of link and motor while the gear carries
 
 
@@ -144,18 +145,20 @@ def _strokes(q: Vector, velocity: Vector, steps: Vector) -> list[_Stroke]:
     fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
     direction = np.where(fast, np.sign(velocity), 0.0)
     edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(q)]
-    strokes = []
+    ways = []
     for a, b in itertools.pairwise(edges):
-        if not direction[a] or b - a < 10:
+        if direction[a] and b - a >= 10:
+            turned = np.cumsum(np.abs(velocity[a:b]) * steps[a:b])
+            ways.append((a, turned - turned[0], direction[a] * (q[a:b] - q[a])))
+    longest = max((float(turned[-1]) for _, turned, _ in ways), default=0.0)
+    strokes = []
+    for a, turned, way in ways:
+        whole = float(turned[-1])
+        if whole < max(LEAST_MOTION, _FRAGMENT * longest):
             continue
-        turned = np.concatenate([[0.0], np.cumsum(np.abs(velocity[a + 1 : b]) * steps[a + 1 : b])])
-        way = direction[a] * (q[a:b] - q[a])
-        if turned[-1] < LEAST_MOTION:
-            continue
-        piece = min(0.5 * float(turned[-1]), _PIECE)
-        ends = np.arange(float(turned[-1]), piece, -0.5 * piece)
+        piece = min(0.5 * whole, _PIECE)
         found = [_stroke(a, turned, way, end - piece, end, bool(direction[a] > 0.0))
-                 for end in ends]  # fmt: skip
+                 for end in np.arange(whole, piece, -0.5 * piece)]  # fmt: skip
         strokes.append(next((s for s in found if s.carried), found[0]))
     return strokes
 
