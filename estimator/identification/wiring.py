@@ -20,6 +20,9 @@ _FRAGMENT = 0.25  # of the longest way: a link that strikes its border halts the
 _STEADY = 0.08  # change of the ratio of link and motor while the gear carries
 
 
+OTHER_WAY = "the link goes the other way than the motor: link_sign or motor_sign"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WiringResult:
     """Result of moving one joint to and fro; passed when there are no problems."""
@@ -73,7 +76,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
         engaged[stroke.rows] = True
     follows = sum(s.way for s in carried) / sum(s.turned for s in carried)
     if follows < 0.0:
-        problems.append("the link goes the other way than the motor: link_sign or motor_sign")
+        problems.append(OTHER_WAY)
     elif abs(follows - 1.0) > SCALE_TOLERANCE:
         problems.append(
             f"the link moves {follows:.3f} times as far as the motor says: gear, or a scale"
@@ -91,7 +94,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     off, allowed = abs(held - gravity), GRAVITY_TOLERANCE * abs(gravity) + 0.3 * abs(friction)
     if off > allowed:
         problems.append(
-            f"the current holds {held:.3g} Nm, gravity is {gravity:.3g} Nm by the URDF: "
+            f"the current holds {in_Nm(held)}, gravity is {in_Nm(gravity)} by the URDF: "
             "torque_constant, link_offset, masses, or another joint than this one moved"
         )
     elif abs(gravity) < abs(friction):
@@ -138,6 +141,18 @@ def follows_both_ways(log: MotionLog, joint: int) -> bool:
     steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
     strokes = _strokes(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
     return {s.upward for s in strokes if s.carried} == {True, False}
+
+
+def in_Nm(torque: float) -> str:
+    """A torque [Nm] for people: what is below a mNm is none."""
+    return f"{round(torque, 3) + 0.0:.3g} Nm"
+
+
+def goes_against(log: MotionLog, joint: int) -> bool:
+    """True where the link went the other way than the motor, in a log that ends when they are too
+    far apart."""
+    way = np.diff(log.link_position[:, joint])
+    return bool(way @ (log.motor_velocity[1:, joint] * np.diff(log.time_s)) < 0.0)
 
 
 def _strokes(q: Vector, velocity: Vector, steps: Vector) -> list[_Stroke]:
