@@ -22,6 +22,7 @@ from msgspec import inspect as types
 from bench.study.mistakes import MISTAKES
 from daemon.commands.contactctl import main
 from daemon.config.schema import Configuration
+from daemon.faults.symptoms import SECTION_OF
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.contact_reactions import EVENT_OF
 from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
@@ -152,8 +153,13 @@ def _condition(condition: Condition) -> str:
         f"**{_in_words(row.response).capitalize()}.** Arming check: `{row.check}`.\n\n"
         f"- *Found when:* {row.when}.\n"
         f"- *Why:* {row.why}.\n"
-        f"- *What to do:* {_linked(row.advice)}."
+        f"- *What to do:* {_linked(row.advice)}. By its symptom: "
+        f"[{_titled(SECTION_OF[condition])}](troubleshooting.md#{SECTION_OF[condition]})."
     )
+
+
+def _titled(anchor: str) -> str:
+    return anchor.replace("-", " ")
 
 
 def _linked(text: str) -> str:
