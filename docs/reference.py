@@ -2,9 +2,9 @@
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
 `contactctl.md` from the commands' own help; `schemas/` and `contactd_client/messages.py` from the
-messages of the socket; `daemon/ros/type_hashes.py` from the definitions of ROS 2. `faults.md`,
-`modes.md`, `mistakes.md`, `recording.md` and `rehearsing.md` are written by hand but for the parts
-between two markers, which come from what the program runs on.
+messages of the socket; `concepts/` from `drawings.py`; `daemon/ros/type_hashes.py` from the
+definitions of ROS 2. `faults.md`, `modes.md`, `mistakes.md`, `recording.md` and `rehearsing.md` are
+written by hand but for the parts between two markers, which come from what the program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
@@ -33,6 +33,7 @@ DOCS = Path(__file__).parent
 sys.path.append(str(DOCS.parent))  # for `docs` itself, which is in no wheel
 
 from docs.door import SCHEMAS, client_messages, schema  # noqa: E402
+from docs.drawings import drawings  # noqa: E402
 from docs.fields import comments_of, structs_of  # noqa: E402
 from docs.ros_types import type_hashes  # noqa: E402
 
@@ -342,6 +343,7 @@ def files() -> dict[Path, str]:
     """Text of every file that is made here."""
     made = {DOCS / f"{name}.md": page() for name, page in PAGES.items()}
     made |= {DOCS / "schemas" / f"{name}.json": schema(cls) for name, cls in SCHEMAS.items()}
+    made |= {DOCS / "concepts" / name: svg for name, svg in drawings().items()}
     return made | {
         DOCS.parent / "contactd_client/messages.py": client_messages(),
         DOCS.parent / "daemon/ros/type_hashes.py": type_hashes(),
