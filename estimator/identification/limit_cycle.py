@@ -1,0 +1,104 @@
+"""Limit cycle of a position loop: joints that swing by themselves, at one frequency, in a log.
+
+A loop on the link's position swings to and fro through a gap whose link nothing holds: by as much
+as the gap is wide, and at a frequency that falls with the loop's gain. It shows as a steady line in
+the motor's velocity beside what was commanded. What rings after a reversal fades; what an
+excitation commands lies below `LOWEST_HZ`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from arrays import Matrix, Vector
+from estimator.identification.motion_log import MotionLog
+
+LOWEST_HZ = 0.9
+"""Above the highest harmonic of an excitation (`excitation.HARMONICS` over 8 s)."""
+WINDOW_S = 4.0
+_HOP = 0.5  # of a window
+_HIGHEST = 0.2  # of the sampling frequency
+_LINE = 3  # bins to either side that a steady line takes under Hann's window
+_SHARE = 0.6  # of the power above `LOWEST_HZ` that one line has
+_SMALLEST = 0.001  # amplitude of the motor [rad at the link] that is worth telling
+_STEADY = 0.2  # by which the frequency may wander from window to window
+_IN_A_ROW = 2  # windows
+ENDING_SHARE = 0.25
+"""Of the present gain, with which the cycle ends: `tests/bench/test_upright_arm.py`."""
+
+
+@dataclass(frozen=True, slots=True)
+class LimitCycle:
+    """Joint that swings by itself."""
+
+    joint: str
+    frequency_Hz: float
+    amplitude: float
+    """of the motor, at most [rad at the link]"""
+    lasted_s: float
+    """in which it swung"""
+
+
+def limit_cycles(log: MotionLog, commanded: Matrix | None = None) -> list[LimitCycle]:
+    """Joints that swing by themselves, those that swing furthest first.
+
+    commanded (N, n): reference of the link positions [rad], where it is known; without it, a motion
+    that was commanded above `LOWEST_HZ` is taken for a cycle, too.
+    """
+    width = round(WINDOW_S / log.period_s)
+    if width < 8:
+        return []
+    found = []
+    for i, name in enumerate(log.joints):
+        runs: list[list[tuple[float, float]]] = []
+        for rows in log.stretches():
+            w = log.motor_velocity[rows, i]
+            if commanded is not None and len(w) > 1:
+                w = w - np.gradient(commanded[rows, i], log.time_s[rows])
+            lines = [
+                _line(w[a : a + width], log.period_s)
+                for a in range(0, len(w) - width + 1, max(1, round(_HOP * width)))
+            ]
+            runs += _steady(lines)
+        if not runs:
+            continue
+        swung = [line for run in runs for line in run]
+        largest = max(amplitude for _, amplitude in swung)
+        frequency = float(np.median([f for f, _ in swung]))
+        lasted = sum(WINDOW_S * (1.0 + _HOP * (len(run) - 1)) for run in runs)
+        found.append(LimitCycle(name, frequency, largest, lasted))
+    return sorted(found, key=lambda cycle: -cycle.amplitude)
+
+
+def _line(w: Vector, period_s: float) -> tuple[float, float]:
+    """Frequency [Hz] and amplitude [rad] of the line that carries a window of velocities (N,)
+    [rad/s], both 0 where there is none."""
+    t = np.linspace(-1.0, 1.0, len(w))
+    hann = np.hanning(len(w))
+    spectrum = np.abs(np.fft.rfft(hann * (w - np.polyval(np.polyfit(t, w, 1), t))))
+    frequency = np.fft.rfftfreq(len(w), period_s)
+    power = np.where((frequency >= LOWEST_HZ), spectrum**2, 0.0)
+    inside = np.where(frequency <= _HIGHEST / period_s, power, 0.0)
+    k = int(np.argmax(inside))
+    near, *overtones = (slice(max(m * k - _LINE, 0), m * k + _LINE + 1) for m in (1, 2, 3))
+    whole, line = float(power.sum()), float(power[near].sum())
+    # The borders of a gap, struck, add overtones.
+    line += sum(float(power[each].sum()) for each in overtones)
+    # What rises towards the lower end belongs to what is below it.
+    if whole == 0.0 or spectrum[k] < spectrum[k - 1] or line < _SHARE * whole:
+        return 0.0, 0.0
+    at = float(power[near] @ frequency[near] / power[near].sum())
+    amplitude = 2.0 * float(spectrum[k]) / float(hann.sum()) / (2.0 * np.pi * at)
+    return (at, amplitude) if amplitude > _SMALLEST else (0.0, 0.0)
+
+
+def _steady(lines: list[tuple[float, float]]) -> list[list[tuple[float, float]]]:
+    """Runs of lines that stay at one frequency."""
+    runs: list[list[tuple[float, float]]] = [[]]
+    for line in lines:
+        last = runs[-1][-1][0] if runs[-1] else line[0]
+        if line[0] == 0.0 or abs(line[0] - last) > _STEADY * last:
+            runs.append([])
+        if line[0] > 0.0:
+            runs[-1].append(line)
+    return [run for run in runs if len(run) >= _IN_A_ROW]
