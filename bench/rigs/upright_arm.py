@@ -5,6 +5,7 @@ gives, encoders off by 0.5 mrad, masses 10 % off the URDF: where identification 
 arm met no difficulty, and on this one did.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +39,14 @@ START = {"shoulder": 0.6, "elbow": 0.5, "wrist_pitch": 0.3}
 MAKE, _EDS, _URDF = MAKES[0], "drive.eds", "arm.urdf"
 
 
-def write(folder: Path) -> Path:
-    """Write what its owner has, with `simulation.yaml` as the arm is in truth; returns the
-    folder."""
+def write(folder: Path, *, gaps: float = 1.0, start: Mapping[str, float] = START) -> Path:
+    """Write what its owner has, with `simulation.yaml` as the arm is in truth, its half-gaps so
+    many times as large, and where it stands; returns the folder."""
     folder.mkdir(parents=True)
     (folder / _URDF).write_text(urdf_of(NAMES, _AXES, _BODIES, _STOPS), encoding="utf-8")
     (folder / _EDS).write_text(MAKE.eds(), encoding="utf-8")
-    (folder / "config.yaml").write_text(in_yaml(_configuration()), encoding="utf-8")
-    (folder / "simulation.yaml").write_text(in_yaml(_truth()), encoding="utf-8")
+    (folder / "config.yaml").write_text(in_yaml(_configuration(gaps)), encoding="utf-8")
+    (folder / "simulation.yaml").write_text(in_yaml(_truth(gaps, start)), encoding="utf-8")
     return folder
 
 
@@ -63,7 +64,7 @@ def _wiring(i: int) -> dict[str, Any]:
             "max_current_A": _MOST[i]}  # fmt: skip
 
 
-def _configuration() -> dict[str, Any]:
+def _configuration(gaps: float) -> dict[str, Any]:
     """What data sheets say, and sensible figures of what is to be identified."""
     joints = [
         {
@@ -71,7 +72,7 @@ def _configuration() -> dict[str, Any]:
             "wiring": {**_wiring(i), "profile": "servo"},
             "torque_constant": _CONSTANTS[i],
             "rotor_inertia": _ROTORS[i],
-            "half_gap": _HALF_GAPS[i],
+            "half_gap": gaps * _HALF_GAPS[i],
             "friction": _friction(i),
             "thresholds": {
                 "contact": round(0.12 * _CONSTANTS[i] * _MOST[i], 2),
@@ -99,12 +100,22 @@ def _configuration() -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _truth() -> dict[str, Any]:
+def _encoder_errors(i: int) -> list[dict[str, Any]]:
+    """Of the motor's encoder with its turn, and of the link's, twice in one."""
+    return [
+        {"encoder": "motor", "order": 1, "amplitude": ENCODERS_OFF, "phase": 0.7 * i},
+        {"encoder": "link", "order": 2, "amplitude": ENCODERS_OFF, "phase": 1.1 * i},
+    ]
+
+
+def _truth(gaps: float, start: Mapping[str, float]) -> dict[str, Any]:
     joints = [
         {
             **_wiring(i), "name": name, "drive": "servo", "torque_constant": _CONSTANTS[i],
-            "rotor_inertia": _ROTORS[i], "half_gap": _HALF_GAPS[i], "gear_stiffness": STIFFNESS,
+            "rotor_inertia": _ROTORS[i], "half_gap": gaps * _HALF_GAPS[i],
+            "gear_stiffness": STIFFNESS,
             "friction": _friction(i), "lower": _STOPS[i][0], "upper": _STOPS[i][1], "brake": True,
+            "encoder_errors": _encoder_errors(i),
         }
         for i, name in enumerate(NAMES)
     ]  # fmt: skip
@@ -117,7 +128,7 @@ def _truth() -> dict[str, Any]:
     }  # fmt: skip
     return {
         "urdf": _URDF,
-        "initial_position": START,
+        "initial_position": dict(start),
         "joints": joints,
         "drives": {"servo": MAKE.truth(_EDS)},
         "settings": settings,

@@ -1,5 +1,6 @@
 """Measurements from a live arm: its motions and the person's part in each step."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from daemon.identify.motions import (
 )
 from daemon.identify.session import Session, discarded, other_joint_touched, wiring_spoiled
 from daemon.identify.show import histogram
+from daemon.identify.swinging import SwingWatch
 from daemon.protocol.messages import State
 from errors import ConfigurationError, ShortLogError
 from estimator.identification.gap import identify_gap
@@ -117,7 +119,7 @@ class LiveArm:
         here = np.array(self._session.hold().link_position)
         own = StrokesOfJoint.of(self._c, self._model, i, here)
         self._tell(own.announcement())
-        how = {
+        how: dict[str, Any] = {
             "warning": wiring_spoiled(joint),
             "touch_ends": True,
             "to_go_on": "The same command begins anew",
@@ -180,7 +182,8 @@ class LiveArm:
             self._tell(f"{already:.0f} s of {seconds:.0f} s are measured already")
         if seconds - already > 1.0:
             path = motion.path(np.array(self._session.hold().link_position), seconds - already)
-            self._move(step, "all joints move, hands off", path, warning=discarded)
+            watch = SwingWatch(self._names, self._c.control.position_gain)
+            self._move(step, "all joints move, hands off", path, watch.saw, warning=discarded)
         return self._read(step)
 
     def _before(self, step: str, *, residuals: bool = False) -> MotionLog | None:
@@ -197,7 +200,15 @@ class LiveArm:
         except ShortLogError:
             return None
 
-    def _move(self, step: str, text: str, path: Matrix, **how: Any) -> None:
+    def _move(
+        self,
+        step: str,
+        text: str,
+        path: Matrix,
+        remark: Callable[[State], str] = lambda _: "",
+        **how: Any,
+    ) -> None:
+        """Run a path with a bar for its progress; what `remark` says of a State is shown."""
         period = self._c.period_s
         columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
         progress = Progress(*columns, console=self._console)
@@ -206,6 +217,8 @@ class LiveArm:
         def each(state: State) -> bool:
             progress.start()  # not before the arm moves, which may be refused
             progress.advance(task, state.interval_s)
+            if said := remark(state):
+                self._session.say(said)
             return False
 
         try:

@@ -40,6 +40,9 @@ class Measured:
     raised: Matrix | None = None  # (N, n) threshold in force beyond its level at speed [Nm]
     touched: NDArray[np.bool_] | None = None  # (N, n) thresholded residual not zero
     unsure: NDArray[np.bool_] | None = None  # (N,) residual that is old, or begins anew
+    reference: Matrix | None = (
+        None  # (N, n) of the link positions [rad]; None of another controller
+    )
     load: str = ""  # that the model counted, in words
     notes: tuple[str, ...] = ()
     outdated: str = ""  # recording whose residuals use other values than today's, in words
@@ -189,6 +192,7 @@ def from_states(
         raised=np.array([s.threshold for s in used]),
         touched=thresholded != 0.0,
         unsure=unsure,
+        reference=np.array([s.reference for s in used]),
         load=str(used[-1].payload or ""),
         notes=notes,
     )

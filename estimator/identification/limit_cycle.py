@@ -21,6 +21,7 @@ _HIGHEST = 0.2  # of the sampling frequency
 _LINE = 3  # bins to either side that a steady line takes under Hann's window
 _SHARE = 0.6  # of the power above `LOWEST_HZ` that one line has
 _SMALLEST = 0.001  # amplitude of the motor [rad at the link] that is worth telling
+_FADED = 0.3  # of its amplitude within a window: that rings, and ends
 _STEADY = 0.2  # by which the frequency may wander from window to window
 _IN_A_ROW = 2  # windows
 ENDING_SHARE = 0.25
@@ -53,13 +54,12 @@ def limit_cycles(log: MotionLog, commanded: Matrix | None = None) -> list[LimitC
         runs: list[list[tuple[float, float]]] = []
         for rows in log.stretches():
             w = log.motor_velocity[rows, i]
+            asked = np.zeros_like(w)
             if commanded is not None and len(w) > 1:
-                w = w - np.gradient(commanded[rows, i], log.time_s[rows])
-            lines = [
-                _line(w[a : a + width], log.period_s)
-                for a in range(0, len(w) - width + 1, max(1, round(_HOP * width)))
-            ]
-            runs += _steady(lines)
+                asked = np.gradient(commanded[rows, i], log.time_s[rows])
+            starts = range(0, len(w) - width + 1, max(1, round(_HOP * width)))
+            windows = [slice(a, a + width) for a in starts]
+            runs += _steady([_line(w[part], asked[part], log.period_s) for part in windows])
         if not runs:
             continue
         swung = [line for run in runs for line in run]
@@ -70,26 +70,48 @@ def limit_cycles(log: MotionLog, commanded: Matrix | None = None) -> list[LimitC
     return sorted(found, key=lambda cycle: -cycle.amplitude)
 
 
-def _line(w: Vector, period_s: float) -> tuple[float, float]:
+def _line(w: Vector, asked: Vector, period_s: float) -> tuple[float, float]:
     """Frequency [Hz] and amplitude [rad] of the line that carries a window of velocities (N,)
-    [rad/s], both 0 where there is none."""
-    t = np.linspace(-1.0, 1.0, len(w))
-    hann = np.hanning(len(w))
-    spectrum = np.abs(np.fft.rfft(hann * (w - np.polyval(np.polyfit(t, w, 1), t))))
+    [rad/s] beside those `asked` for, both 0 where there is none."""
+    w = w - asked
+    spectrum = _spectrum(w)
     frequency = np.fft.rfftfreq(len(w), period_s)
-    power = np.where((frequency >= LOWEST_HZ), spectrum**2, 0.0)
-    inside = np.where(frequency <= _HIGHEST / period_s, power, 0.0)
-    k = int(np.argmax(inside))
+    power = np.where(frequency >= LOWEST_HZ, spectrum**2, 0.0)
+    k = int(np.argmax(np.where(frequency <= _HIGHEST / period_s, power, 0.0)))
     near, *overtones = (slice(max(m * k - _LINE, 0), m * k + _LINE + 1) for m in (1, 2, 3))
     whole, line = float(power.sum()), float(power[near].sum())
     # The borders of a gap, struck, add overtones.
     line += sum(float(power[each].sum()) for each in overtones)
-    # What rises towards the lower end belongs to what is below it.
-    if whole == 0.0 or spectrum[k] < spectrum[k - 1] or line < _SHARE * whole:
+    # What rises towards the lower end belongs to what is below it; what lags belongs to what was
+    # asked for.
+    if (
+        whole == 0.0
+        or line < _SHARE * whole
+        or spectrum[k] < max(spectrum[k - 1], _spectrum(asked)[k])
+    ):
         return 0.0, 0.0
     at = float(power[near] @ frequency[near] / power[near].sum())
-    amplitude = 2.0 * float(spectrum[k]) / float(hann.sum()) / (2.0 * np.pi * at)
-    return (at, amplitude) if amplitude > _SMALLEST else (0.0, 0.0)
+    amplitude = 2.0 * float(spectrum[k]) / float(np.hanning(len(w)).sum()) / (2.0 * np.pi * at)
+    steady = amplitude > _SMALLEST and _faintest(w, at, period_s) > _FADED
+    return (at, amplitude) if steady else (0.0, 0.0)
+
+
+def _spectrum(w: Vector) -> Vector:
+    """Size of a window's Fourier transform, without its mean and trend."""
+    t = np.linspace(-1.0, 1.0, len(w))
+    flat = w - np.polyval(np.polyfit(t, w, 1), t)
+    return np.asarray(np.abs(np.fft.rfft(np.hanning(len(w)) * flat)))
+
+
+def _faintest(w: Vector, hertz: float, period_s: float) -> float:
+    """Amplitude of a line in the quarter of a window in which it is faintest, over that in which it
+    is strongest: what rings fades."""
+    whole, frequency = np.fft.rfft(w), np.fft.rfftfreq(len(w), period_s)
+    beside = (frequency < 0.6 * hertz) | (frequency > 1.6 * hertz)
+    alone = np.fft.irfft(np.where(beside, 0.0, whole), len(w))
+    turning = alone * np.exp(-2j * np.pi * hertz * period_s * np.arange(len(w)))
+    quarters = np.abs([part.mean() for part in np.array_split(turning, 4)])
+    return float(quarters.min() / quarters.max())
 
 
 def _steady(lines: list[tuple[float, float]]) -> list[list[tuple[float, float]]]:
