@@ -100,6 +100,10 @@ class LiveArm:
         """Move all joints along an excitation."""
         return self._excite("friction", seconds, seed=1)
 
+    def encoders(self, seconds: float) -> Measured:
+        """Move all joints along the excitation of `friction`."""
+        return self._excite("encoders", seconds, seed=1)
+
     def thresholds(self, seconds: float) -> Measured:
         """Move all joints along another excitation, and take the residuals, too."""
         if not residuals_alike(self._session.configuration(), self._c):

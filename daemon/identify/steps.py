@@ -9,7 +9,7 @@ from daemon.assembly import build_transmission
 from daemon.config import identified as file
 from daemon.config.load import Robot
 from daemon.config.marks import fingerprint, marks
-from daemon.config.schema import Friction, GapSpring, Step
+from daemon.config.schema import AnyStep, Friction, GapSpring
 from daemon.identify.measured import Measured
 from daemon.identify.swinging import told
 from estimator.identification.friction import (
@@ -190,7 +190,7 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
 
 
 def merged(
-    robot: Robot, step: Step, entries: dict[str, file.Entry], serials: dict[str, int | None]
+    robot: Robot, step: AnyStep, entries: dict[str, file.Entry], serials: dict[str, int | None]
 ) -> file.Identified:
     """Content of the robot's file with the entries of one step in it.
 
@@ -210,7 +210,7 @@ def merged(
     return file.Identified(joints=order)
 
 
-def _marked(robot: Robot, of: dict[Step, str]) -> dict[str, file.IdentifiedJoint]:
+def _marked(robot: Robot, of: dict[AnyStep, str]) -> dict[str, file.IdentifiedJoint]:
     """What the file has by joint, each entry with a mark of its own."""
     old = robot.identified or file.Identified()
     valid = old.configuration == fingerprint(robot.configuration, robot.urdf)

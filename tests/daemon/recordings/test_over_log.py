@@ -117,7 +117,7 @@ def test_a_csv_needs_a_configuration_and_a_recording_has_its_own(tmp_path, state
     other.write_bytes(b"")
     result = replayed(other)
     assert result.exit_code == 2
-    assert "--config is for a CSV" in result.output
+    assert "--config is for a log of another program" in result.output
 
 
 def test_motor_positions_that_the_estimator_takes_are_asked_for():
