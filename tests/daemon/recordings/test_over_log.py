@@ -112,7 +112,7 @@ def test_a_csv_needs_a_configuration_and_a_recording_has_its_own(tmp_path, state
     path = saved(tmp_path / "log.csv", states[:200])
     result = CliRunner().invoke(main, ["replay", str(path)])
     assert result.exit_code == 2
-    assert "a CSV needs --config" in result.output
+    assert "a log of another program needs --config" in result.output
     other = tmp_path / "log.mcap"
     other.write_bytes(b"")
     result = replayed(other)
