@@ -355,10 +355,10 @@ def friction(seconds: float, shortest: float, **asked: Any) -> None:
 
 @identify.command()
 @click.argument("joints", nargs=-1, metavar="[JOINT]...")
-@click.option("--seconds", default=60.0, show_default=True, type=Range(20, 600))
+@click.option("--seconds", default=120.0, show_default=True, type=Range(20, 600))
 @_identification
 def encoders(joints: tuple[str, ...], seconds: float, **asked: Any) -> None:
-    """Move all joints, without contact: what does each link's encoder err with its turn?
+    """Move all joints slowly through their ranges: what do link encoders err with each turn?
 
     Arming does without. What is found is taken off the samples from the next start on. It takes
     position encoders at the motors.

@@ -37,8 +37,8 @@ def replay(file: Path, config: Path | None, as_json: bool) -> None:
     shown. Exit status 0 only if the recording is whole and bit-identical; 65 for one that this
     version cannot compare.
 
-    Of a log of another program, as `contactd identify --log` takes it, residuals and contacts by the
-    estimator of --config.
+    Of a log of another program, as `contactd identify --log` takes it, residuals and contacts by
+    the estimator of --config.
     """
     from daemon.identify.log_names import is_foreign
 

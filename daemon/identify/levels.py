@@ -66,7 +66,7 @@ def _standing(
     levels: list[LevelsResult], cycles: list[LimitCycle], gain: float
 ) -> list[LevelsResult]:
     """Levels, without those of joints that swung: they would be those of an arm that swings."""
-    why = {cycle.joint: told([cycle], gain) for cycle in cycles}
+    why = {cycle.joint: told([cycle], gain) for cycle in cycles if cycle.spoils}
     return [
         replace(one, verdict=LevelVerdict.SWINGS, reason=why[one.joint])
         if one.joint in why and one.verdict is not LevelVerdict.STILL

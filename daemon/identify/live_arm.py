@@ -18,6 +18,8 @@ from daemon.identify.live_strokes import StrokesOfJoint, searched
 from daemon.identify.measured import Measured, read_measured, refuse_incompatible
 from daemon.identify.motions import (
     HAND_S,
+    REPEATS_S,
+    TURNS_S,
     WIDEST_GUESS,
     WIRING_TRAVEL,
     bounds_of,
@@ -127,8 +129,8 @@ class LiveArm:
         return self._excite("friction", seconds, seed=1)
 
     def encoders(self, seconds: float) -> Measured:
-        """Move all joints along the excitation of `friction`."""
-        return self._excite("encoders", seconds, seed=1)
+        """Move all joints slowly through most of their range."""
+        return self._excite("encoders", seconds, seed=1, repeats_s=TURNS_S)
 
     def thresholds(self, seconds: float) -> Measured:
         """Move all joints along another excitation, and take the residuals, too."""
@@ -201,8 +203,17 @@ class LiveArm:
             self._console.line()  # which `Live` owes a file
         return self._read(step, gap_of=joint)
 
-    def _excite(self, step: str, seconds: float, seed: int, *, residuals: bool = False) -> Measured:
-        motion = excitation(bounds_of(self._c), self._model, self._c.period_s, seed)
+    def _excite(
+        self,
+        step: str,
+        seconds: float,
+        seed: int,
+        *,
+        residuals: bool = False,
+        repeats_s: float = REPEATS_S,
+    ) -> Measured:
+        bounds, period_s = bounds_of(self._c), self._c.period_s
+        motion = excitation(bounds, self._model, period_s, seed, repeats_s)
         already = 0.0
         if (before := self._before(step, residuals=residuals)) is not None:
             # Each began with the way to the excitation, which teaches little and does not count.

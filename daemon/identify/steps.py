@@ -129,8 +129,8 @@ def friction_step(
                 rotor_inertia=rotor,
             )
     notes = measured.notes
-    if gain is None and cycles:
-        notes += (told(cycles, gain),)
+    if now_and_then := [one for one in cycles if gain is None or not one.spoils]:
+        notes += (told(now_and_then, gain),)
     if shown.touched:
         notes += (f"{shown.discarded_s:.1f} s discarded: {', '.join(shown.touched)} was touched, "
                   "or met something",)  # fmt: skip
@@ -143,7 +143,7 @@ def friction_step(
 def _standing(fits: list[FrictionFit], cycles: list[LimitCycle], gain: float) -> list[FrictionFit]:
     """Fits, without those of joints that swung: what a gap does with each swing looks like friction
     of its own, and fits well."""
-    why = {cycle.joint: told([cycle], gain) for cycle in cycles}
+    why = {cycle.joint: told([cycle], gain) for cycle in cycles if cycle.spoils}
     return [
         replace(fit, verdict=Verdict.SWINGS, reason="; ".join(filter(None, (about, fit.reason))))
         if (about := why.get(fit.joint))

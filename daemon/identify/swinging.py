@@ -14,7 +14,7 @@ from estimator.identification.limit_cycle import (
 )
 from estimator.identification.motion_log import MotionLog
 
-_LOOKED_AT_S = 2.0 * WINDOW_S
+_LOOKED_AT_S = 2.5 * WINDOW_S
 _EVERY_S = 2.0
 
 

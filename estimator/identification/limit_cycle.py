@@ -23,7 +23,8 @@ _SHARE = 0.6  # of the power above `LOWEST_HZ` that one line has
 _SMALLEST = 0.001  # amplitude of the motor [rad at the link] that is worth telling
 _FADED = 0.3  # of its amplitude within a window: that rings, and ends
 _STEADY = 0.2  # by which the frequency may wander from window to window
-_IN_A_ROW = 2  # windows
+_IN_A_ROW = 3  # windows: what repeats with an excitation is over by then
+_SPOILS = 0.4
 ENDING_SHARE = 0.25
 """Of the present gain, with which the cycle ends: `tests/bench/test_upright_arm.py`."""
 
@@ -38,6 +39,13 @@ class LimitCycle:
     """of the motor, at most [rad at the link]"""
     lasted_s: float
     """in which it swung"""
+    share: float
+    """of the log"""
+
+    @property
+    def spoils(self) -> bool:
+        """True where it swung for so long that nothing else can be told from the motion."""
+        return self.share > _SPOILS
 
 
 def limit_cycles(log: MotionLog, commanded: Matrix | None = None) -> list[LimitCycle]:
@@ -66,7 +74,7 @@ def limit_cycles(log: MotionLog, commanded: Matrix | None = None) -> list[LimitC
         largest = max(amplitude for _, amplitude in swung)
         frequency = float(np.median([f for f, _ in swung]))
         lasted = sum(WINDOW_S * (1.0 + _HOP * (len(run) - 1)) for run in runs)
-        found.append(LimitCycle(name, frequency, largest, lasted))
+        found.append(LimitCycle(name, frequency, largest, lasted, lasted / log.measured_s))
     return sorted(found, key=lambda cycle: -cycle.amplitude)
 
 

@@ -20,12 +20,14 @@ from estimator.identification.gap_result import smoothed
 from estimator.identification.motion_log import MotionLog
 
 ORDERS = (1, 2)
-LEAST_TURN = 0.4
+LEAST_TURN = 0.6
 """Of a turn, that the link must have made for each order."""
 SMALLEST = 0.0001
 """Amplitude [rad] that is worth a correction."""
 MOST_LEFT = 0.8
 """Of the scatter on held-out motion, that a correction may leave at most."""
+_NO_LOAD = 0.1  # [Nm]: what less than this bends is no error
+_TELLS = 1.5
 _RESTS = 500
 _HELD_OUT = 0.3
 
@@ -67,7 +69,13 @@ def link_encoder(
     rests = (np.abs(speed) > 0.1 * fast) & (np.abs(phi_dot) < 0.05 * fast)
     if rests.sum() < _RESTS:
         return LinkEncoder(name, (), "phi is hardly ever at rest while the joint moves")
-    plain = _plain(log.time_s, speed, torque_constant * log.current[:, i])
+    torque = torque_constant * log.current[:, i]
+    rubs = np.sign(speed[rests])
+    orders = [k for k in orders if not _hidden(torque[rests], rubs, _turns(q - offset, [k])[rests])]
+    if not orders:
+        about = "gravity bends the gear as an error of the encoder would: begin from another pose"
+        return LinkEncoder(name, (), about)
+    plain = _plain(log.time_s, speed, torque)
     motor = _turns(gear * theta, ORDERS)
     link = _turns(q - offset, orders)
     columns = np.concatenate([plain, motor, link], axis=1)[rests]
@@ -82,6 +90,15 @@ def _plain(time_s: Vector, speed: Vector, torque: Vector) -> Matrix:
 def _turns(angle: Vector, orders: Sequence[int]) -> Matrix:
     pairs = [(np.cos(order * angle), np.sin(order * angle)) for order in orders]
     return np.stack([column for pair in pairs for column in pair], axis=1)
+
+
+def _hidden(torque: Vector, rubs: Vector, columns: Matrix) -> bool:
+    """True where a part of the torque (M,) repeats with the turn like these columns, and what is
+    left of it beside friction, which `rubs` (M,) +-1, is too little to tell how the gear bends."""
+    X = np.concatenate([np.ones((len(torque), 1)), rubs[:, None], columns], axis=1)
+    solution = np.linalg.lstsq(X, torque, rcond=None)[0]
+    repeats, left = columns @ solution[2:], torque - X @ solution
+    return bool(repeats.std() > max(_NO_LOAD, _TELLS * left.std()))
 
 
 def _judged(

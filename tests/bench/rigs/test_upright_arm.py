@@ -34,7 +34,7 @@ def held(folder: Path, gain: float) -> tuple[Measured, list[str]]:
     ) as rig:
         rig.enable()
         nudge(rig)
-        states = rig.states(10.0)
+        states = rig.states(11.0)
         names = rig.robot.configuration.joint_names
         watch = SwingWatch(names, gain)
         said = [text for state in states if (text := watch.saw(state))]
