@@ -1,6 +1,7 @@
 """A person who commissions a simulated arm: the steps of `contactd identify`, over the bus and in
 lockstep, and a hand at each link when it is asked for."""
 
+import re
 import shutil
 import time
 from collections.abc import Callable, Mapping
@@ -33,6 +34,7 @@ Written = dict[str, Any]
 
 # Raised a little, so that the shoulder carries something; friction holds it while it is off.
 POSE = {"LShoulderPitch": 1.3}
+_TOLD = re.compile(r"Set\s+control\.position_gain\s+to\s+(\S+)")
 HAND_S = 1.0  # after which the person has read what to do
 IDLE_S = 0.01  # between ticks while a step computes
 
@@ -141,6 +143,13 @@ class CommissionedArm:
         self.output = result.output
         return result.exit_code == 0
 
+    def set_position_gain(self, gain: float) -> None:
+        """Write it into config.yaml."""
+        path = self.folder / "config.yaml"
+        written = yaml.safe_load(path.read_text(encoding="utf-8"))
+        written["control"] = written.get("control", {}) | {"position_gain": gain}
+        path.write_text(yaml.safe_dump(written), encoding="utf-8")
+
     def arming_refusals(self) -> list[str]:
         """Reasons why the arm is not armed; empty if it is."""
         with self.served() as served:
@@ -231,6 +240,10 @@ class Person:
         for step in ("wiring", "gap", "friction", "thresholds"):
             went[step] = self.identify(arm, step)
             self.took[step] = round(arm.lasted_s, 1)
+            if told := _TOLD.search(arm.output):
+                arm.set_position_gain(float(told[1]))
+                went[step] = self.identify(arm, step)
+                self.took[step] += round(arm.lasted_s, 1)
         after = arm.arming_refusals()
         self._show(f"$ contactctl arm\n{'refused: ' + '; '.join(after) if after else 'armed'}\n")
         return went | {"armed after": not after}

@@ -6,6 +6,7 @@ arm met no difficulty, and on this one did.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,10 @@ PRESLIDING = 0.0003
 ENCODERS_OFF = 0.0005
 """Amplitude of what both encoders of each joint err with each turn [rad at the link]."""
 START = {"shoulder": 0.6, "elbow": 0.5, "wrist_pitch": 0.3}
-MAKE, _EDS, _URDF = MAKES[0], "drive.eds", "arm.urdf"
+MAKE = replace(MAKES[0], quirks={"interpolation_ms": 10.0})
+"""Setpoints become a ramp over the period, as in most drives: where they are steps, a rotor's
+current is over when it is sampled."""
+_EDS, _URDF = "drive.eds", "arm.urdf"
 
 
 def write(folder: Path, *, gaps: float = 1.0, start: Mapping[str, float] = START) -> Path:

@@ -158,7 +158,8 @@ class Identification:
     def friction(self, seconds: float, shortest_s: float) -> bool:
         """Identify friction and rotor inertia of all joints, from no less than `shortest_s`."""
         measured = self._source.friction(seconds)
-        outcome = friction_step(self._robot, measured, now(), shortest_s)
+        with self._console.status("fitting friction and rotors to it"):
+            outcome = friction_step(self._robot, measured, now(), shortest_s)
         good = self._conclude("friction", "friction", outcome)
         if outcome.shown is not None:
             self._draw(partial(plot_friction, measured.log, outcome.shown, self._folder))
@@ -173,7 +174,8 @@ class Identification:
     def thresholds(self, seconds: float, per_hour: float, *, it_was_me: bool = False) -> bool:
         """Identify two levels per joint; it_was_me: every touch that is found was the person's."""
         measured = self._source.thresholds(seconds)
-        outcome = thresholds_step(self._robot, measured, per_hour, now(), it_was_me=it_was_me)
+        with self._console.status("finding levels in it"):
+            outcome = thresholds_step(self._robot, measured, per_hour, now(), it_was_me=it_was_me)
         # Asked whether it was the person, what was measured waits for the answer.
         asked = any(line.verdict == LevelVerdict.UNLESS_YOU for line in outcome.lines)
         return self._conclude("thresholds", "thresholds", outcome, more=asked)
