@@ -8,7 +8,8 @@ load  N arms take 0.2 kg, and N arms 0.5 kg, after two minutes at work with nobo
       recognised (seconds of motion of joints that carry it), with what mass, and what the residual
       is with the load told, over that of the same motion without it.
 armed N arms are armed after a minute at work, and take these loads while their trajectory runs:
-      they yield, and hardly move. Seconds until it is said; an arm that cannot go on is started.
+      they yield, and hardly move. Seconds until it is said what to do if it is a load, and until
+      it is recognised; an arm that cannot go on is started.
 hand  hands push, lead, lean on and pull at arms at work; pulls straight down at the hand change by
       a quarter or more. What is taken for a load.
 wear  one joint of N arms wears (gap doubles, friction +30 % in 30 days), none of N others; every
@@ -47,8 +48,8 @@ Part = Literal["load", "armed", "hand", "wear", "all"]
 MASSES: Final = (0.2, 0.5)
 """[kg]"""
 WITHIN_S: Final = 10.0
-WORKED_S, SAID_S = 60.0, 120.0
-"""armed: at work before, and said within"""
+WORKED_S, SAID_S = 60.0, 15.0
+"""armed: at work before, and said what to do within"""
 NAMED_BY: Final = 10
 """days"""
 HAND_S: Final = 300.0
@@ -81,8 +82,9 @@ def armed_targets(results: Sequence[ArmedResult]) -> list[Target]:
     rows = []
     for mass in MASSES:
         judged = [r for r in results if r.job.mass == mass]
-        said = [r for r in judged if r.found_s is not None and r.found_s <= SAID_S]
-        name = f"armed, {mass:g} kg said within {SAID_S:g} s, of {len(judged)} arms"
+        told = [r.hinted_s if r.hinted_s is not None else r.found_s for r in judged]
+        said = [s for s in told if s is not None and s <= SAID_S]
+        name = f"armed, {mass:g} kg: said what to do within {SAID_S:g} s, of {len(judged)} arms"
         rows.append(Target(name, 100.0 * len(said) / len(judged), 95.0, "%", "higher"))
     before = sum(r.told_before for r in results)
     rows.append(Target("armed: loads recognised before there was one", before, 0, "", "lower"))

@@ -55,6 +55,30 @@ _FADES, _ALIKE, _ERRORS = 480.0, 0.3, (0.05, 0.005, 0.005, 0.005)
 _FORGOTTEN_S: Final = 0.5
 
 
+def weighed(model: Model, mean: Matrix, gravity: Vector) -> tuple[Matrix, Vector]:
+    """What a load shows of itself (n, 4), by mass at the tool point and by mass times distance from
+    it, and what the joints show (n,), both over the standard deviation of each; mean of q, |q_dot|,
+    residual and threshold (4, n), gravity less acceleration (3,) [m/s2]."""
+    by_mass, by_place = model.payload_torques(mean[0], gravity)
+    columns = np.column_stack((by_mass + by_place @ model.tool_place, by_place))
+    weight = 1.0 / (np.where(mean[1] > _MOVES, _NOISE, _AT_REST) * mean[3])
+    return columns * weight[:, np.newaxis], weight * mean[2]
+
+
+def fitted_load(x: Matrix, y: Vector) -> Vector:
+    """Mass, and mass times distance from the tool point (4,) [kg, kg m], that x (rows, 4) shows as
+    y (rows,), both `weighed`. A place near the tool point is expected."""
+    information, evidence = x.T @ x, x.T @ y
+    # How near in kg m depends on the mass.
+    mass = _LEAST_KG
+    fitted: np.ndarray = np.zeros(4)
+    for _ in range(3):
+        expected = np.array([0.0, *[(_PLACE * max(mass, _LEAST_KG)) ** -2.0] * 3])
+        fitted = np.linalg.solve(information + np.diag(expected + 1e-9), evidence)
+        mass = float(fitted[0])
+    return fitted
+
+
 class Recognition:
     """Recognition for one arm; `found` is the load that was recognised, None without one."""
 
@@ -134,11 +158,8 @@ class Recognition:
         self.pause()
         self._before = velocity
         acceleration = (velocity - before) / (count * self._period_s)
-        by_mass, by_place = self._model.payload_torques(mean[0], self._model.down - acceleration)
-        columns = np.column_stack((by_mass + by_place @ self._model.tool_place, by_place))
-        weight = 1.0 / (np.where(mean[1] > _MOVES, _NOISE, _AT_REST) * mean[3])
-        columns *= weight[:, np.newaxis]
-        shown = weight * mean[2]
+        gravity = self._model.down - acceleration
+        columns, shown = weighed(self._model, mean, gravity)
         if self._filled == _BLOCKS and self.found is None:
             self._take_errors(self._columns[0], self._shown[0], self._free[0])
         free = (mean[1] > _MOVES) & (not touched)
@@ -172,14 +193,8 @@ class Recognition:
         shown = self._shown - self._columns @ errors
         y = shown.reshape(-1)
         power = float(y @ y)
-        information, evidence = x.T @ x, x.T @ y
-        # A place near the tool point is expected; how near in kg m depends on the mass.
-        mass = _LEAST_KG
-        fitted: np.ndarray = np.zeros(4)
-        for _ in range(3):
-            expected = np.array([0.0, *[(_PLACE * max(mass, _LEAST_KG)) ** -2.0] * 3])
-            fitted = np.linalg.solve(information + np.diag(expected + 1e-9), evidence)
-            mass = float(fitted[0])
+        fitted = fitted_load(x, y)
+        mass = float(fitted[0])
         if not _LEAST_KG < mass < HEAVIEST_KG:
             return None
         left = y - x @ fitted
