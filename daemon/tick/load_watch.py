@@ -1,8 +1,8 @@
 """Watch on loads that nobody told: recognition in each tick, its news, and what it explains.
 
-What is recognised is said, learning stands still as long as it lasts, and the controller holds
-instead of being led by it. The model and the levels stay as they are. When a load is told, what
-the residual still shows of it for some 0.1 s is no contact.
+What is recognised is said, learning stands still as long as it lasts, and once it is confirmed the
+controller holds instead of being led by it. The model and the levels stay as they are. When a load
+is told, what the residual still shows of it for some 0.1 s is no contact.
 
 An arm that yields hardly moves, and recognises nothing. What pulls at it like a load, and what
 keeps it from its trajectory again and again, is said within seconds (`hint`), and changes nothing.
@@ -57,9 +57,10 @@ class LoadWatch:
         return self._recognition.found
 
     def explains(self, estimate: Estimate) -> str:
-        """The load that was recognised, in words, if it explains all that is felt; else empty."""
+        """The load that was recognised and confirmed, in words, if it explains all that is felt;
+        else empty: in doubt it is a person."""
         recognition = self._recognition
-        if recognition.found is None:
+        if not recognition.confirmed:
             return ""
         left = recognition.left(estimate.q, estimate.residual, estimate.threshold)
         return "" if left.any() else self.words
@@ -132,7 +133,7 @@ class LoadWatch:
         place = self._estimator.model.tool_place.tolist()
         away = max(abs(x - y) for x, y in zip(load.com, place, strict=True)) > AWAY_M
         com = " --com " + " ".join(f"{x:z.2f}" for x in load.com) if away else ""
-        return f"`contactctl payload {load.mass:.2g}{com}`"
+        return f"{self._stop}`contactctl payload {load.mass:.2g}{com}`"
 
     @property
     def hint(self) -> str:
@@ -140,17 +141,21 @@ class LoadWatch:
         pulls = self._pull.mass
         if self.found is not None or not (pulls or self._interruptions.often):
             return ""
-        stop = "`contactctl stop`, then " if self._mode in _LED else ""
         if not pulls:
             return (
                 f"contacts interrupted the trajectory {OFTEN} times in {OFTEN_S:g} s: if the hand "
-                f"carries something, {stop}`contactctl payload MASS` with what it weighs"
+                f"carries something, {self._stop}`contactctl payload MASS` with what it weighs"
             )
         more = f" more than {self._told}" if self._payload else ""
         return (
             f"something pulls straight down at the hand, like some {pulls:.2g} kg{more}: if it is "
-            f"a load, {stop}`contactctl payload MASS` with what it weighs"
+            f"a load, {self._stop}`contactctl payload MASS` with what it weighs"
         )
+
+    @property
+    def _stop(self) -> str:
+        """What comes before `payload`, which is refused while the arm is led."""
+        return "`contactctl stop`, then " if self._mode in _LED else ""
 
     @property
     def _told(self) -> str:

@@ -57,8 +57,9 @@ def news(rig: Rig, seconds: float) -> list[str]:
 
 
 def believe(rig: Rig, payload: Payload) -> None:
-    """As if it had been recognised just now."""
+    """As if it had been recognised, and confirmed, just now."""
     rig.tick.loads._recognition.found = payload
+    rig.tick.loads._recognition.confirmed = True
 
 
 def test_a_cup_that_nobody_told_is_said_once_and_nothing_is_learned(
@@ -146,6 +147,25 @@ def test_it_is_held_in_the_middle_of_being_led_by_it(rig: Rig) -> None:
     rig.request(Event.START)
     said = news(rig, 15.0)
     assert rig.mode is Mode.TRACKING, said
+
+
+def test_what_is_recognised_and_not_confirmed_leads_the_arm_on(rig: Rig) -> None:
+    """It is said, with what to do; in doubt it is a person."""
+    rig.run(20.0)
+    assert not rig.permit()
+    give(rig, JUG)
+    for _ in range(1000):
+        rig.tick.loads._recognition.found = JUG
+        rig.step()
+        if rig.mode is Mode.ADMITTANCE and rig.estimate.thresholded.any():
+            break
+    assert rig.mode is Mode.ADMITTANCE
+    assert rig.tick.loads.words == "looks like a load of 1 kg at the hand"
+    assert rig.tick.loads.advice.startswith("`contactctl stop`, then `contactctl payload 1")
+    for _ in range(100):
+        rig.tick.loads._recognition.found = JUG
+        rig.step()
+        assert rig.mode is Mode.ADMITTANCE
 
 
 def test_a_person_who_was_taken_for_a_load_lets_go_and_nothing_moves(rig: Rig) -> None:
