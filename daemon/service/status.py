@@ -111,7 +111,7 @@ def status_of(
 
 def _advice(tick: Tick, unproved: Sequence[str]) -> str:
     """What to do, a line for each: about a joint that is not seen to stand first, then about the
-    cause, what presses on the arm, and the trajectory that waits."""
+    cause, what presses on the arm, the trajectory that waits, and what may be a load."""
     machine, finding = tick.controller.machine, tick.controller.finding
     pressed = tick.controller.pressed
     advice = []
@@ -126,6 +126,8 @@ def _advice(tick: Tick, unproved: Sequence[str]) -> str:
         if load := tick.loads.advice:
             advice.append(f"tell what the hand carries ({load}), or take it away")
         advice.append("`contactctl start` goes on with the trajectory")
+    if tick.loads.hint:
+        advice.append(tick.loads.hint)
     return "\n".join(dict.fromkeys(advice))
 
 
