@@ -303,8 +303,8 @@ def _identification(step: Any) -> Any:
                      help="Robot's folder; by default that of the running daemon."),
         click.option("--log", "logs", type=PATH, multiple=True,
                      metavar="FILE",
-                     help="Learn from a recording (.mcap, may be repeated) or a .csv, "
-                     "instead of moving the arm."),
+                     help="Learn from a recording (.mcap, may be repeated) or a log of another "
+                     "program (docs/logs.md), instead of moving the arm."),
         click.option("--dry-run", is_flag=True, help="Write no results and no pictures."),
         SOCKET,
     ]  # fmt: skip
