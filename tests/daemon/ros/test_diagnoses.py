@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from bench.rigs.bridge import until
-from daemon.faults.finding import advice_on
+from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
 from daemon.protocol.messages import State, Status
 from daemon.ros import diagnoses
@@ -25,8 +25,8 @@ def advice(found: list[Any]) -> str | None:
         ("start", None, None),
         ("start", "start", "asked"),
         ("start", FAULT, None),  # what was asked for is of before
-        (FAULT, None, advice_on(FAULT)),
-        (FAULT, "start", advice_on(FAULT)),
+        (FAULT, None, advice_of(Condition.HEARTBEAT_LOST)),
+        (FAULT, "start", advice_of(Condition.HEARTBEAT_LOST)),
         (FAULT, FAULT, "asked"),
     ],
 )
