@@ -1,5 +1,6 @@
 """Measurements from a live arm: its motions and the person's part in each step."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from arrays import Matrix
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
+from daemon.faults.table import Condition
 from daemon.identify.live_strokes import StrokesOfJoint, searched
 from daemon.identify.measured import Measured, read_measured, refuse_incompatible
 from daemon.identify.motions import (
@@ -22,15 +24,21 @@ from daemon.identify.motions import (
     stand,
     wiring_motion,
 )
-from daemon.identify.session import Session, discarded, other_joint_touched, wiring_spoiled
+from daemon.identify.session import (
+    InterruptedStepError,
+    Session,
+    discarded,
+    other_joint_touched,
+    wiring_spoiled,
+)
 from daemon.identify.show import histogram
 from daemon.protocol.messages import State
-from errors import ConfigurationError, ShortLogError
+from errors import ConfigurationError, ContactdError, ControlError, ShortLogError
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_result import CROSSINGS, GapResult
 from estimator.identification.gap_search import Strokes
 from estimator.identification.motion_log import PAUSE_S, MotionLog
-from estimator.identification.wiring import follows_both_ways
+from estimator.identification.wiring import OTHER_WAY, follows_both_ways, goes_against
 from estimator.model import Model
 
 REFRESH_S = 0.2
@@ -38,6 +46,7 @@ JUDGE_S = 2.0
 LEAST_ROWS = 200
 ENOUGH = CROSSINGS + 5
 """Crossings after which a clear gap ends the step."""
+_TOO_FAR = "its gap is larger than half_gap says, or a scale is wrong"
 _HEAVY = 1.0  # [Nm]: a hand lifts less than this softly
 
 
@@ -73,16 +82,19 @@ class LiveArm:
     def wiring(self, joint: str) -> Measured:
         """Move one joint's motor to and fro, through its gap."""
         step = f"wiring-{joint}"
-        self._forget(step)  # so short a motion begins anew
         i, period = self._names.index(joint), self._c.period_s
         half_gap = self._c.joints[i].half_gap
         while True:
-            here = np.array(self._session.hold().link_position)
-            path = wiring_motion(here, i, half_gap, period)
             again = f"What passed is kept: to go on, name {joint} and those that are left"
             text = f"{joint} moves a little"
             warning = wiring_spoiled(joint)
-            self._move(step, text, path, warning=warning, motors_only=True, to_go_on=again)
+            try:
+                here = np.array(self._session.hold().link_position)
+                self._forget(step)  # so short a motion begins anew
+                path = wiring_motion(here, i, half_gap, period)
+                self._move(step, text, path, warning=warning, motors_only=True, to_go_on=again)
+            except (ControlError, InterruptedStepError) as error:
+                raise type(error)(f"{error}{self._why_apart(error)}") from error
             measured = self._read(step)
             if follows_both_ways(measured.log, i) or half_gap >= WIDEST_GUESS:
                 return measured
@@ -92,7 +104,21 @@ class LiveArm:
                 f"{joint} did not move its link both ways: once more, "
                 f"{1e3 * WIRING_TRAVEL:.0f} mrad further"
             )
-            self._forget(step)
+
+    def _why_apart(self, error: ContactdError) -> str:
+        """What most likely is wrong with joints whose link and motor are too far apart, as the
+        recorded motion shows or, where they came apart at rest, for the person to look; else
+        empty."""
+        if Condition.APART not in str(error):
+            return ""
+        why = [f". {joint}: {self._apart(joint)}" for joint in self._names if joint in str(error)]
+        return "".join(why)
+
+    def _apart(self, joint: str) -> str:
+        with suppress(ContactdError):
+            log = self._read(f"wiring-{joint}").log
+            return OTHER_WAY if goes_against(log, self._names.index(joint)) else _TOO_FAR
+        return f"{OTHER_WAY}; else {_TOO_FAR}"
 
     def friction(self, seconds: float) -> Measured:
         """Move all joints along an excitation."""

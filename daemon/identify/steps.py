@@ -22,7 +22,7 @@ from estimator.identification.friction_verdict import Verdict
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_result import GapResult
 from estimator.identification.log_checks import refuse_implausible
-from estimator.identification.wiring import check_wiring
+from estimator.identification.wiring import check_wiring, in_Nm
 from estimator.model import Model
 
 
@@ -158,7 +158,7 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
         found = check_wiring(one.log, i, model, joint.torque_constant)
         figures = f"link/motor {found.follows:.3f}" if np.isfinite(found.follows) else ""
         if np.isfinite(found.held):
-            figures += f", holds {found.held:.2g} Nm of {found.gravity:.2g} Nm gravity"
+            figures += f", holds {in_Nm(found.held)} of {in_Nm(found.gravity)} gravity"
         reason = "; ".join([*found.problems, *found.notes])
         verdict = "good" if found.passed else "wrong"
         lines.append(Line(name, verdict, found.passed, figures, reason))
