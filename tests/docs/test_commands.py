@@ -43,6 +43,7 @@ NOT_RUN: Final = (
     (r" contactd (run|simulate) ", f"{SERVES}; the rig of this test is both"),
     (r" contactd check /etc/contactd", "is of an installed arm: tests/system"),
     (r" contactd demo", "takes real time: tests/daemon/commands/test_demo_story.py"),
+    (r" contactd check /etc/contactd", "is about an installed arm: tests/system"),
     (r" contactd identify ", "takes minutes, some of them a hand's: tests/daemon/identify"),
     (r" contactd fleet", "asks a router: tests/daemon/ros"),
     (r" contactd-(web|zenoh|foxglove)", SERVES),
