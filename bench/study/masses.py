@@ -215,7 +215,7 @@ def _load(subjects: Subjects, arm: PlantParameters, bodies: dict[str, BodyInerti
     c = with_bodies(subjects.c, bodies)
     fit = identify_payload(
         log, model_of(c, subjects.robot.urdf), build_transmission(c), c.estimator,
-        subjects.max_current,
+        subjects.max_current, 0.01 if bodies else 0.05,
     )  # fmt: skip
     if fit.verdict is not PayloadVerdict.GOOD:
         return np.array([load.mass, *[np.nan] * 4])

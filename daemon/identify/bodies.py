@@ -28,8 +28,8 @@ from estimator.identification.masses import (
 from estimator.identification.payload_fit import PayloadFit, PayloadVerdict, identify_payload
 from estimator.payload import Payload
 
-_HAND_SURE = 0.05
-"""Share of the hand's own mass that a load may be off by where masses were not identified."""
+_BY_URDF, _IDENTIFIED = 0.05, 0.01
+"""Shares by which what the joints move may be off while a load is weighed."""
 
 
 def masses_step(
@@ -123,14 +123,13 @@ def payload_step(robot: Robot, measured: Measured, name: str, date: str) -> Outc
     refuse_implausible(measured.log, limit)
     model = model_of(c, robot.urdf)
     identified = c.joints[model.hand_joint].body is not None
-    hand = model.parameters()[model.hand_joint]
     fit = identify_payload(
         measured.log,
         model,
         build_transmission(c),
         c.estimator,
         limit,
-        hand_unsure=0.0 if identified else _HAND_SURE * float(hand[0]),
+        _IDENTIFIED if identified else _BY_URDF,
     )
     notes, payloads = list(measured.notes), dict[str, file.IdentifiedPayload]()
     if fit.touched:
@@ -156,8 +155,8 @@ def payload_step(robot: Robot, measured: Measured, name: str, date: str) -> Outc
             notes.append(f"`contactctl payload {name}` from the next start of the daemon on; now "
                          f"`contactctl payload {load.mass:g} --com {place}`")  # fmt: skip
             if not identified:
-                notes.append("the masses of the arm were not identified: what the hand's own is "
-                             "off is in the load (`contactd identify masses`)")  # fmt: skip
+                notes.append("the arm's masses are by the URDF, and may be 5 % off: "
+                             "`contactd identify masses` makes this surer")  # fmt: skip
     return Outcome([line], {}, tuple(notes), payloads=payloads)
 
 
@@ -165,8 +164,8 @@ def _figures(fit: PayloadFit, hand: str) -> str:
     if not np.isfinite(fit.mass_error):
         return ""
     place = " ".join(f"{x:.3f}" for x in fit.com)
-    return (f"{fit.mass:.3g} +- {fit.mass_error:.2g} kg at ({place}) m of {hand}, within "
-            f"{1e3 * fit.com_error:.0f} mm")  # fmt: skip
+    return (f"{fit.mass:.3g} +- {fit.mass_error:.2g} kg at ({place}) m of {hand}, "
+            f"+- {1e3 * fit.com_error:.0f} mm")  # fmt: skip
 
 
 def merged_payloads(robot: Robot, found: dict[str, file.IdentifiedPayload]) -> file.Identified:

@@ -1,8 +1,9 @@
 """Mass and centre of a load in the hand, by least squares on what the model without it leaves.
 
 A point mass m at c adds torques that are linear in m and m c, but for its m c c^T, which is small
-and taken from the fit before. Friction and rotor of each joint are fitted along: a load changes
-friction, too.
+and taken from the fit before. Fitted along are friction and rotor of each joint, as a load changes
+friction, too, and what the arm's own bodies may be off, as a load of which 2 % of the shoulder's
+torque are a tenth would else be told with an error far below that.
 """
 
 from dataclasses import dataclass, replace
@@ -17,6 +18,7 @@ from estimator.identification.body_rows import REWEIGHTED, JointRows, Normal, su
 from estimator.identification.friction_verdict import saturated
 from estimator.identification.log_intervals import Mask
 from estimator.identification.motion_log import MotionLog
+from estimator.identification.possible_bodies import USUAL, possible, prior
 from estimator.identification.touches import near
 from estimator.model import Model
 from estimator.payload import FURTHEST_M, HEAVIEST_KG
@@ -64,27 +66,28 @@ def identify_payload(
     transmission: Transmission,
     settings: EstimatorSettings,
     max_current: Vector,
-    hand_unsure: float = 0.0,
+    bodies_unsure: float,
 ) -> PayloadFit:
     """Load in the hand during a motion without contact; model: that of the empty hand.
 
-    max_current (n,) [A]; hand_unsure [kg]: what the hand's own mass may be off. Raises LogError for
-    a log of less than `SHORTEST_S`.
+    max_current (n,) [A]; bodies_unsure: share by which what the joints move may be off. Raises
+    LogError for a log of less than `SHORTEST_S`.
     """
     width = transmission.sign_width
     motion = body_motion(log, model, settings, max_current, width, SHORTEST_S)
     of_hand = motion.regressor[:, :, model.hand_joint]
     whole, touched = np.ones(len(of_hand), dtype=np.bool_), np.zeros_like(motion.cut)
     period_s, load = motion.rows.period_s, np.zeros(PARAMETERS)
+    arm, before = _bodies(motion.regressor, model, bodies_unsure)
+    asked = np.concatenate([of_hand[:, :, :_LINEAR], arm], axis=2)
     for _ in range(_ROUNDS):
-        asked = of_hand[:, :, :_LINEAR]
         joints = rows_of_joints(motion, asked, transmission, settings, touched)
         bent = of_hand[:, :, _LINEAR:] @ load[_LINEAR:]
         joints = [replace(one, torque=one.torque - bent[:, i]) for i, one in enumerate(joints)]
-        found, square = _solved(joints, whole, period_s)
+        found, information = _solved(joints, whole, period_s, before)
         if found is None:
             break
-        load = point_mass(float(found[0]), found[1:] / found[0])
+        load = point_mass(float(found[0]), found[1:_LINEAR] / found[0])
         friction = [Normal(one, whole).friction(found) for one in joints]
         touched = motion.touched(joints, found, friction)
         transmission = with_friction(transmission, friction)
@@ -102,12 +105,8 @@ def identify_payload(
     if found is None:
         return replace(none, reason="the joints hardly moved: a hand that turns and is led about "
                        "shows its load")  # fmt: skip
-    mass_error, com_error = _errors(joints, square, found, period_s)
-    own = model.parameters()[model.hand_joint]
-    apart = np.linalg.norm(found[1:] / found[0] - own[1:4] / max(float(own[0]), 1e-9))
-    mass_error = float(np.hypot(mass_error, hand_unsure))
-    com_error = float(np.hypot(com_error, apart * hand_unsure / abs(found[0])))
-    com = model.in_hand(found[1:] / found[0])
+    mass_error, com_error = _errors(joints, information, found, period_s, before)
+    com = model.in_hand(found[1:_LINEAR] / found[0])
     fit = replace(
         none, mass=float(found[0]), com=com, mass_error=mass_error, com_error=com_error
     )  # fmt: skip
@@ -115,36 +114,58 @@ def identify_payload(
     return replace(fit, verdict=verdict, reason=reason)
 
 
-def _solved(joints: list[JointRows], chosen: Mask, period_s: float) -> tuple[Vector | None, Matrix]:
-    """m and m c [kg, kg m] by the chosen rows, None where they do not tell; and the information."""
+def _bodies(regressor: Matrix, model: Model, unsure: float) -> tuple[Matrix, Matrix]:
+    """Torques of the arm's own bodies (N, n, 10 k), and the information (4 + 10 k, ...) that there
+    is of load and bodies before any motion: none of the load."""
+    parameters = model.parameters()
+    massive = np.flatnonzero(parameters[:, 0] > 0.0)
+    known = prior(np.array([possible(row) for row in parameters[massive]]))
+    before = np.zeros((_LINEAR + len(known), _LINEAR + len(known)))
+    before[_LINEAR:, _LINEAR:] = known * (USUAL / unsure) ** 2
+    arm = regressor[:, :, massive].reshape(*regressor.shape[:2], -1)
+    return arm, before
+
+
+def _solved(
+    joints: list[JointRows], chosen: Mask, period_s: float, before: Matrix
+) -> tuple[Vector | None, Matrix]:
+    """m, m c [kg, kg m] and what bodies are off, by the chosen rows; None where these do not tell
+    the load; and the information (4 + 10 k, ...)."""
     normals = [Normal(one, chosen) for one in joints]
-    found = np.zeros(_LINEAR)
+    found = np.zeros(len(before))
     for _ in range(REWEIGHTED):
         square, product = summed(normals, found, period_s)
-        if not np.linalg.cond(square) < 1.0 / np.finfo(np.float64).eps or not square.any():
+        told = np.linalg.eigvalsh(square[:_LINEAR, :_LINEAR])
+        if not told[0] > 1e-9 * told[-1] > 0.0:
             return None, square
-        found = np.asarray(np.linalg.solve(square, product), dtype=np.float64)
-    return (found if abs(found[0]) > 1e-6 else None), square
+        found = np.asarray(np.linalg.solve(square + before, product), dtype=np.float64)
+    return (found if abs(found[0]) > 1e-6 else None), square + before
 
 
 def _errors(
-    joints: list[JointRows], square: Matrix, found: Vector, period_s: float
+    joints: list[JointRows], information: Matrix, found: Vector, period_s: float, before: Matrix
 ) -> tuple[float, float]:
-    """Standard errors of mass [kg] and centre [m]: of noise, and of what both halves of the motion
-    say differently, which wrong masses of the arm do."""
+    """Standard errors of mass [kg] and centre [m]: of noise and of what the arm's bodies may be
+    off, and of what both halves of the motion say differently."""
     size = len(joints[0].torque)
     halves = [
-        _solved(joints, chosen, period_s)[0]
+        _solved(joints, chosen, period_s, before)[0]
         for chosen in (np.arange(size) < size // 2, np.arange(size) >= size // 2)
     ]
-    covariance = np.linalg.inv(square)
     if any(half is None for half in halves):
         return float("inf"), float("inf")
-    one, other = (np.append(half[0], half[1:] / half[0]) for half in halves if half is not None)
+    one, other = (_mass_and_place(half) for half in halves if half is not None)
     apart = 0.5 * np.abs(one - other)
+    # c = (m c) / m: what m is off moves it, too.
+    covariance = np.linalg.inv(information)[:_LINEAR, :_LINEAR]
+    slope = np.hstack([-found[1:_LINEAR, None] / found[0], np.eye(3)]) / found[0]
+    place = slope @ covariance @ slope.T
     mass_error = float(np.hypot(np.sqrt(covariance[0, 0]), apart[0]))
-    place = np.sqrt(np.diag(covariance)[1:]).max() / abs(found[0])
-    return mass_error, float(np.hypot(place, np.linalg.norm(apart[1:])))
+    return mass_error, float(np.hypot(np.sqrt(np.trace(place)), np.linalg.norm(apart[1:])))
+
+
+def _mass_and_place(found: Vector) -> Vector:
+    return np.append(found[0], found[1:_LINEAR] / found[0])
 
 
 def _verdict(fit: PayloadFit) -> tuple[PayloadVerdict, str]:

@@ -14,9 +14,11 @@ import numpy as np
 from arrays import Matrix, Vector
 from estimator.body_inertia import PARAMETERS, parameters_of, pseudo_inertia
 
-PULL = 6.0
-"""Weight of D: a mass that is off by a fifth, tensor and all, then costs as much as one standard
-deviation does (D is 4 x^2 / 2 for a share of x)."""
+USUAL = 0.2
+"""Share by which a URDF's bodies are usually off: one standard deviation."""
+PULL = 0.25 / USUAL**2
+"""Weight of D: a mass that is off by that, tensor and all, costs what one standard deviation does
+(D is 4 x^2 / 2 for a share of x)."""
 _THINNEST = 0.002  # [m]: radius of gyration that the URDF's point masses and rods get
 _STEPS = 300
 _DONE = 1e-6  # of the sum of squares, whose unit is one standard deviation

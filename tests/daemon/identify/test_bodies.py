@@ -194,10 +194,8 @@ def test_a_load_is_written_by_its_name_and_told_by_it(folder, motion, carried) -
 def test_without_masses_a_load_says_what_it_may_be_off(folder, carried) -> None:
     result = identify(folder, carried, "payload", "cup")
     assert "masses" in result.output
-    robot = load_robot(folder)
-    if "cup" in robot.identified.payloads:
-        hand = Model(robot.urdf, robot.configuration.joint_names).parameters()[6, 0]
-        assert robot.identified.payloads["cup"].mass_error >= 0.0499 * hand
+    identified = load_robot(folder).identified
+    assert "cup" not in identified.payloads or identified.payloads["cup"].mass_error > 0.005
 
 
 @pytest.mark.parametrize("name", ["none", "0.5", "-1e3", "", "a\tb", "x" * 65])
