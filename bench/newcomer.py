@@ -1,13 +1,19 @@
-"""Mistakes of a newcomer: what `contactd check` tells of them, planted one at a time.
+"""A newcomer with an arm of their own: from URDF and EDS to armed and led, and what is said of the
+mistakes that are made on the way.
 
-    python -m bench.newcomer [--arms N] [--json]
+    python -m bench.newcomer [--owners N] [--arms N] [--no-mistakes] [--json]
 
-Every mistake of `bench/study/mistakes.py` that files can show is planted alone into one generated
-arm of each of six makes of drives, and looked for at the field that is wrong; N arms without a
-mistake must pass without a warning. It takes about a minute of CPU time.
+A scripted owner (`bench/rigs/owner.py`) takes each of N generated arms, which no test has seen, by
+documented commands alone as far as it goes. Every mistake of `bench/study/mistakes.py` that files
+can show is planted alone into one arm of each of six makes of drives, and looked for at the field
+that is wrong; those that the check does not refuse, and those that only the wiring can show, are
+taken to a simulated arm. Arms without a mistake must pass without a warning. All of it takes about
+half an hour of CPU time.
 """
 
 import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +22,12 @@ import click
 from bench.report import Target, print_report
 from bench.rigs.generated_arms import GeneratedArm, generate
 from bench.rigs.generated_makes import MAKES
+from bench.rigs.owner import Owner, Story
 from bench.study.mistakes import MISTAKES, checkable, told
+from bench.study.unrefused import Met, met
 
 LEAST = 57
+COMMANDS, FIELDS, MACHINE_S = 15, 10, 1800.0
 
 
 def planted(arm: GeneratedArm, folder: Path) -> dict[str, Any]:
@@ -39,28 +48,92 @@ def planted(arm: GeneratedArm, folder: Path) -> dict[str, Any]:
     }
 
 
-@click.command()
-@click.option("--arms", default=20, show_default=True, type=click.IntRange(1, 1000))
-@click.option("--json", "as_json", is_flag=True)
-def main(arms: int, as_json: bool) -> None:
-    """Plant every mistake into an arm of each make, and none into N arms."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name) / "arm"
-        found = [planted(generate(seed), folder) for seed in range(len(MAKES))]
-        clean = [told(generate(seed).write(folder)) for seed in range(arms)]
-    if not as_json:
+def of_mistakes(folder: Path, arms: int, *, quiet: bool) -> tuple[list[Target], dict[str, Any]]:
+    """Targets and data of the planted mistakes, and of arms without one."""
+    found = [planted(generate(seed), folder) for seed in range(len(MAKES))]
+    clean = [told(generate(seed).write(folder)) for seed in range(arms)]
+    at_arms = [met(m, generate(k % len(MAKES)), folder) for k, m in enumerate(MISTAKES)]
+    if not quiet:
         for one in found:
             missed = "; ".join(one["missed"]) or "none"
             click.echo(
                 f"{one['make']}: {one['told']} told, {one['refused']} refused; missed: {missed}"
             )
+        for at_arm in at_arms:
+            if not at_arm.refused:
+                click.echo(_in_words(at_arm))
     warned = sum(bool(said.lines) for said in clean)
     targets = [
         Target("mistakes told at the right field, at least, of 60", min(f["told"] for f in found),
                LEAST, "", "higher"),
         Target(f"arms without mistakes that are warned of, of {arms}", warned, 0, "", "lower"),
+        Target(f"of {len(MISTAKES)} mistakes, those with which an arm was armed or ran, or that "
+               "neither check nor wiring tell", sum(one.harmful for one in at_arms), 0, "",
+               "lower"),
     ]  # fmt: skip
-    print_report("newcomer", 0, targets, {"makes": found}, as_json=as_json)
+    return targets, {"makes": found, "at arms": [asdict(one) for one in at_arms]}
+
+
+def _in_words(one: Met) -> str:
+    last = one.ended.strip().splitlines()[-1:] or ["wiring good"]
+    return f"{one.words}: {'warned of' if one.told else 'not told'}; at the arm: {last[0]}"
+
+
+def of_owners(seeds: Sequence[int], folder: Path, *, quiet: bool) -> list[Story]:
+    """What owners came to."""
+    stories = []
+    for seed in seeds:
+        story = Owner(generate(seed), folder / f"owner{seed}").go()
+        stories.append(story)
+        if not quiet:
+            came = "armed and led" if story.led else f"not led: {story.why.strip()[-200:]}"
+            click.echo(
+                f"owner {seed} ({story.make}, {story.joints} joints): {len(story.commands)} "
+                f"commands, {story.machine_s:.0f} s; {came}"
+            )
+    return stories
+
+
+def targets_of(stories: Sequence[Story]) -> list[Target]:
+    """Targets of the owners: who got there, and the worst of those who did."""
+    led = [story for story in stories if story.led]
+
+    def worst(figures: Sequence[float]) -> float:
+        return max(figures, default=float("nan"))
+
+    return [
+        Target(f"owners who armed and led their arm, of {len(stories)}", len(led), len(stories),
+               "", "higher"),
+        Target("different commands of an owner who got there, at most",
+               worst([len(set(s.commands)) for s in led]), COMMANDS, "", "lower"),
+        Target("commands typed, every start of the daemon among them, at most",
+               worst([len(s.commands) for s in led]), COMMANDS, "", "lower"),
+        Target("fields that change beyond the data sheets, signs and zeros, at most",
+               worst([len(set(s.seen)) for s in led]), FIELDS, "", "lower"),
+        Target("machine work of an owner, at most", worst([s.machine_s for s in led]), MACHINE_S,
+               "s", "lower"),
+    ]  # fmt: skip
+
+
+@click.command()
+@click.option("--owners", default=20, show_default=True, type=click.IntRange(0, 1000))
+@click.option("--first", default=0, show_default=True, help="Seed of the first owner's arm.")
+@click.option("--arms", default=20, show_default=True, type=click.IntRange(1, 1000))
+@click.option("--mistakes/--no-mistakes", default=True, show_default=True)
+@click.option("--json", "as_json", is_flag=True)
+def main(owners: int, first: int, arms: int, *, mistakes: bool, as_json: bool) -> None:
+    """Let N owners begin, plant every mistake into an arm of each make, and none into N arms."""
+    targets: list[Target] = []
+    data: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as name:
+        if mistakes:
+            targets, data = of_mistakes(Path(name) / "arm", arms, quiet=as_json)
+        if owners:
+            seeds = range(first, first + owners)
+            stories = of_owners(seeds, Path(name), quiet=as_json)
+            targets += targets_of(stories)
+            data["owners"] = [asdict(story) for story in stories]
+    print_report("newcomer", first, targets, data, as_json=as_json)
 
 
 if __name__ == "__main__":

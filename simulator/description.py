@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -22,6 +22,17 @@ class DriveDescription:
 
     eds: Path
     make: SimulatedMake
+
+
+class EncoderError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Error of an encoder that repeats with its turns: it reads too far by
+    amplitude * sin(order * angle + phase), the angle being that of the joint, or of the motor's
+    shaft. Velocities are measured without it."""
+
+    encoder: Literal["link", "motor"]
+    order: Annotated[int, Meta(ge=1, le=64)] = 1  # times per turn
+    amplitude: Annotated[float, Meta(ge=0.0, le=0.1)]  # at the link [rad], of either encoder
+    phase: Annotated[float, Meta(ge=-7.0, le=7.0)] = 0.0  # [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +62,7 @@ class JointDescription:
     """A brake that holds the motor whenever the drive is not energised."""
     gear_stiffness: float | None = None
     """Of the gear beyond its gap [Nm/rad], instead of `SimulationSettings.contact_stiffness`."""
+    encoder_errors: tuple[EncoderError, ...] = ()
     drive: DriveDescription | None = None
     """None: the make of `ArmDescription.eds`, known by its product code."""
 

@@ -72,7 +72,6 @@ class Lockstep:
     def _serve(self) -> None:
         while self._serving:
             self.pump(0.02)
-            with self._alone:
-                # A drive that takes its time for an SDO gets that, and no more.
-                while (t := self.arm.answers_at()) is not None:
-                    self.arm.advance(max(t, self.arm.now) + 2e-3)
+            # A drive that takes its time for an SDO gets that, and no more.
+            while (t := self.arm.answers_at()) is not None:
+                self.let_pass(max(t - self.arm.now, 0.0) + 2e-3)

@@ -1,5 +1,8 @@
 # Types of sensors.py, for the compiler alone.
 
+from elementary cimport sine
+
+
 cdef class Sensors:
     cdef Py_ssize_t _n, _rows, _oldest
     cdef object _rng
@@ -8,10 +11,12 @@ cdef class Sensors:
     cdef double[::1] _link_per_rad, _link_zero, _motor_per_turn, _velocity_unit, _velocity_step
     cdef double[::1] _gear, _per_ampere, _gain, _current
     cdef double[:, ::1] _history
+    cdef double[:, :, ::1] _link_errors, _motor_errors
 
     cpdef void update(self, double[::1] q, double[::1] current) noexcept
     cdef object _counts(
         self, double[::1] q, double[::1] theta, double[::1] theta_dot, double[:, ::1] noise
     )
 
+cdef double repeated(double[:, :, ::1] errors, Py_ssize_t joint, double angle) noexcept
 cdef long long whole(double x) noexcept

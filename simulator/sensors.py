@@ -10,9 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
-from simulator.description import ArmDescription, SimulationSettings
+from elementary import sine
+from simulator.description import ArmDescription, EncoderError, SimulationSettings
 from simulator.profile import PROFILE, TURN, SimulatedMake
 from simulator.servo import SERVO_PERIOD_S
 
@@ -51,6 +53,8 @@ class Sensors:
         self._link_per_rad = np.array([make.link_counts / TURN for make in makes])
         self._link_zero = np.array([float(make.link_zero) for make in makes])
         self._gear = gear
+        errors = [joint.encoder_errors for joint in joints]
+        self._link_errors, self._motor_errors = _of("link", errors), _of("motor", errors)
         self._motor_per_turn = np.array([make.motor_counts / TURN for make in makes])
         self._velocity_unit = np.array([make.measured_velocity_unit for make in makes])
         self._velocity_step = np.array([make.velocity_step for make in makes])
@@ -92,8 +96,10 @@ class Sensors:
             velocity = theta_dot[i] * self._velocity_scale + self._velocity_bias
             velocity += self._velocity_noise * noise[0, i]
             current = self._current[i] * self._per_ampere[i] + self._current_noise * noise[1, i]
+            where += repeated(self._link_errors, i, where)
+            turned = theta[i] + repeated(self._motor_errors, i, theta[i] * self._gear[i])
             link.append(whole(where * self._link_per_rad[i] + self._link_zero[i]))
-            motor.append(whole(theta[i] * self._gear[i] * self._motor_per_turn[i]))
+            motor.append(whole(turned * self._gear[i] * self._motor_per_turn[i]))
             velocity *= self._gear[i]
             step = self._velocity_step[i]
             if step > 0.0:
@@ -101,6 +107,24 @@ class Sensors:
             velocities.append(whole(velocity / self._velocity_unit[i]))
             currents.append(whole(max(min(current, 32767.0), -32768.0)))
         return Readings(link, motor, velocities, currents)
+
+
+def _of(encoder: str, errors: Sequence[Sequence[EncoderError]]) -> NDArray[np.float64]:
+    """Order, amplitude and phase (n, k, 3) of the errors of one encoder, filled up with zeros."""
+    of = [[one for one in joint if one.encoder == encoder] for joint in errors]
+    table = np.zeros((len(of), max(map(len, of), default=0), 3))
+    for row, joint in zip(table, of, strict=True):
+        for place, one in zip(row, joint, strict=False):
+            place[:] = one.order, one.amplitude, one.phase
+    return table
+
+
+def repeated(errors: NDArray[np.float64], joint: int, angle: float) -> float:
+    """Error of a joint's encoder [rad], by a table (n, k, 3) and the angle of its shaft [rad]."""
+    off = 0.0
+    for k in range(errors.shape[1]):
+        off += errors[joint, k, 1] * sine(errors[joint, k, 0] * angle + errors[joint, k, 2])
+    return off
 
 
 def _share(make: SimulatedMake, settings: SimulationSettings) -> float:

@@ -15,6 +15,7 @@ from errors import ConfigurationError
 from simulator.description import (
     ArmDescription,
     DriveDescription,
+    EncoderError,
     JointDescription,
     SimulationSettings,
 )
@@ -107,6 +108,7 @@ class TrueJoint(Stated, frozen=True, kw_only=True):
     motor_sign: Sign = 1  # -1 where the motor turns against the joint
     link_sign: Sign = 1  # -1 where the link encoder counts against the joint
     link_offset: float = 0.0  # position of the joint where its encoder stands at 0 [rad]
+    encoder_errors: tuple[EncoderError, ...] = ()  # that repeat with a turn
     brake: bool = False  # holds the motor whenever the drive is not energised
 
 
@@ -136,6 +138,12 @@ def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescript
                 f"{', '.join(truth.drives)}"
             )
         drive, eds = truth.drives[joint.drive], path.parent / truth.drives[joint.drive].eds
+        for k, error in enumerate(joint.encoder_errors):
+            if error.encoder == "motor" and drive.motor_position is None:
+                raise ConfigurationError(
+                    f"{path}: joints[{i}] ({joint.name}).encoder_errors[{k}].encoder: motor, but "
+                    f"drives.{joint.drive} has no motor_position; its velocity has no such error"
+                )
         make = _make(drive, joint)
         refuse_incomplete(eds, make)
         start = truth.initial_position.get(joint.name, 0.0)
@@ -166,6 +174,7 @@ def _joint(joint: TrueJoint, drive: DriveDescription, start: float) -> JointDesc
         initial_position=start,
         brake=joint.brake,
         gear_stiffness=joint.gear_stiffness,
+        encoder_errors=joint.encoder_errors,
         drive=drive,
     )
 

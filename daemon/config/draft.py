@@ -18,6 +18,7 @@ GEAR, SHAFT_CONSTANT = 100.0, 0.04  # of usual motors, the latter in Nm/A
 INSIDE = 0.05  # of the URDF's limits [rad], at most a tenth of the range
 PEAK = 1.8  # times the rated current
 SLOWLY = 0.5  # [rad/s]
+POSITION_GAIN = 4.0  # [1/s]
 
 HEAD = """\
 # Draft by `contactd new`. Every line with CHECK holds a guess: look it up, correct it, and take the
@@ -66,6 +67,9 @@ joints:
 {joints}
 estimator:
   motor_position: {measured}
+
+# Low: with play in its gears a fast loop swings by itself. Raise it when the arm is known.
+control: {{position_gain: {POSITION_GAIN:g}}}
 """
 
 

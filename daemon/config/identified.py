@@ -26,7 +26,7 @@ from daemon.config.schema import (
     Step,
 )
 from daemon.protocol.messages import printable
-from drivers.settings import Name, Settings
+from drivers.settings import Harmonic, Name, Settings
 from errors import ConfigurationError
 from estimator.body_inertia import BodyInertia
 from estimator.payload import Mass, Place
@@ -72,6 +72,14 @@ class WiringEntry(Entry, frozen=True):
     """Wiring whose signs and scales agree."""
 
     follows: float  # link motion over motor motion
+
+
+class EncodersEntry(Entry, frozen=True):
+    """Error of the link's encoder that repeats with its turn, and how much of phi's scatter at the
+    borders it leaves on held-out motion."""
+
+    link_correction: list[Harmonic]
+    left: float
 
 
 class GapEntry(Entry, frozen=True):
@@ -137,6 +145,7 @@ class IdentifiedJoint(Settings, frozen=True):
 
     serial: int | None = None  # 0x1018:4; None where the drive keeps it to itself
     wiring: WiringEntry | None = None
+    encoders: EncodersEntry | None = None
     gap: GapEntry | None = None
     masses: MassesEntry | None = None
     friction: FrictionEntry | None = None
@@ -198,6 +207,9 @@ def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
     if found is None:
         return joint
     changes: dict[str, object] = {}
+    if found.encoders is not None:
+        correction = found.encoders.link_correction
+        changes["wiring"] = msgspec.structs.replace(joint.wiring, link_correction=correction)
     if found.gap is not None:
         changes["half_gap"] = found.gap.half_gap
     if found.masses is not None:

@@ -61,7 +61,9 @@ class JointLimits(Settings, frozen=True):
 
 
 Step = Literal["wiring", "gap", "masses", "friction", "thresholds"]
-"""Step of `contactd identify`: what of a joint it finds."""
+"""Step of `contactd identify` that arming looks at: what of a joint it finds."""
+AnyStep = Literal[Step, "encoders"]
+"""Step of `contactd identify`, also one that arming does without."""
 
 
 class Joint(Settings, frozen=True):

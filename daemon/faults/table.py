@@ -282,8 +282,9 @@ TABLE: Final[dict[Condition, Row]] = {
         "faults",
         "motor and link have moved against each other by more than the gap and `position_margin`",
         "a slipping gear or a false encoder: the residual is arbitrary",
-        "check gear, coupling and encoders, then `contactctl reset`; if they are sound, the gap is "
-        "wider than `half_gap`: `contactd identify gap`",
+        "check gear, coupling and encoders, of a new arm whether its link goes the other way than "
+        "its motor (`link_sign`, `motor_sign`), then `contactctl reset`; if they are sound, the "
+        "gap is wider than `half_gap`: `contactd identify gap`",
     ),
     _C.TORQUE_STUCK: Row(
         _R.QUICK_STOP,

@@ -1,5 +1,7 @@
 """Measurements from a live arm: its motions and the person's part in each step."""
 
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +14,13 @@ from arrays import Matrix
 from daemon.config.dynamics import model_of
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
+from daemon.faults.table import Condition
 from daemon.identify.live_strokes import StrokesOfJoint, searched
 from daemon.identify.measured import Measured, read_measured, refuse_incompatible
 from daemon.identify.motions import (
     HAND_S,
+    REPEATS_S,
+    TURNS_S,
     WIDEST_GUESS,
     WIRING_TRAVEL,
     bounds_of,
@@ -24,6 +29,7 @@ from daemon.identify.motions import (
     wiring_motion,
 )
 from daemon.identify.session import (
+    InterruptedStepError,
     Session,
     discarded,
     load_felt,
@@ -31,19 +37,21 @@ from daemon.identify.session import (
     wiring_spoiled,
 )
 from daemon.identify.show import histogram
+from daemon.identify.swinging import SwingWatch
 from daemon.protocol.messages import State
-from errors import ConfigurationError, ShortLogError
+from errors import ConfigurationError, ContactdError, ControlError, ShortLogError
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_result import CROSSINGS, GapResult
 from estimator.identification.gap_search import Strokes
 from estimator.identification.motion_log import PAUSE_S, MotionLog
-from estimator.identification.wiring import follows_both_ways
+from estimator.identification.wiring import OTHER_WAY, follows_both_ways, goes_against
 
 REFRESH_S = 0.2
 JUDGE_S = 2.0
 LEAST_ROWS = 200
 ENOUGH = CROSSINGS + 5
 """Crossings after which a clear gap ends the step."""
+_TOO_FAR = "its gap is larger than half_gap says, or a scale is wrong"
 _HEAVY = 1.0  # [Nm]: a hand lifts less than this softly
 
 
@@ -79,16 +87,19 @@ class LiveArm:
     def wiring(self, joint: str) -> Measured:
         """Move one joint's motor to and fro, through its gap."""
         step = f"wiring-{joint}"
-        self._forget(step)  # so short a motion begins anew
         i, period = self._names.index(joint), self._c.period_s
         half_gap = self._c.joints[i].half_gap
         while True:
-            here = np.array(self._session.hold().link_position)
-            path = wiring_motion(here, i, half_gap, period)
             again = f"What passed is kept: to go on, name {joint} and those that are left"
             text = f"{joint} moves a little"
             warning = wiring_spoiled(joint)
-            self._move(step, text, path, warning=warning, motors_only=True, to_go_on=again)
+            try:
+                here = np.array(self._session.hold().link_position)
+                self._forget(step)  # so short a motion begins anew
+                path = wiring_motion(here, i, half_gap, period)
+                self._move(step, text, path, warning=warning, motors_only=True, to_go_on=again)
+            except (ControlError, InterruptedStepError) as error:
+                raise type(error)(f"{error}{self._why_apart(error)}") from error
             measured = self._read(step)
             if follows_both_ways(measured.log, i) or half_gap >= WIDEST_GUESS:
                 return measured
@@ -98,7 +109,21 @@ class LiveArm:
                 f"{joint} did not move its link both ways: once more, "
                 f"{1e3 * WIRING_TRAVEL:.0f} mrad further"
             )
-            self._forget(step)
+
+    def _why_apart(self, error: ContactdError) -> str:
+        """What most likely is wrong with joints whose link and motor are too far apart, as the
+        recorded motion shows or, where they came apart at rest, for the person to look; else
+        empty."""
+        if Condition.APART not in str(error):
+            return ""
+        why = [f". {joint}: {self._apart(joint)}" for joint in self._names if joint in str(error)]
+        return "".join(why)
+
+    def _apart(self, joint: str) -> str:
+        with suppress(ContactdError):
+            log = self._read(f"wiring-{joint}").log
+            return OTHER_WAY if goes_against(log, self._names.index(joint)) else _TOO_FAR
+        return f"{OTHER_WAY}; else {_TOO_FAR}"
 
     def friction(self, seconds: float) -> Measured:
         """Move all joints along an excitation."""
@@ -117,6 +142,10 @@ class LiveArm:
         text = f"all joints move with {name}, hands off"
         self._move(step, text, path, warning=load_felt, to_go_on="The same command begins anew")
         return self._read(step)
+
+    def encoders(self, seconds: float) -> Measured:
+        """Move all joints slowly through most of their range."""
+        return self._excite("encoders", seconds, seed=1, repeats_s=TURNS_S)
 
     def thresholds(self, seconds: float) -> Measured:
         """Move all joints along another excitation, and take the residuals, too."""
@@ -137,7 +166,7 @@ class LiveArm:
         here = np.array(self._session.hold().link_position)
         own = StrokesOfJoint.of(self._c, self._model, i, here)
         self._tell(own.announcement())
-        how = {
+        how: dict[str, Any] = {
             "warning": wiring_spoiled(joint),
             "touch_ends": True,
             "to_go_on": "The same command begins anew",
@@ -189,8 +218,17 @@ class LiveArm:
             self._console.line()  # which `Live` owes a file
         return self._read(step, gap_of=joint)
 
-    def _excite(self, step: str, seconds: float, seed: int, *, residuals: bool = False) -> Measured:
-        motion = excitation(bounds_of(self._c), self._model, self._c.period_s, seed)
+    def _excite(
+        self,
+        step: str,
+        seconds: float,
+        seed: int,
+        *,
+        residuals: bool = False,
+        repeats_s: float = REPEATS_S,
+    ) -> Measured:
+        bounds, period_s = bounds_of(self._c), self._c.period_s
+        motion = excitation(bounds, self._model, period_s, seed, repeats_s)
         already = 0.0
         if (before := self._before(step, residuals=residuals)) is not None:
             # Each began with the way to the excitation, which teaches little and does not count.
@@ -200,7 +238,8 @@ class LiveArm:
             self._tell(f"{already:.0f} s of {seconds:.0f} s are measured already")
         if seconds - already > 1.0:
             path = motion.path(np.array(self._session.hold().link_position), seconds - already)
-            self._move(step, "all joints move, hands off", path, warning=discarded)
+            watch = SwingWatch(self._names, self._c.control.position_gain)
+            self._move(step, "all joints move, hands off", path, watch.saw, warning=discarded)
         return self._read(step)
 
     def _before(self, step: str, *, residuals: bool = False) -> MotionLog | None:
@@ -217,7 +256,15 @@ class LiveArm:
         except ShortLogError:
             return None
 
-    def _move(self, step: str, text: str, path: Matrix, **how: Any) -> None:
+    def _move(
+        self,
+        step: str,
+        text: str,
+        path: Matrix,
+        remark: Callable[[State], str] = lambda _: "",
+        **how: Any,
+    ) -> None:
+        """Run a path with a bar for its progress; what `remark` says of a State is shown."""
         period = self._c.period_s
         columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
         progress = Progress(*columns, console=self._console)
@@ -226,6 +273,8 @@ class LiveArm:
         def each(state: State) -> bool:
             progress.start()  # not before the arm moves, which may be refused
             progress.advance(task, state.interval_s)
+            if said := remark(state):
+                self._session.say(said)
             return False
 
         try:

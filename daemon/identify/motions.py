@@ -17,8 +17,10 @@ from estimator.model import Model
 
 SHARE = 0.7
 """Share of the range, velocity and acceleration that the limits allow."""
-USUAL_S = 8.0
-"""One turn of an excitation."""
+REPEATS_S = 8.0
+"""Period of an excitation for friction and levels [s]."""
+TURNS_S = 60.0
+"""Of one that takes links through most of their range [s], for what encoders err with a turn."""
 HAND_S = 300.0
 """Time that a hand has for one joint [s]."""
 WIRING_TRAVEL = 0.02
@@ -55,12 +57,12 @@ class Excitation:
 
 
 def excitation(
-    bounds: Bounds, model: Model, period_s: float, seed: int, lasts_s: float = USUAL_S
+    bounds: Bounds, model: Model, period_s: float, seed: int, repeats_s: float = REPEATS_S
 ) -> Excitation:
-    """Random excitation within the bounds, one turn of which lasts so long; the same for the same
+    """Random excitation within the bounds, that repeats after so long; the same for the same
     seed."""
     rng = np.random.default_rng(seed)
-    motion = fourier_within(bounds.shrunk(SHARE), model, rng, period_s=lasts_s)
+    motion = fourier_within(bounds.shrunk(SHARE), model, rng, period_s=repeats_s)
     return Excitation(motion, slow(bounds), period_s)
 
 

@@ -5,6 +5,7 @@ what is used.
 """
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -21,10 +22,12 @@ from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, coulomb_viscous, resting
 
 Mask = NDArray[np.bool_]
+Rows = NDArray[np.int64] | slice
 
 _BOTH = (1.5, 3.0)  # half-gaps that phi spans where it met both borders, and kept its zero
 _CARRIES = 0.05  # of the largest torque
 _SOFTEST = 0.005  # [rad/Nm]
+_ALL = slice(None)
 _WINDOW_S = 4.0  # of motion, in which an integrated theta drifts by less than a gap
 
 
@@ -143,20 +146,26 @@ def play(rows: Intervals) -> Vector:
     which jumps as the torque changes sign."""
     apart = rows.ends[:, 0] - np.cumsum(rows.advance, axis=0)
     parts = np.array_split(np.arange(len(apart)), max(1, round(float(rows.dt.sum()) / _WINDOW_S)))
-    for i in range(apart.shape[1]):
-        apart[:, i] += _compliance(apart[:, i], rows.inertial[:, i], parts) * rows.inertial[:, i]
+    apart = _unbent(apart, rows.inertial, parts)
     spans = [np.ptp(np.percentile(apart[part], [2.0, 98.0], axis=0), axis=0) for part in parts]
     return np.asarray(np.percentile(spans, 75.0, axis=0))
 
 
-def _compliance(apart: Vector, torque: Vector, parts: list[NDArray[np.int64]]) -> float:
+def _unbent(apart: Matrix, torque: Matrix, parts: Sequence[Rows]) -> Matrix:
+    """apart (N, n) [rad] without what the gears bend by torque (N, n) [Nm], found in windows."""
+    bend = [_compliance(a, t, parts) for a, t in zip(apart.T, torque.T, strict=True)]
+    return apart + np.array(bend) * torque
+
+
+def _compliance(apart: Vector, torque: Vector, parts: Sequence[Rows]) -> float:
     """Bending of the gear [rad/Nm], from apart [rad] and torque (N,) [Nm] of windows in each of
     which theta has a zero and a drift of its own."""
     sides = np.sign(torque) * (np.abs(torque) > _CARRIES * np.abs(torque).max())
     columns, levels = [], []
     for part in parts:
-        own = np.stack([np.ones(len(part)), np.arange(len(part)) / len(part)], axis=1)
         values = np.stack([apart[part], -torque[part], -sides[part]], axis=1)
+        count = len(values)
+        own = np.stack([np.ones(count), np.arange(count) / count], axis=1)
         values -= own @ np.linalg.lstsq(own, values, rcond=None)[0]
         columns.append(values[:, 1:])
         levels.append(values[:, 0])
@@ -171,9 +180,10 @@ def locate(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> Loc
     gap, phi = _judged(rows, t, settings)
     unclear = ~gap & (np.abs(phi) < 0.85 * t.half_gap)
     if rows.measured:
-        # Whatever the encoders' zeros are, the middle of the gap lies between the borders.
+        # Whatever the encoders' zeros are, the middle of the gap lies between the borders: what is
+        # beyond them is bent, and more so on the side that carries more.
         apart = rows.ends[:, 0] - rows.ends[:, 4]
-        low, high = np.percentile(apart, [1.0, 99.0], axis=0)
+        low, high = np.percentile(_unbent(apart, rows.inertial, [_ALL]), [1.0, 99.0], axis=0)
         both = (high - low > _BOTH[0] * t.half_gap) & (high - low < _BOTH[1] * t.half_gap)
         for i in np.flatnonzero(both):
             phi[:, i] = apart[:, i] - 0.5 * (low[i] + high[i])

@@ -16,7 +16,11 @@ GRAVITY_TOLERANCE = 0.25
 LEAST_MOTION = 0.005
 """[rad] the motor must have turned."""
 _PIECE = 0.012  # [rad]: less than the link is to move
+_FRAGMENT = 0.25  # of the longest way: a link that strikes its border halts the motor for a moment
 _STEADY = 0.08  # change of the ratio of link and motor while the gear carries
+
+
+OTHER_WAY = "the link goes the other way than the motor: link_sign or motor_sign"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +76,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
         engaged[stroke.rows] = True
     follows = sum(s.way for s in carried) / sum(s.turned for s in carried)
     if follows < 0.0:
-        problems.append("the link goes the other way than the motor: link_sign or motor_sign")
+        problems.append(OTHER_WAY)
     elif abs(follows - 1.0) > SCALE_TOLERANCE:
         problems.append(
             f"the link moves {follows:.3f} times as far as the motor says: gear, or a scale"
@@ -90,7 +94,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     off, allowed = abs(held - gravity), GRAVITY_TOLERANCE * abs(gravity) + 0.3 * abs(friction)
     if off > allowed:
         problems.append(
-            f"the current holds {held:.3g} Nm, gravity is {gravity:.3g} Nm by the URDF: "
+            f"the current holds {in_Nm(held)}, gravity is {in_Nm(gravity)} by the URDF: "
             "torque_constant, link_offset, masses, or another joint than this one moved"
         )
     elif abs(gravity) < abs(friction):
@@ -139,23 +143,37 @@ def follows_both_ways(log: MotionLog, joint: int) -> bool:
     return {s.upward for s in strokes if s.carried} == {True, False}
 
 
+def in_Nm(torque: float) -> str:
+    """A torque [Nm] for people: what is below a mNm is none."""
+    return f"{round(torque, 3) + 0.0:.3g} Nm"
+
+
+def goes_against(log: MotionLog, joint: int) -> bool:
+    """True where the link went the other way than the motor, in a log that ends when they are too
+    far apart."""
+    way = np.diff(log.link_position[:, joint])
+    return bool(way @ (log.motor_velocity[1:, joint] * np.diff(log.time_s)) < 0.0)
+
+
 def _strokes(q: Vector, velocity: Vector, steps: Vector) -> list[_Stroke]:
     """The last piece of `_PIECE` that was carried of every way, or its end if none was."""
     fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
     direction = np.where(fast, np.sign(velocity), 0.0)
     edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(q)]
-    strokes = []
+    ways = []
     for a, b in itertools.pairwise(edges):
-        if not direction[a] or b - a < 10:
+        if direction[a] and b - a >= 10:
+            turned = np.cumsum(np.abs(velocity[a:b]) * steps[a:b])
+            ways.append((a, turned - turned[0], direction[a] * (q[a:b] - q[a])))
+    longest = max((float(turned[-1]) for _, turned, _ in ways), default=0.0)
+    strokes = []
+    for a, turned, way in ways:
+        whole = float(turned[-1])
+        if whole < max(LEAST_MOTION, _FRAGMENT * longest):
             continue
-        turned = np.concatenate([[0.0], np.cumsum(np.abs(velocity[a + 1 : b]) * steps[a + 1 : b])])
-        way = direction[a] * (q[a:b] - q[a])
-        if turned[-1] < LEAST_MOTION:
-            continue
-        piece = min(0.5 * float(turned[-1]), _PIECE)
-        ends = np.arange(float(turned[-1]), piece, -0.5 * piece)
+        piece = min(0.5 * whole, _PIECE)
         found = [_stroke(a, turned, way, end - piece, end, bool(direction[a] > 0.0))
-                 for end in ends]  # fmt: skip
+                 for end in np.arange(whole, piece, -0.5 * piece)]  # fmt: skip
         strokes.append(next((s for s in found if s.carried), found[0]))
     return strokes
 

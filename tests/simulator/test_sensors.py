@@ -1,11 +1,13 @@
 """Counts, noise, delay and filters of what the drives report."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from simulator.description import ArmDescription, SimulationSettings
+from simulator.description import ArmDescription, EncoderError, SimulationSettings
+from simulator.profile import TURN
 from simulator.sensors import Sensors
 
 N = 7
@@ -24,6 +26,32 @@ def test_counts_of_the_profile(romeo: ArmDescription) -> None:
     assert readings.link_position == [round(131072 / (2 * np.pi))] * N
     assert readings.motor_position == np.rint(gears * 4096 / (2 * np.pi)).tolist()
     assert readings.motor_velocity == np.rint(gears * 600 / (2 * np.pi)).tolist()
+
+
+def test_an_encoder_reads_wrong_again_with_every_turn(romeo: ArmDescription) -> None:
+    errors = (
+        EncoderError(encoder="link", order=1, amplitude=0.0005, phase=0.3),
+        EncoderError(encoder="link", order=2, amplitude=0.0003),
+        EncoderError(encoder="motor", order=3, amplitude=0.002, phase=-1.0),
+    )
+    off = 2
+    joints = list(romeo.joints)
+    joints[off] = replace(joints[off], encoder_errors=errors)
+    wrong = sensors(replace(romeo, joints=tuple(joints)))
+    right, gear = sensors(romeo), romeo.joints[off].gear
+    for angle in np.linspace(-2.0, 2.0, 41):
+        at = np.full(N, angle)
+        found, meant = wrong.read(at, at, ZERO), right.read(at, at, ZERO)
+        link, motor = (
+            np.subtract(getattr(found, name), getattr(meant, name)) * TURN / counts
+            for name, counts in (("link_position", 131072), ("motor_position", 4096 * gear))
+        )
+        expected = 0.0005 * np.sin(angle + 0.3) + 0.0003 * np.sin(2.0 * angle)
+        assert link[off] == pytest.approx(expected, abs=5e-5)
+        assert motor[off] == pytest.approx(0.002 * np.sin(3.0 * gear * angle - 1.0), abs=2e-5)
+        assert not np.delete(link, off).any()
+        assert not np.delete(motor, off).any()
+        assert found.motor_velocity == meant.motor_velocity
 
 
 def test_current_is_low_passed_by_3_ms(romeo: ArmDescription) -> None:

@@ -29,6 +29,10 @@ def change(folder: Path, edit) -> None:
     (folder / "simulation.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
 
 
+def wrong_encoder(data: dict, encoder: str) -> None:
+    data["joints"][0]["encoder_errors"] = [{"encoder": encoder, "amplitude": 0.001}]
+
+
 def true_rig(folder: Path):
     return lockstep_rig(folder, described=lambda robot, _: true_arm(robot)[0])
 
@@ -93,6 +97,10 @@ def test_shipped_arms_are_what_their_configurations_say(folder):
          r"yaml:\d+: drives.servo.quirks: unknown key `wobbles` \(allowed: needs_nmt"),
         (lambda d: d["joints"][0].update(drive="other"),
          r"joints\[0\] \(base\).drive: no drive `other`; there are: servo"),
+        (lambda d: (d["drives"]["servo"].pop("motor_position", None), wrong_encoder(d, "motor")),
+         r"joints\[0\] \(base\).encoder_errors\[0\].encoder: motor, but drives.servo has no motor"),
+        (lambda d: wrong_encoder(d, "tacho"),
+         r"joints\[0\] \(base\).encoder_errors\[0\].encoder: .*tacho"),
         (lambda d: d.update(initial_position={"thumb": 0.1}),
          r"initial_position.thumb: no such joint; there are: base"),
         (lambda d: d["drives"]["servo"]["link_position"].update(object=0x2999),
@@ -137,6 +145,18 @@ def test_a_truth_cannot_be_written_of_setpoints_elsewhere(tmp_path):
     assert result.exit_code == 78
     assert "drives.servo.quick_stop_deceleration: 0x6085 with sign -1" in result.output
     assert not (folder / "simulation.urdf").exists()
+
+
+def test_encoder_errors_of_the_file_are_what_the_daemon_reads(tmp_path):
+    folder, off = generate(0).write(tmp_path / "arm"), 0.004
+    error = {"encoder": "link", "order": 1, "amplitude": off, "phase": 1.5708}
+    change(folder, lambda data: data["joints"][1].update(encoder_errors=[error]))
+    with true_rig(folder) as rig:
+        rig.run(0.1)
+        q = rig.arm.plant.q
+        found = rig.samples.link_position - q
+    assert found[1] == pytest.approx(off * np.cos(q[1]), abs=1e-4)
+    assert np.abs(np.delete(found, 1)).max() < 2e-4
 
 
 @pytest.mark.parametrize("needs_reset", [True, False])

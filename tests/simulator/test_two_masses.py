@@ -1,12 +1,13 @@
 """Plant, servo and sensors against themselves in arrays, and compiled against plain."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from compiled import uncompiled
-from simulator.description import ArmDescription, SimulationSettings
+from simulator.description import ArmDescription, EncoderError, SimulationSettings
 from simulator.mismatch import true_parameters
 from simulator.plant import Plant
 from simulator.sensors import Sensors
@@ -92,6 +93,9 @@ def test_compiled_and_plain_are_the_same_to_the_last_bit(
     if uncompiled():
         pytest.skip("the modules are not compiled here")
     s = settings(friction, link_latency_ms=1.5, stribeck=1.2)
+    errors = tuple(EncoderError(encoder=of, amplitude=0.003) for of in ("link", "motor"))
+    joints = tuple(replace(joint, encoder_errors=errors) for joint in romeo.joints)
+    romeo = replace(romeo, joints=joints)
     p = true_parameters(romeo, s)
     ends = []
     for modules in (built("simulator"), plain("simulator")):

@@ -64,6 +64,22 @@ def test_a_well_wired_joint_passes(wired, check, joint):
     assert found.friction > 0.0
 
 
+def test_a_link_that_falls_to_its_other_border_is_no_wrong_scale(wired, check):
+    """Where gravity turns, the link runs ahead of a motor that goes back, and halts it for a moment
+    when it strikes: a short way of the motor, steady by chance, in which the gear carries
+    nothing."""
+    moving = np.flatnonzero(np.abs(wired.motor_velocity[:, SHOULDER]) > 0.5 * WIRING_SPEED)
+    back = moving[np.flatnonzero(np.diff(wired.motor_velocity[moving, SHOULDER] > 0.0))[0] + 1]
+    velocity, link = wired.motor_velocity.copy(), wired.link_position.copy()
+    falls = slice(back, back + 28)
+    way = np.cumsum(velocity[falls, SHOULDER]) * wired.period_s
+    link[back : back + 28, SHOULDER] = link[back, SHOULDER] - 0.7 * way
+    velocity[back + 28 : back + 31, SHOULDER] = 0.0
+    found = check(replace(wired, motor_velocity=velocity, link_position=link), SHOULDER)
+    assert found.passed, found
+    assert found.follows == pytest.approx(1.0, abs=0.02)
+
+
 def test_gravity_is_compared_where_there_is_some(wired, check):
     found = check(wired, SHOULDER)
     assert found.held == pytest.approx(found.gravity, rel=0.15)

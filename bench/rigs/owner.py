@@ -1,0 +1,298 @@
+"""Owner of a new arm: from URDF and EDS to an arm that is armed and led, by documented commands.
+
+The owner knows what stands in data sheets, and sees the arm: which way a link goes when it is
+pushed, and at which angle it stands. All else is learned from what the commands say. Commands run
+as the user's, the daemon and the simulated arm in lockstep.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack, closing
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from click.testing import CliRunner
+
+from bench.rigs.generated_arms import EDS, PROFILE, URDF, GeneratedArm, in_yaml
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from daemon.commands import contactd
+from daemon.commands.simulated_robot import true_arm
+from daemon.modes.table import Mode
+from errors import ContactdError
+from simulator.hand import Gap, Lean, Release
+
+OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
+SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
+TRIES = 4  # of the wiring
+PRESSES = (0.03, 0.012, 0.005)  # of a hand at a link, shares of the motor's torque
+IDLE_S = 0.01  # between ticks while a step computes
+
+
+class GivenUpError(Exception):
+    """The owner does not know what to do next; the words are what the last command said."""
+
+
+@dataclass(slots=True)
+class Story:
+    """How far an owner came with one arm."""
+
+    seed: int
+    make: str
+    joints: int
+    hanging: bool
+    commands: list[str] = field(default_factory=list)
+    """as they were typed, one after the other"""
+    seen: list[str] = field(default_factory=list)
+    """fields in no data sheet that were corrected: signs and zeros, as seen at the arm"""
+    armed: bool = False
+    led: bool = False
+    why: str = ""
+    machine_s: float = 0.0
+
+
+class Owner:
+    """One owner with one arm; `folder` gets what is on the desk, and the configuration."""
+
+    def __init__(
+        self, arm: GeneratedArm, folder: Path, show: Callable[[str], None] = lambda _: None
+    ) -> None:
+        self.arm, self.show = arm, show
+        self.story = Story(arm.seed, arm.make.name, len(arm.joints), arm.hanging)
+        self._desk, self.folder = folder / "desk", folder / "mine"
+        self._desk.mkdir(parents=True)
+        (self._desk / URDF).write_text(arm.urdf)
+        (self._desk / EDS).write_text(arm.make.eds())
+
+    def go(self) -> Story:
+        """Everything; where it ends early, the story says why."""
+        begin = time.process_time()
+        try:
+            self.begin()
+            self.look_at_links()
+            self._wiring()
+            with closing(Session(self)) as holds:
+                self._gaps(holds)
+                friction = holds.identify("friction")
+            self._masses_if_asked(*friction)
+            self._identified("thresholds")
+            self._arm_and_lead()
+        except (GivenUpError, ContactdError, AssertionError) as error:
+            self.story.why = str(error) or repr(error)
+        self.story.machine_s = round(time.process_time() - begin, 1)
+        return self.story
+
+    def begin(self) -> None:
+        """Draft, fill in what data sheets say, check."""
+        eds = f"{PROFILE}={self._desk / EDS}"
+        self._typed("new", str(self.folder), "--urdf", str(self._desk / URDF), "--eds", eds)
+        # At the other end is this owner's arm, and not the guess that was drafted with it. It was
+        # left in a pose in which it carries something.
+        pose = np.random.default_rng((self.arm.seed, 24)).uniform(0.2, 0.7, len(self.arm.names))
+        truth = self.arm.truth()
+        truth["initial_position"] = dict(zip(self.arm.names, pose.tolist(), strict=True))
+        (self.folder / "simulation.yaml").write_text(in_yaml(truth))
+        self._edit(self._look_up)
+        self._typed("check", str(self.folder))
+
+    def _look_up(self, written: dict[str, Any]) -> None:
+        """Fill in what data sheets and the wiring list say."""
+        drive = written["drives"][PROFILE]
+        for name, quantity in self.arm.make.quantities.items():
+            if name in drive:
+                drive[name] = quantity.entry()
+        for joint, sheet in zip(written["joints"], self.arm.joints, strict=True):
+            for name in OF_DATA_SHEETS:
+                joint["wiring"][name] = sheet["wiring"][name]
+            joint["torque_constant"] = sheet["torque_constant"]
+
+    def look_at_links(self) -> None:
+        """Push each link by hand while the drives are off, and look: signs and zeros of the link
+        encoders."""
+        signs, zeros = [], []
+        with self.running() as served:
+            self.note("contactctl watch")
+            for i, joint in enumerate(served.rig.robot.configuration.joints):
+                shown, stood, moved, went = self._pushed(served, i)
+                turned = moved * went < 0.0
+                wiring = joint.wiring
+                raw = (shown - wiring.link_offset) * wiring.link_sign
+                signs.append(-wiring.link_sign if turned else wiring.link_sign)
+                zeros.append(round(round(stood / SEEN) * SEEN - signs[-1] * raw, 4))
+
+        def correct(written: dict[str, Any]) -> None:
+            for joint, sign, zero in zip(written["joints"], signs, zeros, strict=True):
+                if sign != joint["wiring"].get("link_sign", 1):
+                    joint["wiring"]["link_sign"] = sign
+                    self.story.seen.append(f"{joint['name']}.link_sign")
+                if abs(zero) > SEEN:
+                    joint["wiring"]["link_offset"] = zero
+                    self.story.seen.append(f"{joint['name']}.link_offset")
+
+        self._edit(correct)
+
+    def _pushed(self, served: ServedDaemon, i: int) -> tuple[float, float, float, float]:
+        """Position shown and seen of a link at rest, and how far each went when it was pushed."""
+        rig, plant, joint = served.rig, served.rig.arm.plant, self.arm.joints[i]
+        served.run(0.3)
+        shown, stood = float(rig.samples.link_position[i]), float(plant.q[i])
+        torque = 0.5 * joint["torque_constant"] * joint["wiring"]["max_current_A"]
+        moved = went = 0.0
+        for way in (1.0, -1.0):
+            rig.arm.hand.take(Lean(at_s=0.0, joint=joint["name"], torque=way * torque))
+            served.run(1.0)
+            moved, went = float(rig.samples.link_position[i]) - shown, float(plant.q[i]) - stood
+            rig.arm.hand.take(Release(at_s=0.0))
+            served.run(0.3)
+            if abs(went) > 1e-3:
+                break
+        return shown, stood, moved, went
+
+    def _wiring(self) -> None:
+        """Check it, and turn the motors' signs that are said to be wrong, until all is good."""
+        for _ in range(TRIES):
+            with closing(Session(self)) as holds:
+                good, output = holds.identify("wiring")
+            if good:
+                return
+            said = " ".join(output.split())
+            wrong = [name for name in self.arm.names if f"{name}: the link goes the other" in said]
+            if not wrong:
+                break
+            self._edit(partial(self._turn, wrong))
+        raise GivenUpError(f"wiring: {output}")
+
+    def _turn(self, names: list[str], written: dict[str, Any]) -> None:
+        for joint in written["joints"]:
+            if joint["name"] in names:
+                joint["wiring"]["motor_sign"] = -joint["wiring"].get("motor_sign", 1)
+                self.story.seen.append(f"{joint['name']}.motor_sign")
+
+    def _gaps(self, holds: "Session") -> None:
+        """Without a hand, and with one at the joints for which it is asked, softer if too hard."""
+        good, output = holds.identify("gap")
+        if good:
+            return
+        _, found, missed = output.partition("not written: ")
+        if not found:
+            raise GivenUpError(f"gap: {output}")
+        for name in missed.splitlines()[0].split(", "):
+            good, output = holds.identify("gap", name)  # which leaves it where it hangs
+            for press in PRESSES:
+                if good:
+                    break
+                good, output = holds.identify("gap", name, "--by-hand", press=press)
+            if not good:
+                raise GivenUpError(f"gap: {output}")
+
+    def _masses_if_asked(self, good: bool, output: str) -> None:
+        """Where friction names masses as the cause: these, and friction once more."""
+        if not good and "identify masses" in output:
+            self._identified("masses")
+            self._identified("friction")
+        elif not good:
+            raise GivenUpError(f"friction: {output}")
+
+    def _identified(self, step: str) -> None:
+        with closing(Session(self)) as holds:
+            good, output = holds.identify(step)
+        if not good:
+            raise GivenUpError(f"{step}: {output}")
+
+    def _arm_and_lead(self) -> None:
+        """Arm, lean on the shoulder with twice what is felt, and see whether the arm yields."""
+        with closing(Session(self)) as holds:
+            holds.control("arm")
+            self.story.armed = True
+            rig = holds.served.rig
+            joint = rig.robot.configuration.joints[1]
+            torque = 2.0 * joint.thresholds.contact + joint.friction.motor_coulomb
+            before = float(rig.arm.plant.q[1])
+            rig.arm.hand.take(Lean(at_s=0.0, joint=joint.name, torque=torque))
+            holds.served.run(1.5)
+            yields = rig.mode is Mode.ADMITTANCE
+            self.story.led = yields and float(rig.arm.plant.q[1]) - before > 0.01
+            if not self.story.led:
+                raise GivenUpError(f"the hand was not felt: {rig.mode}")
+
+    # -- how commands are typed ------------------------------------------------------------------
+
+    def running(self) -> AbstractContextManager[ServedDaemon]:
+        """The daemon started anew."""
+        self.note("contactd run")
+        return served_daemon(
+            self.folder.parent, self.folder, described=lambda robot, _: true_arm(robot)[0]
+        )
+
+    def note(self, command: str) -> None:
+        """Count a command that is typed."""
+        self.show(f"$ {command}")
+        self.story.commands.append(command)
+
+    def _typed(self, *words: str) -> None:
+        self.note(f"contactd {words[0]}")
+        result = CliRunner().invoke(contactd.main, list(words))
+        self.show(result.output)
+        if result.exit_code:
+            raise GivenUpError(f"contactd {words[0]}: {result.output}")
+
+    def _edit(self, change: Callable[[dict[str, Any]], None]) -> None:
+        path = self.folder / "config.yaml"
+        written = yaml.safe_load(path.read_text())
+        change(written)
+        path.write_text(in_yaml(written))
+
+
+class Session:
+    """One start of the daemon, at an arm that holds."""
+
+    def __init__(self, owner: Owner) -> None:
+        self._owner, self._open = owner, ExitStack()
+        self.served = self._open.enter_context(owner.running())
+        self.control("enable")
+        self.served.run(0.5)
+
+    def close(self) -> None:
+        """End the daemon."""
+        self._open.close()
+
+    def control(self, *words: str) -> None:
+        """`contactctl WORDS`; raises GivenUpError where it is refused."""
+        command = " ".join(words)
+        self._owner.note(f"contactctl {command}")
+        result = self.served.contactctl(*words)
+        if result.exit_code:
+            raise GivenUpError(f"contactctl {command}: {result.output}")
+
+    def identify(self, *words: str, press: float = 0.0) -> tuple[bool, str]:
+        """`contactd identify WORDS`: whether all was good, and what it said; a hand at the link
+        named presses with a share of its motor's torque."""
+        self._owner.note(f"contactd identify {' '.join(words)}")
+        hand = threading.Thread(target=self._hand, args=(words[-2:][0], press))
+        if press:
+            hand.start()
+        self.served.idle_s = IDLE_S
+        result = self.served.contactd("identify", *words)
+        if "does not answer" in result.output:  # a busy machine: a person types it again
+            self._owner.note(f"contactd identify {' '.join(words)}")
+            result = self.served.contactd("identify", *words)
+        if press:
+            hand.join()
+        self._owner.show(result.output)
+        return result.exit_code == 0, result.output
+
+    def _hand(self, name: str, press: float) -> None:
+        """A hand at one link, once the step is ready for it."""
+        rig, patience = self.served.rig, time.monotonic() + 60.0
+        while rig.mode is not Mode.TRACKING and time.monotonic() < patience:
+            time.sleep(0.01)
+        joint = next(j for j in rig.robot.configuration.joints if j.name == name)
+        torque = press * joint.torque_constant * joint.wiring.max_current_A
+        rig.arm.hand.take(Gap(at_s=0.0, joint=name, torque=torque, times=200))
+        while rig.mode is Mode.TRACKING:
+            time.sleep(0.01)
+        rig.arm.hand.take(Release(at_s=0.0))

@@ -1,0 +1,74 @@
+"""Mistakes that `contactd check` does not refuse, taken to the arm: what the program still lets
+happen there, in lockstep.
+
+The owner goes on in spite of what the check said: starts the daemon, enables, tries to arm and to
+start a trajectory, and has the wiring of the joint checked, whose short motion is all that may be.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from bench.rigs.generated_arms import GeneratedArm, in_yaml
+from bench.rigs.served_daemon import served_daemon
+from bench.study.mistakes import JOINT, Mistake, told
+from daemon.commands.simulated_robot import true_arm
+from daemon.modes.table import Mode
+from errors import ContactdError
+
+TRUE_URDF = "simulation.urdf"
+POSE = 0.3  # of every joint [rad], so that it carries something
+
+
+@dataclass(frozen=True, slots=True)
+class Met:
+    """What became of a mistake at the arm. `ended` is empty where it got to the wiring check."""
+
+    words: str
+    told: bool
+    refused: bool = False
+    ended: str = ""
+    armed: bool = False
+    ran: bool = False
+    """a trajectory that was not the wiring check's"""
+    wiring_good: bool = False
+
+    @property
+    def harmful(self) -> bool:
+        """True where the arm was armed or ran, or nothing keeps the owner from that."""
+        return self.armed or self.ran or (self.wiring_good and not self.told)
+
+
+def met(mistake: Mistake, arm: GeneratedArm, folder: Path) -> Met:
+    """What happens with a mistake in this arm's files; the arm itself is without it."""
+    said = told(mistake.plant(arm, folder))
+    warned = bool(said.lines)
+    if said.refused:
+        return Met(mistake.words, told=True, refused=True)
+    (folder / TRUE_URDF).write_text(arm.urdf)
+    path = folder / "simulation.yaml"
+    truth = yaml.safe_load(path.read_text()) | {"urdf": TRUE_URDF}
+    truth["initial_position"] = dict.fromkeys(arm.names, POSE)
+    path.write_text(in_yaml(truth))
+    try:
+        return _at_the_arm(mistake.words, arm.names[JOINT], folder, warned=warned)
+    except ContactdError as error:  # drives that do not do what the configuration asks for
+        return Met(mistake.words, warned, ended=f"contactd run: {error}")
+
+
+def _at_the_arm(words: str, joint: str, folder: Path, *, warned: bool) -> Met:
+    with served_daemon(
+        folder.parent, folder, described=lambda robot, _: true_arm(robot)[0]
+    ) as served:
+        enabled = served.contactctl("enable")
+        if enabled.exit_code:
+            return Met(words, warned, ended=f"contactctl enable: {enabled.output}")
+        served.run(0.5)
+        armed = served.contactctl("arm").exit_code == 0
+        served.contactctl("start")
+        ran = served.rig.mode is Mode.TRACKING
+        served.contactctl("stop")
+        wiring = served.contactd("identify", "wiring", joint)
+        ended = wiring.output if wiring.exit_code else ""
+        return Met(words, warned, False, ended, armed, ran, wiring.exit_code == 0)

@@ -1,0 +1,43 @@
+"""Wiring checked at the running arm: what a wrong sign is told as."""
+
+from pathlib import Path
+
+import yaml
+
+from bench.rigs.generated_arms import generate, in_yaml
+from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.person import CommissionedArm
+from bench.rigs.served_daemon import served_daemon
+from daemon.commands.simulated_robot import true_arm
+
+
+def test_a_wrong_sign_is_named_where_link_and_motor_come_too_far_apart(tmp_path: Path) -> None:
+    folder = generate(3).write(tmp_path / "arm")
+    path = folder / "config.yaml"
+    written = yaml.safe_load(path.read_text())
+    shoulder = written["joints"][1]["wiring"]
+    shoulder["motor_sign"] *= -1
+    path.write_text(in_yaml(written))
+    with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
+        served.rig.enable()
+        result = served.contactd("identify", "wiring", "shoulder")
+    said = " ".join(result.output.split())
+    assert result.exit_code == 1
+    assert "motor and link apart: shoulder" in said
+    assert "shoulder: the link goes the other way than the motor: link_sign or motor_sign" in said
+    assert "nothing written" in said
+
+
+def test_a_gap_that_is_guessed_too_small_is_no_wrong_sign(tmp_path: Path) -> None:
+    arm = CommissionedArm(tmp_path, SINGLE_JOINT)
+    assert not arm.identify("wiring")
+    said = " ".join(arm.output.split())
+    assert "motor and link apart: joint" in said
+    assert "joint: its gap is larger than half_gap says" in said
+
+
+def test_torques_are_rounded_for_people(tmp_path: Path) -> None:
+    """A joint without gravity holds 0 Nm, not 3e-19."""
+    arm = CommissionedArm(tmp_path, SINGLE_JOINT, change=lambda _: None)
+    arm.identify("wiring")
+    assert "holds 0 Nm of 0 Nm gravity" in arm.output

@@ -1,0 +1,45 @@
+"""Gap state in a log of a gear that bends: what is bent is no way through the gap."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.identification.log_intervals import Intervals, locate
+
+ALPHA, COMPLIANCE, PERIOD = 0.004, 0.0022, 0.01  # [rad], [rad/Nm], [s]
+TIME = PERIOD * np.arange(1, 3001)
+
+
+def bent(arm, torque: np.ndarray) -> Intervals:
+    """Joint 0, whose gear carries torque (N,) [Nm] and meets the border that it pushes at; the
+    others are free of load."""
+    n = arm.transmission.n
+    zero = np.zeros((len(TIME), n))
+    load, ends = zero.copy(), np.zeros((len(TIME), 5, n))
+    load[:, 0] = torque
+    # theta runs ahead of the link by the half-gap, and by what the gear bends.
+    ends[:, 4, 0] = ALPHA * np.sign(torque) + COMPLIANCE * torque
+    ends[:, 2, 0] = torque / arm.transmission.torque_constant[0]
+    return Intervals(
+        time_s=TIME, dt=np.full(len(TIME), PERIOD), first=TIME < 1.5 * PERIOD, inertial=load,
+        current=ends[:, 2], gravity=load, q=zero, q_dot=zero, theta_dot=zero, theta_ddot=zero,
+        advance=np.diff(ends[:, 4], axis=0, prepend=ends[:1, 4]), measured=True, ends=ends,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_gear_that_bends_at_one_border_has_not_met_the_other(arm, sign):
+    """Two half-gaps of bending: as wide as the gap, and none of it."""
+    rows = bent(arm, sign * (2.0 + 1.8 * np.sin(TIME)))
+    known = replace(arm.transmission, half_gap=np.full(arm.transmission.n, ALPHA))
+    found = locate(rows, known, arm.configuration.estimator)
+    assert found.gap[:, 0].mean() < 0.1
+
+
+def test_the_middle_of_a_gap_is_where_it_is_however_much_more_one_side_bears(arm):
+    torque = np.where(np.sin(TIME) > -0.3, 2.5 + 1.5 * np.sin(7.0 * TIME), -0.3)
+    known = replace(arm.transmission, half_gap=np.full(arm.transmission.n, ALPHA))
+    found = locate(bent(arm, torque), known, arm.configuration.estimator)
+    unbent = found.phi[:, 0] + COMPLIANCE * torque
+    assert np.abs(unbent) == pytest.approx(np.full(len(TIME), ALPHA), rel=0.1)
