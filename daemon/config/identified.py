@@ -16,22 +16,34 @@ from msgspec import Meta
 
 from daemon.config.marks import fingerprint, marks
 from daemon.config.problem import Keys
-from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels, Step
+from daemon.config.schema import (
+    Configuration,
+    Friction,
+    GapSpring,
+    Joint,
+    Levels,
+    PayloadEntry,
+    Step,
+)
 from daemon.protocol.messages import printable
-from drivers.settings import Harmonic, Settings
+from drivers.settings import Harmonic, Name, Settings
 from errors import ConfigurationError
+from estimator.body_inertia import BodyInertia
+from estimator.payload import Mass, Place
 
 # Step of the identification that finds each of these fields of a joint.
 _STEP_OF = {
     "half_gap": "gap",
+    "body": "masses",
     "friction": "friction",
     "gap_spring": "friction",
     "rotor_inertia": "friction",
     "thresholds": "thresholds",
 }
-# What arming needs beside the wiring, in the order in which it is identified.
+# What arming looks at beside the wiring, in the order in which it is identified.
 _PARAMETERS: tuple[tuple[Step, str, str], ...] = (
     ("gap", "the gap", "`contactd identify gap JOINT`"),
+    ("masses", "the masses", "`contactd identify masses`"),
     ("friction", "the friction", "`contactd identify friction`"),
     ("thresholds", "the thresholds", "`contactd identify thresholds`"),
 )
@@ -39,9 +51,12 @@ _PARAMETERS: tuple[tuple[Step, str, str], ...] = (
 _CHANGED: dict[Step, str] = {
     "wiring": "drives, wiring, torque constants, period or the URDF's joints",
     "gap": "drives, wiring, period or the URDF's joints",
-    "friction": "drives, wiring, torque constants, period or URDF",
-    "thresholds": "drives, wiring, torque constants, period or URDF",
+    "masses": "drives, wiring, torque constants, period or URDF",
+    "friction": "drives, wiring, torque constants, period, URDF or identified masses",
+    "thresholds": "drives, wiring, torque constants, period, URDF or identified masses",
 }
+OPTIONAL: frozenset[Step] = frozenset({"masses"})
+"""Steps without which the configuration's values, or the URDF's, may be right."""
 NotNegative = Annotated[float, Meta(ge=0)]
 
 
@@ -73,6 +88,15 @@ class GapEntry(Entry, frozen=True):
     half_gap: Annotated[float, Meta(ge=0, le=0.5)]
     confidence: NotNegative
     skew_ms: float | None = None
+
+
+class MassesEntry(Entry, frozen=True):
+    """What the joint moves, and |r| (rms) [Nm] on motion that it was not fitted to, by the URDF and
+    by this."""
+
+    body: BodyInertia
+    by_urdf: NotNegative
+    by_this: NotNegative
 
 
 class FrictionEntry(Entry, frozen=True):
@@ -123,8 +147,19 @@ class IdentifiedJoint(Settings, frozen=True):
     wiring: WiringEntry | None = None
     encoders: EncodersEntry | None = None
     gap: GapEntry | None = None
+    masses: MassesEntry | None = None
     friction: FrictionEntry | None = None
     thresholds: ThresholdsEntry | None = None
+
+
+class IdentifiedPayload(Entry, frozen=True):
+    """A load that was weighed in motion, with the standard errors of its mass [kg] and of its
+    centre [m]; `payloads` of config.yaml says the frame."""
+
+    mass: Mass
+    com: tuple[Place, Place, Place]
+    mass_error: NotNegative
+    com_error: NotNegative
 
 
 class Identified(Settings, frozen=True):
@@ -133,6 +168,7 @@ class Identified(Settings, frozen=True):
     version: Literal[1] = 1
     configuration: str = ""  # `fingerprint`, for entries without a mark of their own
     joints: dict[str, IdentifiedJoint] = msgspec.field(default_factory=dict)
+    payloads: dict[Name, IdentifiedPayload] = msgspec.field(default_factory=dict)
 
 
 def samples_alike(a: Configuration, b: Configuration) -> bool:
@@ -149,7 +185,7 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
 
     def about(c: Configuration) -> object:
         joints = [
-            (j.torque_constant, j.rotor_inertia, j.half_gap, j.friction, j.gap_spring)
+            (j.torque_constant, j.rotor_inertia, j.half_gap, j.friction, j.gap_spring, j.body)
             for j in c.joints
         ]
         return c.estimator, joints
@@ -159,8 +195,11 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
 
 def applied(c: Configuration, found: Identified) -> Configuration:
     """Configuration in which identified values replace those written by hand."""
+    weighed = {name: PayloadEntry(mass=p.mass, com=p.com) for name, p in found.payloads.items()}
     return msgspec.structs.replace(
-        c, joints=[_applied(joint, found.joints.get(joint.name)) for joint in c.joints]
+        c,
+        joints=[_applied(joint, found.joints.get(joint.name)) for joint in c.joints],
+        payloads=c.payloads | weighed,
     )
 
 
@@ -173,6 +212,8 @@ def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
         changes["wiring"] = msgspec.structs.replace(joint.wiring, link_correction=correction)
     if found.gap is not None:
         changes["half_gap"] = found.gap.half_gap
+    if found.masses is not None:
+        changes["body"] = found.masses.body
     if found.friction is not None:
         changes["friction"] = found.friction.friction
         rigid = changes.get("half_gap", joint.half_gap) == 0.0
@@ -194,6 +235,8 @@ def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> K
             # Of a rotor that the current does not show the entry has no value.
             if getattr(entry, field, None) is not None:
                 return ["joints", name, step, field, *rest]
+        case ["payloads", str(name), *_] if found and name in found.payloads:
+            return keys
     return []
 
 
@@ -269,7 +312,8 @@ def parameters_missing(found: Identified | None, c: Configuration, urdf: str) ->
     something was changed for since, each with the command to run; empty if there are none."""
     reasons = []
     for step, what, command in _PARAMETERS:
-        if names := unidentified(step, found, c):
+        names = unidentified(step, found, c)
+        if names and step not in OPTIONAL:
             reasons.append(
                 f"{what} of {', '.join(names)} not identified ({command}; or, known otherwise, say "
                 f"how: `known: {{{step}: ...}}` in config.yaml)"

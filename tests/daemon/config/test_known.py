@@ -112,7 +112,7 @@ def test_nothing_known_otherwise(tmp_path: Path) -> None:
     ("known", "words"),
     [
         ("{gap: ''}", "joints[0] (joint).known"),
-        ("{speed: measured}", "(allowed: friction, gap, thresholds, wiring)"),
+        ("{speed: measured}", "(allowed: friction, gap, masses, thresholds, wiring)"),
         ("[gap]", "joints[0] (joint).known: must be a group of fields, not a list"),
         ("{gap: true}", "must be text, not true"),
     ],
