@@ -11,13 +11,17 @@ PREFIX  ?= /opt/contactd
 DESTDIR ?=
 # The folder of your robot, which becomes /etc/contactd the first time; without one an example does.
 ROBOT   ?=
-LIB     := $(DESTDIR)/usr/local/lib
+# What is not below PREFIX: a Debian package has it in /usr.
+LOCAL   ?= /usr/local
+LIB     := $(DESTDIR)$(LOCAL)/lib
 UNITS   := $(LIB)/systemd/system
 DEVICE  := sys-subsystem-net-devices-can0.device.d
 SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
 # Manual pages and completions, made into $(PREFIX)/share (daemon/commands/manual.py) and linked from here.
 PAGES   := $(foreach p,contactd contactctl contactd-web,man/man1/$(p).1 bash-completion/completions/$(p) \
   zsh/site-functions/_$(p) fish/vendor_completions.d/$(p).fish)
+# Debian's zsh looks for those of packages elsewhere.
+LINKED  := $(if $(filter /usr,$(LOCAL)),sed 's|zsh/site-functions|zsh/vendor-completions|',cat)
 # Shown to everybody; what else lies in configs/ is yours.
 EXAMPLES := $(addprefix configs/,desk_arm romeo_left_arm single_joint)
 # In front of what makes files: others must be able to read them, whatever root's umask is.
@@ -25,7 +29,7 @@ PUBLIC  := umask 022;
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
-.PHONY: help compiled demo web built picture test fuzz check commissioning units soak mutants system install install-env install-files uninstall verify reference uplot lock clean
+.PHONY: help compiled demo web built picture test fuzz check commissioning units soak mutants system dist deb release install install-env install-files install-service uninstall verify reference uplot lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
@@ -145,9 +149,23 @@ $(MUTMUT):
 	$(PYTHON) -m venv --clear build/mutants/venv
 	build/mutants/venv/bin/pip install --quiet --disable-pip-version-check mutmut==2.5.1
 
+dist: $(STAMP) compiled  ## wheel and source archive, into dist
+	$(BIN)/python -m hatchling build -c
+	@ls -sh --block-size=kB dist
+
+# With Debian's own Python, as the package depends on it. What is built is not signed.
+deb: ROOT := $(abspath build/deb)
+deb: $(STAMP) compiled  ## a Debian package of environment, service, manual and completions, into dist
+	rm -rf $(ROOT) && mkdir -p $(ROOT) dist
+	$(MAKE) -s install-env install-service DESTDIR=$(ROOT) LOCAL=/usr PYTHON=$(shell readlink -f /usr/bin/python3)
+	$(BIN)/python package/deb.py $(ROOT) dist
+
+release: $(STAMP) compiled  ## RELEASE=0.2.0: what must hold before it is tagged, tried; tags nothing
+	$(BIN)/python package/release.py $(RELEASE)
+
 install: install-env install-files  ## into PREFIX=/opt/contactd, as a service, with ROBOT=configs/my_arm (root; honours DESTDIR)
 ifneq ($(HERE),)
-	systemd-sysusers /usr/local/lib/sysusers.d/contactd.conf
+	systemd-sysusers $(LOCAL)/lib/sysusers.d/contactd.conf
 	systemctl daemon-reload
 	@sed 's|/opt/contactd|$(PREFIX)|' systemd/next-steps
 	@$(PREFIX)/bin/python -P -m compiled
@@ -166,17 +184,18 @@ install-env:
 	$(PUBLIC) $(NEW)/bin/pip install --quiet --disable-pip-version-check --no-compile --no-deps -r requirements.lock -r requirements-web.lock -r requirements-ros.lock .
 	@$(NEW)/bin/python -P -m compiled
 	$(PUBLIC) $(NEW)/bin/python -P -m daemon.commands.manual $(NEW)/share
+	$(PYTHON) package/slim.py $(NEW)
 	grep -rlIF $(NEW) $(NEW)/bin $(NEW)/pyvenv.cfg | xargs sed -i 's|$(NEW)|$(PREFIX)|g'
 	-$(PUBLIC) $(NEW)/bin/python -m compileall -qq -s $(NEW) -p $(PREFIX) $(NEW)/lib
 	rm -rf $(DESTDIR)$(PREFIX)
 	mv $(NEW) $(DESTDIR)$(PREFIX)
 
-install-files:
+install-service:
 	$(refuse-strange-robot)
-	$(PUBLIC) install -d $(addprefix $(DESTDIR),/etc /usr/local/bin) $(SHARE)/configs
-	ln -sf $(PREFIX)/bin/contactd $(PREFIX)/bin/contactctl $(PREFIX)/bin/contactd-web $(PREFIX)/bin/contactd-zenoh $(DESTDIR)/usr/local/bin/
-	$(PUBLIC) for page in $(PAGES); do install -d $(DESTDIR)/usr/local/share/$$(dirname $$page) && \
-	  ln -sf $(PREFIX)/share/$$page $(DESTDIR)/usr/local/share/$$page || exit 1; done
+	$(PUBLIC) install -d $(DESTDIR)$(LOCAL)/bin $(SHARE)/configs
+	ln -sf $(PREFIX)/bin/contactd $(PREFIX)/bin/contactctl $(PREFIX)/bin/contactd-web $(PREFIX)/bin/contactd-zenoh $(DESTDIR)$(LOCAL)/bin/
+	$(PUBLIC) for page in $(PAGES); do link=$(DESTDIR)$(LOCAL)/share/$$(echo $$page | $(LINKED)) && \
+	  install -d $$(dirname $$link) && ln -sf $(PREFIX)/share/$$page $$link || exit 1; done
 	cp -R --no-preserve=ownership docs systemd/examples $(SHARE)/
 	cp -R --no-preserve=ownership $(EXAMPLES) $(SHARE)/configs/
 	rm -f $(SHARE)/configs/*/*.mcap
@@ -189,6 +208,9 @@ install-files:
 	install -m 644 systemd/$(DEVICE)/contactd.conf $(UNITS)/$(DEVICE)/
 	$(PUBLIC) install -D -m 644 systemd/can0.network $(LIB)/systemd/network/can0.network
 	$(PUBLIC) install -D -m 644 systemd/contactd.sysusers $(LIB)/sysusers.d/contactd.conf
+
+install-files: install-service
+	$(PUBLIC) install -d $(DESTDIR)/etc
 	@if [ -e $(DESTDIR)/etc/contactd ]; then \
 	  echo "/etc/contactd is there already: kept as it is$(if $(ROBOT),; ROBOT=$(ROBOT) is not copied)"; else \
 	  set -ex; cp -RL --no-preserve=ownership $(or $(ROBOT),configs/romeo_left_arm) $(DESTDIR)/etc/contactd; \
@@ -205,7 +227,7 @@ endif
 	rm -rf $(UNITS)/contactd-web.service $(UNITS)/contactd-zenoh.service $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE) $(DESTDIR)$(PREFIX)
 	rm -f $(LIB)/systemd/network/can0.network $(LIB)/sysusers.d/contactd.conf
 	-rmdir --ignore-fail-on-non-empty $(UNITS) $(LIB)/systemd/network $(LIB)/systemd $(LIB)/sysusers.d
-	rm -f $(addprefix $(DESTDIR)/usr/local/bin/,contactd contactctl contactd-web contactd-zenoh) $(addprefix $(DESTDIR)/usr/local/share/,$(PAGES))
+	rm -f $(addprefix $(DESTDIR)$(LOCAL)/bin/,contactd contactctl contactd-web contactd-zenoh) $(addprefix $(DESTDIR)$(LOCAL)/share/,$(PAGES))
 ifneq ($(HERE),)
 	systemctl daemon-reload
 endif

@@ -60,7 +60,12 @@ class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
         root = Path(self.root)
         out, sources = root / "build" / "extensions", compiled.sources(root)
         try:
-            made = build(root, out, compiled.modules(root))
+            # Those beside their sources, where they are of just these sources.
+            chosen = compiled.modules(root)
+            if out_of_date(root):
+                made = build(root, out, chosen)
+            else:
+                made, out = [root / f"{module}{SUFFIX}" for module in chosen], root
         except (OSError, subprocess.CalledProcessError) as error:
             self.app.display_warning(f"no compiled modules, they run as plain Python: {error}")
             return

@@ -5,7 +5,8 @@
 The arms replay a second of States of a simulated one, 100 a second each, in processes of a few arms
 (their share of a core is that of `contactd-zenoh` without its socket); the router is a process of
 its own. After S seconds it is killed, for S seconds; then there is another at the same port. Arms
-go on: the longest time between two of their rounds is of all this. One arm's joint states and the
+go on: the longest time between two of their rounds is of all this. What they say without a router
+is not kept: their processes' memory is looked at before and after. One arm's joint states and the
 diagnostics of all are heard; what nobody hears is not sent. Figures in real time hold for an idle
 machine only.
 """
@@ -26,6 +27,7 @@ from bench.rigs.lockstep import ROMEO, lockstep_rig
 from bench.rigs.replayed_arms import Played, arms_of, played, write
 from bench.rigs.ros_listener import Arrival, listener_of
 from bench.rigs.zenoh_router import free_port, router_of, session_at
+from bench.study.beside import resident_mb
 from daemon.ros.names import Distro
 from daemon.ros.supervisor import Supervisor
 from daemon.service.status import snapshot_of
@@ -84,20 +86,27 @@ def main(count: int, seconds: float, as_json: bool) -> None:
         supervisor = opened.enter_context(Supervisor(session, 0, Distro.JAZZY))
 
         def alive() -> int:
-            return sum(arm.alive for arm in supervisor.arms())
+            """Arms that the table shows as alive; all others are gone, or silent since a while."""
+            now_s = time.monotonic()
+            return sum(arm.alive and arm.silent_s(now_s) is None for arm in supervisor.arms())
 
         found_s = waited_s(lambda: alive() == count)
         with listener_of(endpoint, "0/arm_0/joint_states/**") as listener:
             time.sleep(SETTLE_S + seconds)
             arrivals = listener.arrivals()
+        before_mb = [resident_mb(part.pid) for part in parts]
         router.process.kill()
         gone_s = waited_s(lambda: alive() == 0)
         time.sleep(seconds)
+        grown_mb = max(
+            resident_mb(part.pid) - mb for part, mb in zip(parts, before_mb, strict=True)
+        )
         opened.enter_context(router_of(port))
         back_s = waited_s(lambda: alive() == count)
         stopped = {} if math.isnan(back_s) else supervisor.stop_all()
         took = [played(part) for part in parts]
-    report(count, took, ages_ms(arrivals), (found_s, gone_s, back_s), stopped, as_json=as_json)
+    waits_s = (found_s, gone_s, back_s)
+    report(count, took, ages_ms(arrivals), waits_s, stopped, grown_mb, as_json=as_json)
 
 
 def report(
@@ -106,6 +115,7 @@ def report(
     ages: list[float],
     waits_s: tuple[float, float, float],
     stopped: Mapping[str, tuple[str, str]],
+    grown_mb: float,
     *,
     as_json: bool,
 ) -> None:
@@ -113,6 +123,7 @@ def report(
     stand = sum(outcome == "stands" for outcome, _ in stopped.values())
     targets = [
         Target("arms that stand after the router's return", stand, count, "", "higher"),
+        Target("memory that a process of arms kept without a router", grown_mb, 5.0, "MB", "lower"),
         Target("until all arms are silent", waits_s[1], 2.0, "s", "lower"),
         Target("until all arms are back", waits_s[2], 10.0, "s", "lower"),
     ]

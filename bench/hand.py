@@ -7,6 +7,9 @@ The hand holds the last link; to each joint it is a spring of 1500 N/m and a dam
 its lever. First it leads each joint alone while the trajectory runs, lets go in full motion, and
 waits until the trajectory goes on; then the whole arm through a round of poses, resting at each
 before it lets go. The arm with its drives off is led the same ways from the same poses.
+At last it leads the arm over ten poses, and at each every joint alone: the force at the hand that
+each asks for, with these gains and with those of `contactctl gain --balance` (some minutes;
+--no-even leaves it out).
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,8 +22,10 @@ import numpy as np
 
 from bench.options import SEED, help_of
 from bench.report import Target, print_report
-from bench.rigs.lockstep import lockstep_rig
+from bench.rigs.lockstep import ROMEO, lockstep_rig
+from bench.study.evenness import POSES, Evenness, balanced_of, evenness
 from bench.study.leading import lead, lead_limp, stiffness, stroke
+from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event
 
@@ -69,6 +74,44 @@ def measure(
         }
 
 
+def how_even(
+    speed: float, gains: Mapping[str, float], mass_s: float | None, seed: int
+) -> dict[str, Evenness]:
+    """Forces at the hand with these gains, and with balanced ones."""
+    robot = load_robot(ROMEO)
+    c = tuned(robot.configuration, gains, mass_s)
+    return {
+        "today": evenness(c, speed, seed),
+        "balanced": evenness(balanced_of(c, robot.urdf), speed, seed),
+    }
+
+
+def even_data(found: Mapping[str, Evenness]) -> dict[str, Any]:
+    """The forces for JSON."""
+    return {
+        when: {
+            "led_N": np.round(each.led, 1).tolist(),
+            "peak_N": np.round(each.peak, 1).tolist(),
+            "ratio": round(each.ratio, 2),
+            "ratio_at_a_pose": round(each.ratio_at_a_pose, 2),
+        }
+        for when, each in found.items()
+    }
+
+
+def print_even(names: Sequence[str], found: Mapping[str, Evenness]) -> None:
+    """Forces at the hand, a line for each joint."""
+    click.echo(f"\nforce at the hand over {POSES} poses, each joint led alone [N]")
+    for i, name in enumerate(names):
+        ranges = [f"{f.led[:, i].min():4.1f} to {f.led[:, i].max():4.1f}" for f in found.values()]
+        click.echo(f"  {name:16} {' -> '.join(ranges)}")
+    for what, ratio in (
+        ("largest of all, of the smallest", [f.ratio for f in found.values()]),
+        ("at one pose, the worst", [f.ratio_at_a_pose for f in found.values()]),
+    ):
+        click.echo(f"  {what}: {' -> '.join(f'{each:.1f}' for each in ratio)}")
+
+
 def tuned(c: Configuration, gains: Mapping[str, float], mass_s: float | None) -> Configuration:
     """The robot with other gains K_a, or another virtual mass."""
     if strangers := set(gains) - set(c.joint_names):
@@ -107,6 +150,12 @@ def after_release(row: dict[str, Any]) -> str:
     )
 
 
+def even_targets(found: Mapping[str, Evenness]) -> list[Target]:
+    """How even it is, as it is and balanced."""
+    name = f"largest force at the hand over {POSES} poses, of the smallest"
+    return [Target(f"{name}, {when}", each.ratio, 3, "x", "lower") for when, each in found.items()]
+
+
 def targets_of(data: dict[str, Any]) -> list[Target]:
     """Held against what the prototype of this design showed."""
     alone = data["alone"]
@@ -139,20 +188,26 @@ def read_gains(pairs: Sequence[str]) -> dict[str, float]:
 @click.option("--speed", default=0.25, show_default=True, help="Of the hand [rad/s].")
 @click.option("--gain", "gains", multiple=True, metavar="JOINT=K_A", help="Another K_a.")
 @click.option("--mass", type=float, help="Another virtual mass, as its time constant [s].")
+@click.option("--even/--no-even", default=True, show_default=True, help="How even it feels.")
 @SEED
 @click.option("--json", "as_json", is_flag=True)
 def main(
-    speed: float, gains: tuple[str, ...], mass: float | None, seed: int, as_json: bool
+    speed: float, gains: tuple[str, ...], mass: float | None, even: bool, seed: int, as_json: bool
 ) -> None:
     data = measure(speed, read_gains(gains), mass, seed)
+    found = how_even(speed, read_gains(gains), mass, seed) if even else {}
+    data["even"] = even_data(found)
     if not as_json:
         click.echo(f"led at {speed:g} rad/s, seed {seed}; torques [Nm], work [J], moved [rad]")
         click.echo(f"K_a k_hand [1/s]: {data['gain_times_stiffness_1_s']}")
         print_rows("each joint alone", data["alone"], data["alone_off"])
         for i, (rows, off) in enumerate(zip(data["whole"], data["whole_off"], strict=True), 1):
             print_rows(f"the whole arm to pose {i}", rows, off)
+        if found:
+            print_even([row["joint"] for row in data["alone"]], found)
         click.echo("")
-    print_report("hand", seed, targets_of(data), data, as_json=as_json)
+    targets = targets_of(data) + even_targets(found)
+    print_report("hand", seed, targets, data, as_json=as_json)
 
 
 if __name__ == "__main__":

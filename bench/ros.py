@@ -3,31 +3,28 @@
     python -m bench.ros [--rounds N] [--seconds S] [--json]
 
 Simulated arm, daemon, `contactd-zenoh`, a Zenoh router and two subscribers are processes of their
-own, in real time; the arm holds. In each round the loop is watched without the bridge and with it,
-beside a subscriber that reads and one that is stopped (SIGSTOP). Ratios are of the same round. A
-State is lost where the daemon published it, by a reader of ours at its socket, and no
-`joint_states` with its stamp came. Figures in real time hold for an idle machine only.
+own, in real time; the arm holds. In each round the loop is watched alone, and then without the
+bridge and with it, beside a router, a subscriber that reads and one that is stopped (SIGSTOP).
+Ratios are of the same round; the one against the daemon alone is told, too. A State is lost where
+the daemon published it, by a reader of ours at its socket, and no `joint_states` with its stamp
+came. Figures in real time hold for an idle machine only.
 """
 
-import contextlib
 import os
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import click
 import numpy as np
 
 from bench.report import Target, print_report
+from bench.rigs.bridge import bridge_of
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.processes import Pair, pair
 from bench.rigs.ros_listener import Arrival, listener_of
 from bench.rigs.zenoh_router import free_port, router_of
 from bench.study.beside import cpu_s, median_ratio, p99_us, peak_mb, watch
-from contactd_client.paths import view_socket_path
 from daemon.clients.client import Client
 from daemon.protocol.messages import State
 from daemon.ros.messages import stamp
@@ -37,26 +34,11 @@ ALL = "0/**"
 SETTLE_S = 1.0
 
 
-@contextlib.contextmanager
-def bridge_of(both: Pair, endpoint: str) -> Iterator[subprocess.Popen[str]]:
-    """`contactd-zenoh` of this daemon, which has joined it, while the context lasts."""
-    command = [sys.executable, "-m", "daemon.commands.contactd_zenoh", "--connect", endpoint]
-    command += ["--view-socket", str(view_socket_path(both.door))]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            while "joined" not in (said := process.stdout.readline()):
-                if not said:
-                    raise RuntimeError("the bridge does not start")
-            yield process
-        finally:
-            process.terminate()
-
-
 @dataclass(slots=True)
 class Rounds:
     """Figures of all rounds."""
 
+    alone: list[dict[str, float]] = field(default_factory=list)
     without: list[dict[str, float]] = field(default_factory=list)
     beside: list[dict[str, float]] = field(default_factory=list)
     lost: int = 0
@@ -67,20 +49,23 @@ class Rounds:
 
     def play(self, both: Pair, seconds: float, *, bridge_first: bool) -> None:
         """One round; which comes first alternates."""
-        if bridge_first:
-            self._with(both, seconds)
-        self.without.append(p99_us(watch(both, seconds)))
-        if not bridge_first:
-            self._with(both, seconds)
-
-    def _with(self, both: Pair, seconds: float) -> None:
+        self.alone.append(p99_us(watch(both, seconds)))
         with (
             router_of(free_port()) as router,
-            bridge_of(both, router.endpoint) as bridge,
             listener_of(router.endpoint, KEY) as reader,
             listener_of(router.endpoint, ALL) as stalled,
         ):
             stalled.process.send_signal(signal.SIGSTOP)
+            time.sleep(SETTLE_S)
+            if bridge_first:
+                states = self._with(both, router.endpoint, seconds)
+            self.without.append(p99_us(watch(both, seconds)))
+            if not bridge_first:
+                states = self._with(both, router.endpoint, seconds)
+            self._compare(states, reader.arrivals())
+
+    def _with(self, both: Pair, endpoint: str, seconds: float) -> list[State]:
+        with bridge_of(both.door, endpoint) as bridge:
             time.sleep(SETTLE_S)
             before_s, begun_s = cpu_s(bridge.pid), time.monotonic()
             states = watch(both, seconds)
@@ -88,9 +73,8 @@ class Rounds:
             self.cpu.append((cpu_s(bridge.pid) - before_s) / passed_s)
             self.memory_mb = max(self.memory_mb, peak_mb(bridge.pid))
             time.sleep(SETTLE_S)  # what is on its way
-            arrivals = reader.arrivals()
         self.beside.append(p99_us(states))
-        self._compare(states, arrivals)
+        return states
 
     def _compare(self, states: list[State], arrivals: list[Arrival]) -> None:
         came = {(seconds, nanoseconds): at_s for seconds, nanoseconds, at_s in arrivals}
@@ -133,6 +117,8 @@ def main(count: int, seconds: float, as_json: bool) -> None:
     targets = targets_of(rounds)
     data = {
         "rounds": count,
+        "with_over_alone": median_ratio(rounds.beside, rounds.alone, "both"),
+        "alone_p99_us": rounds.alone,
         "without_p99_us": rounds.without,
         "beside_p99_us": rounds.beside,
         "states_heard": rounds.heard,

@@ -7,7 +7,7 @@ import numpy as np
 from arrays import Vector
 from daemon.config.identified import objections, parameters_known, parameters_missing
 from daemon.config.load import Robot
-from daemon.config.motion import limits_of, row, sinusoids_of
+from daemon.config.motion import limits_of, row, sinusoids_of, virtual_mass_of
 from daemon.config.schema import Configuration
 from daemon.faults.detector import DetectorSettings, FaultDetector, patience_deaf
 from daemon.faults.following import Following, FollowingSettings
@@ -215,9 +215,8 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
             ahead=AHEAD_SHARE * following_margin(c),
         ),
     )
-    usual = c.admittance.virtual_mass_s
     law = AdmittanceLaw(
-        virtual_mass_s=row(c, lambda j: usual if j.virtual_mass_s is None else j.virtual_mass_s),
+        virtual_mass_s=virtual_mass_of(c),
         velocity=np.full(len(c.joints), c.admittance.velocity),
     )
     path = robot.recorded or sinusoids_of(c)

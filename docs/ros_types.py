@@ -12,6 +12,7 @@ TYPES: Final = (
     "diagnostic_msgs/msg/DiagnosticStatus",
     "sensor_msgs/msg/JointState",
     "std_msgs/msg/String",
+    "std_srvs/srv/SetBool",
     "std_srvs/srv/Trigger",
 )
 

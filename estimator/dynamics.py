@@ -115,63 +115,78 @@ class Dynamics:
 
     def _outward(self, i: int, q: float, q_dot: float) -> None:
         """Pose and velocity of joint i from those of its parent, and its own body's momentum."""
-        R, t, v, w, g = self._R[i], self._t[i], self._v[i], self._w[i], self._g[i]
         parent = self._parent[i] if self._parent[i] >= 0 else self.n
-        v0, w0, g0 = self._v[parent], self._w[parent], self._g[parent]
         s, versine = sine(q), 1.0 - cosine(q)
         for a in range(3):
-            t[a] = self._offset[i, a] + q * self._slide[i, a]
+            self._t[i, a] = self._offset[i, a] + q * self._slide[i, a]
             for b in range(3):
-                R[a, b] = (
+                self._R[i, a, b] = (
                     self._fixed[i, a, b]
                     + s * self._sine[i, a, b]
                     + versine * self._versine[i, a, b]
                 )
         # Velocity of the parent's body where this joint is.
-        x = v0[0] + w0[1] * t[2] - w0[2] * t[1]
-        y = v0[1] + w0[2] * t[0] - w0[0] * t[2]
-        z = v0[2] + w0[0] * t[1] - w0[1] * t[0]
+        t0, t1, t2 = self._t[i, 0], self._t[i, 1], self._t[i, 2]
+        w0, w1, w2 = self._w[parent, 0], self._w[parent, 1], self._w[parent, 2]
+        g0, g1, g2 = self._g[parent, 0], self._g[parent, 1], self._g[parent, 2]
+        x = self._v[parent, 0] + w1 * t2 - w2 * t1
+        y = self._v[parent, 1] + w2 * t0 - w0 * t2
+        z = self._v[parent, 2] + w0 * t1 - w1 * t0
         for a in range(3):
-            v[a] = R[0, a] * x + R[1, a] * y + R[2, a] * z + q_dot * self._sliding[i, a]
-            w[a] = R[0, a] * w0[0] + R[1, a] * w0[1] + R[2, a] * w0[2] + q_dot * self._turning[i, a]
-            g[a] = R[0, a] * g0[0] + R[1, a] * g0[1] + R[2, a] * g0[2]
-        L, K, c, m, J = self._L[i], self._K[i], self._moment[i], self._mass[i], self._inertia[i]
-        L[0] = m * v[0] + w[1] * c[2] - w[2] * c[1]
-        L[1] = m * v[1] + w[2] * c[0] - w[0] * c[2]
-        L[2] = m * v[2] + w[0] * c[1] - w[1] * c[0]
-        K[0] = J[0, 0] * w[0] + J[0, 1] * w[1] + J[0, 2] * w[2] + c[1] * v[2] - c[2] * v[1]
-        K[1] = J[1, 0] * w[0] + J[1, 1] * w[1] + J[1, 2] * w[2] + c[2] * v[0] - c[0] * v[2]
-        K[2] = J[2, 0] * w[0] + J[2, 1] * w[1] + J[2, 2] * w[2] + c[0] * v[1] - c[1] * v[0]
+            R0, R1, R2 = self._R[i, 0, a], self._R[i, 1, a], self._R[i, 2, a]
+            self._v[i, a] = R0 * x + R1 * y + R2 * z + q_dot * self._sliding[i, a]
+            self._w[i, a] = R0 * w0 + R1 * w1 + R2 * w2 + q_dot * self._turning[i, a]
+            self._g[i, a] = R0 * g0 + R1 * g1 + R2 * g2
+        m = self._mass[i]
+        v0, v1, v2 = self._v[i, 0], self._v[i, 1], self._v[i, 2]
+        w0, w1, w2 = self._w[i, 0], self._w[i, 1], self._w[i, 2]
+        c0, c1, c2 = self._moment[i, 0], self._moment[i, 1], self._moment[i, 2]
+        self._L[i, 0] = m * v0 + w1 * c2 - w2 * c1
+        self._L[i, 1] = m * v1 + w2 * c0 - w0 * c2
+        self._L[i, 2] = m * v2 + w0 * c1 - w1 * c0
         for a in range(3):
-            self._c[i, a] = c[a]
+            J0, J1, J2 = self._inertia[i, a, 0], self._inertia[i, a, 1], self._inertia[i, a, 2]
+            self._K[i, a] = J0 * w0 + J1 * w1 + J2 * w2
+            self._c[i, a] = self._moment[i, a]
+        self._K[i, 0] = self._K[i, 0] + c1 * v2 - c2 * v1
+        self._K[i, 1] = self._K[i, 1] + c2 * v0 - c0 * v2
+        self._K[i, 2] = self._K[i, 2] + c0 * v1 - c1 * v0
 
     def _inward(self, i: int) -> None:
         """p_i and beta_i, once all beyond joint i was added to it; then add it to its parent."""
-        R, t, v, w, g = self._R[i], self._t[i], self._v[i], self._w[i], self._g[i]
-        L, K, c, m = self._L[i], self._K[i], self._c[i], self._beyond[i]
-        S, T = self._sliding[i], self._turning[i]
-        row = self._row[i]
+        m, row, parent = self._beyond[i], self._row[i], self._parent[i]
         p, beta = 0.0, 0.0
         for a in range(3):
             b, d = (a + 1) % 3, (a + 2) % 3
-            p += S[a] * L[a] + T[a] * K[a]
+            L, K = self._L[i, a], self._K[i, a]
+            S, T = self._sliding[i, a], self._turning[i, a]
+            w_b, w_d = self._w[i, b], self._w[i, d]
+            S_b, S_d = self._sliding[i, b], self._sliding[i, d]
+            T_b, T_d = self._turning[i, b], self._turning[i, d]
+            p += S * L + T * K
             # v_i x S_i, linear and angular, and gravity on all beyond.
-            beta += (w[b] * S[d] - w[d] * S[b] + v[b] * T[d] - v[d] * T[b]) * L[a]
-            beta += (w[b] * T[d] - w[d] * T[b]) * K[a]
-            beta += S[a] * m * g[a] + T[a] * (c[b] * g[d] - c[d] * g[b])
+            beta += (w_b * S_d - w_d * S_b + self._v[i, b] * T_d - self._v[i, d] * T_b) * L
+            beta += (w_b * T_d - w_d * T_b) * K
+            beta += S * m * self._g[i, a] + T * (
+                self._c[i, b] * self._g[i, d] - self._c[i, d] * self._g[i, b]
+            )
         self.momentum[row], self.beta[row] = p, beta
-        if self._parent[i] < 0:
+        if parent < 0:
             return
-        L0, K0, c0 = self._L[self._parent[i]], self._K[self._parent[i]], self._c[self._parent[i]]
-        x = R[0, 0] * L[0] + R[0, 1] * L[1] + R[0, 2] * L[2]
-        y = R[1, 0] * L[0] + R[1, 1] * L[1] + R[1, 2] * L[2]
-        z = R[2, 0] * L[0] + R[2, 1] * L[1] + R[2, 2] * L[2]
-        L0[0] += x
-        L0[1] += y
-        L0[2] += z
-        K0[0] += t[1] * z - t[2] * y
-        K0[1] += t[2] * x - t[0] * z
-        K0[2] += t[0] * y - t[1] * x
+        L0, L1, L2 = self._L[i, 0], self._L[i, 1], self._L[i, 2]
+        K0, K1, K2 = self._K[i, 0], self._K[i, 1], self._K[i, 2]
+        c0, c1, c2 = self._c[i, 0], self._c[i, 1], self._c[i, 2]
+        t0, t1, t2 = self._t[i, 0], self._t[i, 1], self._t[i, 2]
+        x = self._R[i, 0, 0] * L0 + self._R[i, 0, 1] * L1 + self._R[i, 0, 2] * L2
+        y = self._R[i, 1, 0] * L0 + self._R[i, 1, 1] * L1 + self._R[i, 1, 2] * L2
+        z = self._R[i, 2, 0] * L0 + self._R[i, 2, 1] * L1 + self._R[i, 2, 2] * L2
+        self._L[parent, 0] += x
+        self._L[parent, 1] += y
+        self._L[parent, 2] += z
+        self._K[parent, 0] += t1 * z - t2 * y
+        self._K[parent, 1] += t2 * x - t0 * z
+        self._K[parent, 2] += t0 * y - t1 * x
         for a in range(3):
-            K0[a] += R[a, 0] * K[0] + R[a, 1] * K[1] + R[a, 2] * K[2]
-            c0[a] += R[a, 0] * c[0] + R[a, 1] * c[1] + R[a, 2] * c[2] + m * t[a]
+            R0, R1, R2 = self._R[i, a, 0], self._R[i, a, 1], self._R[i, a, 2]
+            self._K[parent, a] += R0 * K0 + R1 * K1 + R2 * K2
+            self._c[parent, a] += R0 * c0 + R1 * c1 + R2 * c2 + m * self._t[i, a]

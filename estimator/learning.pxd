@@ -2,6 +2,9 @@
 
 cimport cython
 
+cdef extern from "math.h":
+    cpdef double sqrt(double x) noexcept
+
 cdef Py_ssize_t _CONSTANT, _VISCOUS, _COULOMB, _COLUMNS
 cdef double _STANDS_S, _RESTS_S, _RESTING
 cdef double _NOISE, _NOISE_S, _OFF, _REMAINS, _FREEZES, _FROZEN_S
@@ -22,6 +25,7 @@ cdef class Learning:
     cpdef double friction(self, Py_ssize_t i) noexcept
     cpdef double error(self, Py_ssize_t i) noexcept
     cpdef double unknown_at(self, Py_ssize_t i, double coulomb, double viscous) noexcept
+    @cython.locals(constant=double)
     cpdef void step(
         self, Py_ssize_t i, double coulomb, double viscous, double dt, double pole, double share
     ) noexcept

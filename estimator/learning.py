@@ -126,12 +126,13 @@ class Learning:
     ) -> None:
         """Take the impulses [Nm s] of joint i over its interval of dt [s], filtered by `pole` and
         `share` of (13); impulses are 0 where they do not act on the link."""
-        c, w = self.columns, self.shares
-        c[i, _CONSTANT] = pole * c[i, _CONSTANT] + share * dt
-        c[i, _VISCOUS] = pole * c[i, _VISCOUS] + share * viscous
-        c[i, _COULOMB] = pole * c[i, _COULOMB] + share * coulomb
-        self.correction[i] = w[i, _VISCOUS] * c[i, _VISCOUS] + w[i, _COULOMB] * c[i, _COULOMB]
-        self.unknown[i] = self.unknown_at(i, c[i, _COULOMB], c[i, _VISCOUS])
+        constant = pole * self.columns[i, _CONSTANT] + share * dt
+        viscous = pole * self.columns[i, _VISCOUS] + share * viscous
+        coulomb = pole * self.columns[i, _COULOMB] + share * coulomb
+        self.columns[i, _CONSTANT] = constant
+        self.columns[i, _VISCOUS], self.columns[i, _COULOMB] = viscous, coulomb
+        self.correction[i] = self.shares[i, _VISCOUS] * viscous + self.shares[i, _COULOMB] * coulomb
+        self.unknown[i] = self.unknown_at(i, coulomb, viscous)
 
     def learn(
         self, i: int, residual: float, level: float, usual: float, friction: float, raised: float,
@@ -202,33 +203,36 @@ class Learning:
 
     def _drift(self, i: int, column: int, dt: float) -> None:
         """Know less of one share of joint i, after dt [s]: a process of Ornstein and Uhlenbeck."""
-        P, fade = self.covariance, dt / self._forgets_s[column]
+        fade = dt / self._forgets_s[column]
         self.shares[i, column] -= fade * self.shares[i, column]
         for k in range(_COLUMNS):
-            P[i, column, k] -= fade * P[i, column, k]
-            P[i, k, column] -= fade * P[i, k, column]
-        P[i, column, column] += 2.0 * fade * self._variance[column, i]
+            self.covariance[i, column, k] -= fade * self.covariance[i, column, k]
+            self.covariance[i, k, column] -= fade * self.covariance[i, k, column]
+        self.covariance[i, column, column] += 2.0 * fade * self._variance[column, i]
 
     def _follow(self, i: int, residual: float, doubt: float, dt: float, known: bool) -> None:
         """Update all shares of joint i by a residual before its correction [Nm]; where it is not
         known that nothing touches, b alone (Schmidt's filter, which considers the others)."""
-        P, h, x, w = self.covariance, self.columns, self._x, self.shares
         variance, error = (self._noise[i] + doubt * doubt * _NOISE_S) / dt, residual
         for k in range(_COLUMNS):
-            x[k] = 0.0
+            self._x[k] = 0.0
             for m in range(_COLUMNS):
-                x[k] += P[i, k, m] * h[i, m]
-            variance += h[i, k] * x[k]
-            error -= h[i, k] * w[i, k]
+                self._x[k] += self.covariance[i, k, m] * self.columns[i, m]
+            variance += self.columns[i, k] * self._x[k]
+            error -= self.columns[i, k] * self.shares[i, k]
         if not 0.0 < variance < 1e300 or not abs(error) < 1e150:
             self._forget(i)
             return
         for k in range(_COLUMNS):
-            gain_k = x[k] / variance if known or k == _CONSTANT else 0.0
-            w[i, k] = min(max(w[i, k] + gain_k * error, -self._bound[k]), self._bound[k])
+            gain_k = self._x[k] / variance if known or k == _CONSTANT else 0.0
+            self.shares[i, k] = min(
+                max(self.shares[i, k] + gain_k * error, -self._bound[k]), self._bound[k]
+            )
             for m in range(_COLUMNS):
-                gain_m = x[m] / variance if known or m == _CONSTANT else 0.0
-                P[i, k, m] -= (gain_k * x[m] + x[k] * gain_m) - gain_k * gain_m * variance
+                gain_m = self._x[m] / variance if known or m == _CONSTANT else 0.0
+                self.covariance[i, k, m] -= (
+                    gain_k * self._x[m] + self._x[k] * gain_m
+                ) - gain_k * gain_m * variance
         self._say_what_is_left(i)
 
     def _say_what_is_left(self, i: int) -> None:

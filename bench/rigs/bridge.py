@@ -1,8 +1,12 @@
-"""The door to ROS 2 in a thread of this process, between any daemon's socket and a router."""
+"""The door to ROS 2 between any daemon's socket and a router: in a thread of this process, or as
+one of its own."""
 
+import contextlib
+import subprocess
+import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,12 +28,22 @@ def until(true: Callable[[], Any]) -> Any:
 
 
 class Bridge:
-    """`contactd-zenoh` of the daemon at this control socket; `said` is what it tells its log."""
+    """`contactd-zenoh` of the daemon at this control socket, which it may use only with `arming`;
+    `said` is what it tells its log."""
 
-    def __init__(self, control: Path, endpoint: str, name: str = "left_arm") -> None:
+    def __init__(
+        self,
+        control: Path,
+        endpoint: str,
+        name: str = "left_arm",
+        *,
+        arming: bool = False,
+        configuration: Path | None = None,
+    ) -> None:
         self.said: list[str] = []
         self.node = Node(0, f"/{name}", "contactd", Distro.JAZZY)
-        settings = Settings(view_socket_path(control), None, self.node, (endpoint,), None)
+        view, full = view_socket_path(control), control if arming else None
+        settings = Settings(view, full, self.node, (endpoint,), configuration, arming)
         self._ended = threading.Event()
         self.thread = threading.Thread(target=serve, args=(settings, self.said.append, self._ended))
         self.thread.start()
@@ -46,3 +60,20 @@ class Bridge:
         """End it."""
         self._ended.set()
         self.thread.join()
+
+
+@contextlib.contextmanager
+def bridge_of(control: Path, endpoint: str, *options: str) -> Iterator[subprocess.Popen[str]]:
+    """`contactd-zenoh` of the daemon at this control socket as a process, which has joined it,
+    while the context lasts."""
+    command = [sys.executable, "-m", "daemon.commands.contactd_zenoh", "--connect", endpoint]
+    command += ["--view-socket", str(view_socket_path(control)), *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            while "joined" not in (said := process.stdout.readline()):
+                if not said:
+                    raise RuntimeError("the bridge does not start")
+            yield process
+        finally:
+            process.kill()

@@ -28,6 +28,7 @@ from daemon.ros import diagnoses, topics
 from daemon.ros.graph import Graph, configuration, session_of
 from daemon.ros.messages import diagnostic_array
 from daemon.ros.names import Distro, Node
+from daemon.ros.services import trigger
 
 DIAGNOSTICS_S: Final = 1.0
 
@@ -78,7 +79,7 @@ class ReplayedArm:
         self._states = [msgspec.json.decode(line, type=State) for line in rest]
         session = opened.enter_context(session_of(configuration((endpoint,), None)))
         node = Node(0, f"/{name}", "contactd", Distro.JAZZY, str(session.zid()))
-        stop = {"stop": lambda who: (True, "stands")}
+        stop = {"stop": trigger(lambda who: (True, "stands"))}
         graph = Graph(session, node, topics.endpoints(node), stop, lambda text: None)
         self._graph = opened.enter_context(graph)
         self._name, self._topics = name, topics.Topics(self._snapshot, name)

@@ -1,6 +1,7 @@
 """The whole daemon behind its socket, in lockstep with the simulated arm, as clients meet it."""
 
 import fcntl
+import math
 import select
 import socket
 import sys
@@ -143,4 +144,6 @@ def served_daemon(
         process = Process(rig.robot, 1, [], serials)
         service = Service(process, loop, control, notifier, rig.boot)
         service.set_up.by_sdo = rig.by_sdo
+        # Here a second may pass while a client is not given a turn.
+        service.attendance.silent_s = math.inf
         yield ServedDaemon(rig, service)

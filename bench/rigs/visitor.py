@@ -9,6 +9,7 @@ from typing import Any
 
 import aiohttp
 
+from daemon.web.elsewhere_routes import Others
 from daemon.web.guard import COMMAND_HEADER, HEADERS
 from daemon.web.serve import listen, serving, settings_of
 from daemon.web.server import Site
@@ -54,7 +55,9 @@ class Visitor:
 
 
 @asynccontextmanager
-async def visiting(*view_sockets: Path, **options: Any) -> AsyncIterator[Visitor]:
+async def visiting(
+    *view_sockets: Path, others: Others | None = None, **options: Any
+) -> AsyncIterator[Visitor]:
     defaults: dict[str, Any] = {
         "hosts": (),
         "tls": False,
@@ -67,7 +70,7 @@ async def visiting(*view_sockets: Path, **options: Any) -> AsyncIterator[Visitor
         settings = settings_of(view_sockets, bind="127.0.0.1", port=port, **{**defaults, **options})
         jar = aiohttp.CookieJar(unsafe=True)
         async with (
-            serving(settings, listener) as site,
+            serving(settings, listener, others) as site,
             aiohttp.ClientSession(cookie_jar=jar) as session,
         ):
             visitor = Visitor(session, site, port)

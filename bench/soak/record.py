@@ -18,7 +18,7 @@ BOUNDS = {
     "file descriptors": Bound("", share=0.0, least=0.5),
     "threads and helpers": Bound("", share=0.0, least=0.5),
     "theta's uncertainty": Bound("mrad", share=0.5, least=0.5, binding_from_s=RHYTHM_S),
-    "error of theta": Bound("mrad", share=0.5, least=1.0, binding_from_s=RHYTHM_S),
+    "error of theta, side known": Bound("mrad", share=0.5, least=1.0, binding_from_s=RHYTHM_S),
     "CPU time, simulation included": Bound("us", share=0.25, least=500.0, binding_from_s=NEVER),
     "CPU time of a tick": Bound("us", share=0.25, least=50.0, binding_from_s=NEVER),
     "lateness, median": Bound("us", share=0.25, least=100.0, binding_from_s=NEVER),

@@ -125,6 +125,7 @@ class Client:
         speed: float | None = None,
         plan: bool = False,
         planned_from: Sequence[float] | None = None,
+        attended: bool = False,
     ) -> Reply:
         """Move in a straight line through joint space to a `pose` of the configuration, or to
         `targets`, positions by joint [rad]; other joints stay. `speed` [rad/s] is that of the joint
@@ -132,7 +133,8 @@ class Client:
 
         With `plan` nothing moves; the reply's `way` says what would. `planned_from` (n,) [rad] is
         the `way.start` of such a reply: where the arm stands elsewhere by now it is refused. Also
-        while the arm is not armed, a contact halts it. The answer may be a refusal.
+        while the arm is not armed, a contact halts it. Where it is `attended`, it halts when this
+        connection ends or asks nothing for 2 s. The answer may be a refusal.
         """
         return self.ask(
             Request(
@@ -142,6 +144,7 @@ class Client:
                 speed=speed,
                 plan=plan,
                 planned_from=None if planned_from is None else list(planned_from),
+                attended=attended,
             )
         )
 

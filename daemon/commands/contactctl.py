@@ -221,32 +221,34 @@ def home(options: Options, speed: float, yes: bool) -> None:
 @main.command(context_settings={"ignore_unknown_options": True})  # -0.1 is no option
 @click.argument("joint", required=False)
 @click.argument("value", type=float, required=False)
+@click.option("--balance", is_flag=True, help="Propose gains with which all joints feel alike.")
+@click.option("--apply", is_flag=True, help="With --balance: change the gains to these.")
 @click.pass_obj
-def gain(options: Options, joint: str | None, value: float | None) -> None:
+def gain(
+    options: Options, joint: str | None, value: float | None, balance: bool, apply: bool
+) -> None:
     """Show or change how softly joints yield: K_a [rad/s per Nm].
 
     The joint gets there within half a second, also in somebody's hand. The configuration is not
     changed: the next start of the daemon begins from it.
+
+    With --balance: gains with which each joint asks for the same force at the hand, from levers,
+    inertia and thresholds, and what it asks for now. Nothing changes without --apply.
     """
-    from daemon.protocol.messages import Reply, Request
+    from daemon.commands import gain as gains
 
     if value is not None and not math.isfinite(value):
         raise click.UsageError(f"{value:g} is not a gain")  # nor is it a number in JSON
-    with options.connect() as client:
-        found = client.ask_status()
-        gains = dict(zip(found.joints, found.gain, strict=True))
-        if joint is not None and joint not in gains:
-            reasons = [f"no joint {joint!r}; there are: {', '.join(gains)}"]
-            answer(options, Reply(ok=False, message="gain: refused", reasons=reasons))
-        if joint is not None and value is not None:
-            answer(options, client.ask(Request("gain", joint=joint, gain=value)))
-            return
-    shown = gains if joint is None else {joint: gains[joint]}
-    if options.json:
-        print_json(shown)
-        return
-    for name, k in shown.items():
-        click.echo(f"{name:16} {k:g}")
+    if balance and joint is not None:
+        raise click.UsageError("--balance is about all joints")
+    if apply and not balance:
+        raise click.UsageError("--apply belongs to --balance")
+    if balance:
+        gains.balance(options, apply=apply)
+    elif joint is None or value is None:
+        gains.show(options, joint)
+    else:
+        gains.change(options, joint, value)
 
 
 @main.command(context_settings={"ignore_unknown_options": True})

@@ -3,13 +3,17 @@
 
 import os
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import click
 
 from contactd_client.paths import usual_socket_path, view_socket_path
 from daemon.commands.options import PATH
+from daemon.commands.zenoh_options import DISTROS
 from errors import ConfigurationError, ContactdError
+
+EXTRA_OF = {"aiohttp": "web", "zenoh": "ros", "xxhash": "ros"}
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -45,6 +49,21 @@ from errors import ConfigurationError, ContactdError
     help="Where recordings go; by default into the state directory.",
 )
 @click.option("--no-recordings", is_flag=True, help="Record nothing.")
+@click.option(
+    "--fleet",
+    metavar="ENDPOINT|FILE.json5",
+    help="Show the arms of other machines, too, and stop them: those that a Zenoh router knows, as "
+    "`contactd fleet` does (tcp/HOST:7447, or a file with a Zenoh configuration).",
+)
+@click.option(
+    "--domain", type=click.IntRange(0, 232), default=0, help="ROS_DOMAIN_ID of --fleet; 0."
+)
+@click.option(
+    "--distro",
+    type=click.Choice(DISTROS),
+    default="jazzy",
+    help="Distribution of --fleet, as of `contactd fleet`; jazzy.",
+)
 @click.version_option(package_name="contactd", prog_name="contactd-web")
 def main(
     view_sockets: tuple[Path, ...],
@@ -56,6 +75,9 @@ def main(
     token_file: Path | None,
     recordings: Path | None,
     no_recordings: bool,
+    fleet: str | None,
+    domain: int,
+    distro: str,
 ) -> None:
     """Serve a page that shows what an arm feels, and stops it.
 
@@ -80,11 +102,18 @@ def main(
                 token_file=token_file,
                 recordings=None if no_recordings else recordings or state_folder(),
             )
-            serve(settings, listener, click.echo)
+            if fleet is None:
+                serve(settings, listener, click.echo)
+                return
+            from daemon.web.elsewhere import Router
+
+            with closing(Router(fleet, domain, distro)) as others:
+                serve(settings, listener, click.echo, others)
     except ModuleNotFoundError as error:
-        if error.name is None or error.name.split(".")[0] != "aiohttp":
+        extra = EXTRA_OF.get((error.name or "").split(".")[0])
+        if extra is None:
             raise
-        _end(ConfigurationError("the page needs the extra `web`: pip install 'contactd[web]'"))
+        _end(ConfigurationError(f"it needs the extra `{extra}`: pip install 'contactd[{extra}]'"))
     except ContactdError as error:
         _end(error)
 

@@ -32,6 +32,11 @@ END_S = 3.0  # more than the longest silence of a daemon that is waited for
     help="Control socket of the daemon: offers the service `reset`, too.",
 )
 @click.option(
+    "--allow-arm",
+    is_flag=True,
+    help="With --control-socket: offers the service `arm`, too, to whoever reaches the router.",
+)
+@click.option(
     "--namespace",
     default="/contactd",
     show_default=True,
@@ -43,6 +48,7 @@ END_S = 3.0  # more than the longest silence of a daemon that is waited for
 def main(
     view_socket: Path | None,
     control_socket: Path | None,
+    allow_arm: bool,
     connect: tuple[str, ...],
     configuration: Path | None,
     namespace: str,
@@ -52,11 +58,13 @@ def main(
     """Show an arm to ROS 2 by Zenoh, as a node with rmw_zenoh_cpp sees others.
 
     Topics: joint_states, external_torque, contact_threshold, contact, robot_description,
-    /diagnostics. Services: stop, disarm. Nothing that comes over the network lets the arm move:
-    docs/ros.md.
+    /diagnostics. Services: stop, disarm. Nothing else comes over the network, unless
+    --control-socket and --allow-arm say so; nothing ever enables or starts the arm: docs/ros.md.
 
     Exit status: 0 ended by a signal, 2 usage, 78 wrong configuration.
     """
+    if allow_arm and control_socket is None:
+        raise click.UsageError("--allow-arm: through which --control-socket?")
     try:
         from daemon.ros.names import Distro, Node, checked_namespace
         from daemon.ros.serve import Settings, serve
@@ -67,6 +75,7 @@ def main(
             node=Node(domain, checked_namespace(namespace), "contactd", Distro(distro)),
             connect=connect,
             configuration=configuration,
+            arming=allow_arm,
         )
         ended = threading.Event()
         for number in (signal.SIGTERM, signal.SIGINT):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from arrays import Matrix
 from daemon.assembly import build_estimator
 from daemon.config.motion import limits_of
 from daemon.config.schema import Configuration
@@ -10,13 +11,17 @@ from estimator.tool_force import ToolSense, tool_sense
 _POSES = 500
 
 
+def poses_within(c: Configuration) -> Matrix:
+    """Poses (500, n) [rad] within the limits: random, always the same."""
+    limits = limits_of(c)
+    return np.random.default_rng(0).uniform(limits.lower, limits.upper, (_POSES, len(c.joints)))
+
+
 def felt_over_poses(c: Configuration, urdf: str) -> list[str]:
     """What a hand at the tool must press with to be felt, in words: in motion, every joint at its
-    velocity limit, and at rest, both with nothing known of friction and gaps. The poses are
-    random, always the same."""
+    velocity limit, and at rest, both with nothing known of friction and gaps."""
     estimator, limits = build_estimator(c, urdf), limits_of(c)
-    poses = np.random.default_rng(0).uniform(limits.lower, limits.upper, (_POSES, len(c.joints)))
-    jacobians = [estimator.model.tool_jacobian(q) for q in poses]
+    jacobians = [estimator.model.tool_jacobian(q) for q in poses_within(c)]
     # A new estimator knows nothing yet: its levels are the highest.
     cases = (
         ("in motion", estimator.levels_at(limits.velocity)),

@@ -137,15 +137,11 @@ def table(arms: Sequence["Arm"], now_s: float) -> "Table":
 
 
 def _row(arm: "Arm", now_s: float) -> dict[str, Any]:
-    silent_s = arm.silent_s(now_s)
-    state = "alive" if arm.alive else "gone"
-    if silent_s is not None:
-        state = f"silent since {silent_s:.0f} s"
     return {
         "arm": arm.name,
-        "state": state,
+        "state": arm.state(now_s),
         "alive": arm.alive,
-        "silent_s": silent_s,
+        "silent_s": arm.silent_s(now_s),
         "mode": arm.mode,
         "armed": arm.armed == "true",
         "level": arm.level.name,

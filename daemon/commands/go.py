@@ -1,6 +1,6 @@
 """`contactctl go` and `home`: what the arm would do, a question, and the motion to its end.
 
-Ctrl-C, or the end of the terminal, stops the arm.
+Ctrl-C, or the end of the terminal, stops the arm; killed or held up, the daemon halts it.
 """
 # ruff: noqa: PLC0415 - the client is imported by the command that needs it
 
@@ -71,14 +71,15 @@ def go(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> No
     if not yes:
         click.confirm("Move the arm?", abort=True)
     with _interrupted() as interrupted, options.connect() as client:
-        reply = client.go(pose, targets, speed=speed, planned_from=reply.way.start)
+        start = reply.way.start
+        reply = client.go(pose, targets, speed=speed, planned_from=start, attended=True)
         if reply.way is None:
             answer(options, reply)
             return
         ended = _wait(client, reply.way, interrupted)
-    if ended is None:
-        carry_out(options, "stop", wait=True)
-        sys.exit(1)
+        if ended is None:  # while this connection is there: the arm halts without it
+            carry_out(options, "stop", wait=True)
+            sys.exit(1)
     answer(options, ended)
 
 

@@ -7,6 +7,8 @@ import click
 
 from daemon.commands.options import PATH
 
+DISTROS = ("humble", "jazzy", "kilted", "rolling")
+
 _OPTIONS = (
     click.option(
         "--connect",
@@ -32,7 +34,7 @@ _OPTIONS = (
     ),
     click.option(
         "--distro",
-        type=click.Choice(["humble", "jazzy", "kilted", "rolling"]),
+        type=click.Choice(DISTROS),
         default="jazzy",
         show_default=True,
         help="Distribution of the others: Humble has no type hashes in its keys.",

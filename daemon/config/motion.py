@@ -19,6 +19,12 @@ def row(c: Configuration, of: Callable[[Joint], float]) -> Vector:
     return np.array([of(joint) for joint in c.joints], dtype=np.float64)
 
 
+def virtual_mass_of(c: Configuration) -> Vector:
+    """Virtual mass (n,) as its time constant [s]: each joint's own, or the one for all."""
+    usual = c.admittance.virtual_mass_s
+    return row(c, lambda j: usual if j.virtual_mass_s is None else j.virtual_mass_s)
+
+
 def limits_of(c: Configuration) -> Limits:
     """Limits of every setpoint."""
     return Limits(

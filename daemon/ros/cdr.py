@@ -101,3 +101,13 @@ def refuse_unless_empty(payload: bytes) -> None:
     """
     if not 4 <= len(payload) <= 8 or payload[:2] not in (b"\x00\x01", b"\x00\x00"):
         raise CdrError("no Trigger request: a header of 4 bytes, and at most 4 more")
+
+
+def read_flag(payload: bytes) -> bool:
+    """The one bool of a message, as of `std_srvs/srv/SetBool`. Raises CdrError for anything
+    else."""
+    if not 5 <= len(payload) <= 8 or payload[:2] not in (b"\x00\x01", b"\x00\x00"):
+        raise CdrError("no SetBool request: a header of 4 bytes, a bool, and at most 3 more")
+    if payload[4] > 1:
+        raise CdrError(f"no SetBool request: a bool is 0 or 1, not {payload[4]}")
+    return payload[4] == 1

@@ -1,5 +1,6 @@
 """Diagnoses of an arm: its mode, faults and joints, in the words of `/diagnostics`. Pure."""
 
+from daemon.faults.finding import advice_on
 from daemon.modes.table import Mode
 from daemon.protocol.messages import State, Status
 from daemon.ros.messages import Diagnosis, Level
@@ -46,8 +47,10 @@ def _arm(state: State, arm: str, status: Status | None) -> Diagnosis:
         ("deadlines missed", str(state.timing.missed)),
         ("flags", ", ".join(state.flags)),
     ]
-    if status is not None:
+    if status is not None and status.cause == state.cause:
         values.append(("what to do", status.advice))
+    elif advice := advice_on(state.cause):
+        values.append(("what to do", advice))
     text = f"{state.mode}{', armed' if state.armed else ''}: {state.cause}"
     return Diagnosis(level, f"contactd: {arm}", text, arm, tuple(values))
 

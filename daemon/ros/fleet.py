@@ -38,6 +38,13 @@ class Arm:
         silence = now_s - self.heard_s
         return silence if silence > SILENT_S or not self.alive else None
 
+    def state(self, now_s: float) -> str:
+        """Whether it is there, in words."""
+        silent_s = self.silent_s(now_s)
+        if silent_s is not None:
+            return f"silent since {silent_s:.0f} s"
+        return "alive" if self.alive else "gone"
+
 
 def arm_of_token(token: str, domain: int) -> str:
     """Name of the arm whose node has this token; empty where it is no node of contactd."""

@@ -25,7 +25,7 @@ from daemon.ros.names import (
     mismatch,
     read_attachment,
 )
-from daemon.ros.services import Act, Service
+from daemon.ros.services import Offer, Service
 from errors import ConfigurationError
 
 MOST_REQUEST_BYTES: Final = 1024
@@ -71,19 +71,25 @@ class Query:
         payload = query.payload
         size = len(payload) if payload is not None else 0
         self.request = b"" if payload is None or size > MOST_REQUEST_BYTES else payload.to_bytes()
-        self._sequence, self._caller = 0, bytes(GID_BYTES)
+        self._sequence, self._sent_ns, self.gid = 0, 0, bytes(GID_BYTES)
         with contextlib.suppress(ValueError):
             if query.attachment is not None and len(query.attachment) <= MOST_REQUEST_BYTES:
-                self._sequence, _, self._caller = read_attachment(query.attachment.to_bytes())
+                about = query.attachment.to_bytes()
+                self._sequence, self._sent_ns, self.gid = read_attachment(about)
 
     @property
     def caller(self) -> str:
         """The caller's GID: all that the attachment tells of it."""
-        return f"ROS 2 client {self._caller.hex()}"
+        return f"ROS 2 client {self.gid.hex()}"
+
+    @property
+    def sent_s(self) -> float:
+        """Time at which it was sent, by the caller's clock [s]."""
+        return self._sent_ns * 1e-9
 
     def answer(self, payload: bytes) -> None:
         """Answer with the number and the GID of the call, as rmw_zenoh finds it by them."""
-        about = attachment(self._sequence, time.time_ns(), self._caller)
+        about = attachment(self._sequence, time.time_ns(), self.gid)
         with contextlib.suppress(zenoh.ZError):  # the caller is gone
             self._query.reply(self._query.key_expr, payload, attachment=about)
         self._drop()
@@ -106,11 +112,13 @@ class Graph:
         session: zenoh.Session,
         node: Node,
         topics: Mapping[str, Endpoint],
-        actions: Mapping[str, Act],
+        offers: Mapping[str, Offer],
         say: Say,
     ) -> None:
         self._node, self._say = node, say
-        self._ours = {**topics, **{name: services.endpoint(node, name) for name in actions}}
+        self._ours = dict(topics) | {
+            name: services.endpoint(node, name, offer.type_name) for name, offer in offers.items()
+        }
         self._said: set[str] = set()
         self.publishers: dict[str, Publisher] = {}
         with contextlib.ExitStack() as opened:
@@ -118,8 +126,8 @@ class Graph:
             opened.callback(live.declare_token(node.token()).undeclare)
             for number, (name, endpoint) in enumerate(self._ours.items(), start=1):
                 token = node.endpoint_token(number, endpoint)
-                if name in actions:
-                    self._serve(opened, session, name, actions[name])
+                if name in offers:
+                    self._serve(opened, session, name, offers[name])
                 else:
                     self.publishers[name] = Publisher(session, node, endpoint, token)
                     opened.callback(self.publishers[name].close)
@@ -144,9 +152,9 @@ class Graph:
         self._close()
 
     def _serve(
-        self, opened: contextlib.ExitStack, session: zenoh.Session, name: str, act: Act
+        self, opened: contextlib.ExitStack, session: zenoh.Session, name: str, offer: Offer
     ) -> None:
-        service = Service(name, act)
+        service = Service(name, offer)
         opened.callback(service.close)
         key = self._node.key(self._ours[name])
 

@@ -101,7 +101,7 @@ def diagnostic_array(wall_s: float, diagnoses: Sequence[Diagnosis]) -> bytes:
 
 
 def outcome(success: bool, message: str) -> bytes:
-    """Response of std_srvs/srv/Trigger."""
+    """Response of std_srvs/srv/Trigger and SetBool."""
     writer = Writer()
     writer.byte(success)
     writer.text(message)

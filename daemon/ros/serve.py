@@ -11,28 +11,35 @@ from typing import Final
 import zenoh
 
 from daemon.clients.client import Client
+from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State, Status
 from daemon.ros import diagnoses, topics
+from daemon.ros.arming import Arming
 from daemon.ros.graph import Graph, Say, configuration, session_of
 from daemon.ros.messages import Diagnosis, diagnostic_array
 from daemon.ros.names import Node
-from daemon.ros.services import actions
+from daemon.ros.services import Offer, actions, trigger
 from errors import ConfigurationError, ContactdError
 
 NICE: Final = 10
 RETRY_S: Final = 0.25
 DIAGNOSTICS_S: Final = 1.0
+#: A status costs the daemon more than a tick's States do, and what only it tells changes slowly.
+STATUS_EVERY_S: Final = 60.0
+STATUS_APART_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What the command line says; `control` is the full door, or None."""
+    """What the command line says; `control` is the full door, or None; only through it may others
+    arm the arm, where `arming` allows it."""
 
     view: Path
     control: Path | None
     node: Node
     connect: tuple[str, ...]
     configuration: Path | None
+    arming: bool = False
 
 
 def serve(settings: Settings, say: Say, ended: threading.Event) -> None:
@@ -44,13 +51,23 @@ def serve(settings: Settings, say: Say, ended: threading.Event) -> None:
         say(f"looks for a router: {settings.configuration or ', '.join(settings.connect)}")
         with session_of(config) as session:
             node = replace(settings.node, zid=str(session.zid()))
-            offered = actions(settings.view, settings.control)
-            with Graph(session, node, topics.endpoints(node), offered, say) as graph:
+            with Graph(session, node, topics.endpoints(node), offers(settings), say) as graph:
+                if settings.arming:
+                    say("whoever reaches the router may arm the arm, unless its rules say who may")
                 say(f"node {node.absolute(node.name)} in domain {node.domain}")
                 Bridge(settings.view, graph, node, say, ended).run()
     except zenoh.ZError as error:
         what = settings.configuration or ", ".join(settings.connect)
         raise ConfigurationError(f"{what}: Zenoh says: {error}") from error
+
+
+def offers(settings: Settings) -> dict[str, Offer]:
+    """Services of an arm, by name."""
+    acts = actions(settings.view, settings.control)
+    offered = {name: trigger(act) for name, act in acts.items()}
+    if settings.arming and settings.control is not None:
+        offered["arm"] = Arming.at(settings.control, acts["disarm"]).offer()
+    return offered
 
 
 class Bridge:
@@ -62,6 +79,7 @@ class Bridge:
         self._view, self._graph, self._say, self._ended = view, graph, say, ended
         self._arm = node.namespace.strip("/") or node.name
         self._status: Status | None = None
+        self._wanted = threading.Event()  # a new status
         self._said = ""
         self._due_s = 0.0  # of the next message on /diagnostics, by the monotonic clock
         self._key: diagnoses.Key = ()
@@ -77,11 +95,13 @@ class Bridge:
             except ContactdError as error:
                 self._lose(str(error))
                 self._ended.wait(RETRY_S)
+        self._wanted.set()
         asker.join()
 
     def _follow(self, client: Client) -> None:
         snapshot, states = client.subscribe()
         self._said, self._key = "", ()
+        self._wanted.set()
         self._say(f"joined {snapshot.program}: {', '.join(snapshot.joints)}")
         made = topics.Topics(snapshot, self._arm)
         self._graph.publishers["robot_description"].put(made.description)
@@ -95,6 +115,8 @@ class Bridge:
     def _diagnose(self, snapshot: Snapshot, state: State) -> None:
         key, now_s = diagnoses.changed(state), time.monotonic()
         if key != self._key or now_s >= self._due_s:
+            if key != self._key and state.mode is Mode.FAULTED:
+                self._wanted.set()
             self._key = key
             found = diagnoses.of(state, snapshot.joints, self._arm, self._status)
             self._publish(state.timing.wall_s, found, now_s)
@@ -113,10 +135,15 @@ class Bridge:
         self._graph.publishers["/diagnostics"].put(diagnostic_array(wall_s, found))
 
     def _ask(self) -> None:
-        """Ask for what no State tells, now and then, apart from the stream."""
-        while not self._ended.wait(DIAGNOSTICS_S):
+        """Ask for what no State tells: once joined, at a fault, and now and then."""
+        while not self._ended.is_set():
+            self._wanted.wait(STATUS_EVERY_S)
+            self._wanted.clear()
+            if self._ended.is_set():
+                return
             try:
                 with Client(self._view) as client:
                     self._status = client.ask_status()
             except ContactdError:
                 self._status = None
+            self._ended.wait(STATUS_APART_S)

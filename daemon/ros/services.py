@@ -2,12 +2,14 @@
 
 `stop` and `disarm` go through the view socket; `reset` only where the control socket was given. One
 thread for each service takes all calls that wait, carries the command out once, and answers them
-all: a thousand calls a second are a few commands. Nobody waits behind another service.
+all: a thousand calls a second are a few commands. Nobody waits behind another service. `arm` is in
+`arming.py`.
 """
 
 import asyncio
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -38,6 +40,14 @@ class Call(Protocol):
     def caller(self) -> str:
         """Who calls, in its own words."""
 
+    @property
+    def gid(self) -> bytes:
+        """Who calls: its GID, zeros where it is not known."""
+
+    @property
+    def sent_s(self) -> float:
+        """Time at which it was sent, by the caller's clock [s]."""
+
     def answer(self, payload: bytes) -> None:
         """Answer it."""
 
@@ -45,8 +55,29 @@ class Call(Protocol):
         """Answer that it was no call."""
 
 
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A service: its type; `check`, which raises CdrError for what is no request; `answer`, one
+    payload for each call; and what is to be closed at its end."""
+
+    type_name: str
+    check: Callable[[bytes], object]
+    answer: Callable[[Sequence[Call]], Sequence[bytes]]
+    close: Callable[[], None] = lambda: None
+
+
+def trigger(act: Act) -> Offer:
+    """A service that does `act` once for all calls that wait."""
+
+    def answer(calls: Sequence[Call]) -> list[bytes]:
+        return [outcome(*act(calls[0].caller))] * len(calls)
+
+    return Offer(TRIGGER, refuse_unless_empty, answer)
+
+
 def actions(view: Path, control: Path | None) -> dict[str, Act]:
-    """What each service does, by its name: without the control socket nothing that it takes."""
+    """What each service of type Trigger does, by its name: without the control socket nothing that
+    it takes."""
     made: dict[str, Act] = {
         "stop": lambda who: _halt(view, "stop", who),
         "disarm": lambda who: _halt(view, "disarm", who),
@@ -56,9 +87,9 @@ def actions(view: Path, control: Path | None) -> dict[str, Act]:
     return made
 
 
-def endpoint(node: Node, name: str) -> Endpoint:
+def endpoint(node: Node, name: str, type_name: str = TRIGGER) -> Endpoint:
     """The service's endpoint."""
-    return Endpoint(Kind.SERVICE, node.absolute(name), TRIGGER, Qos.DEFAULT)
+    return Endpoint(Kind.SERVICE, node.absolute(name), type_name, Qos.DEFAULT)
 
 
 def _halt(view: Path, command: Command, who: str) -> Outcome:
@@ -79,8 +110,8 @@ def _reset(control: Path, who: str) -> Outcome:
 class Service:
     """One service, from construction to `close`; `put` is called from any thread."""
 
-    def __init__(self, name: str, act: Act) -> None:
-        self._act = act
+    def __init__(self, name: str, offer: Offer) -> None:
+        self._offer = offer
         self._waiting: list[Call] = []
         self._changed = threading.Condition()
         self.ended = False
@@ -90,7 +121,7 @@ class Service:
     def put(self, call: Call) -> None:
         """Take a call, or refuse it: what is no request, and what finds no place."""
         try:
-            refuse_unless_empty(call.request)
+            self._offer.check(call.request)
         except CdrError as error:
             call.refuse(str(error))
             return
@@ -108,6 +139,7 @@ class Service:
             self.ended = True
             self._changed.notify()
         self._thread.join()
+        self._offer.close()
 
     def _run(self) -> None:
         while True:
@@ -120,6 +152,5 @@ class Service:
                 for call in calls:
                     call.refuse("the bridge is ending")
                 return
-            payload = outcome(*self._act(calls[0].caller))
-            for call in calls:
+            for call, payload in zip(calls, self._offer.answer(calls), strict=True):
                 call.answer(payload)

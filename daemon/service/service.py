@@ -13,6 +13,7 @@ from daemon.motion.path import Place
 from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Reply, Request, Status
 from daemon.protocol.socket_path import Peer
+from daemon.service.attendance import Attendance
 from daemon.service.black_box import BlackBox
 from daemon.service.journal import LogLimit
 from daemon.service.notify import Notifier
@@ -74,6 +75,7 @@ def _misplaced(request: Request) -> list[str]:
         "speed": ("go",),
         "plan": ("go",),
         "planned_from": ("go",),
+        "attended": ("go",),
     }
     return [
         f"`{field}` belongs to {' and '.join(commands)}"
@@ -101,6 +103,7 @@ class Service:
     dock: TrajectoryUpload = field(init=False)
     permission: Permission = field(init=False)
     set_up: SetUp = field(init=False)
+    attendance: Attendance = field(default_factory=Attendance)
     _limit: LogLimit = field(default_factory=LogLimit)
 
     def __post_init__(self) -> None:
@@ -145,6 +148,7 @@ class Service:
         self.permission.expire(self.loop.time_s)
         period_s = self.process.robot.configuration.period_s
         self.control.poll(self.handle, TURNS_SHARE * period_s, ENTRANCE_SHARE * period_s)
+        self._halt_unattended()
         self.notifier.ticked(record.wakeup.monotonic_s)
 
     def _tell(self, kind: str, text: str) -> None:
@@ -163,6 +167,7 @@ class Service:
         if self.ending and request.command not in AT_THE_END:
             return self._reply(request, ["the daemon is ending"])
         who = str(owner_of(request, peer))
+        self.attendance.heard(peer.connection, self.loop.time_s)
         match request.command:
             case "status":
                 reply = replace(self._reply(request), status=self._status())
@@ -172,7 +177,7 @@ class Service:
             case "load":
                 reply = self._load(request, peer)
             case "go":
-                reply = self._go(request, who)
+                reply = self._go(request, peer, who)
             case "gain":
                 reply = self._gain(request, who)
             case "payload":
@@ -186,6 +191,7 @@ class Service:
                 event = EVENT_OF_COMMAND[command]
                 reply = self._reply(request, self.set_up.request(event, who, path))
                 if event is Event.START and reply.ok:
+                    self.attendance.begin(0, self.loop.time_s)
                     reply = replace(reply, warnings=self._beyond_what_was_seen())
         return reply
 
@@ -214,7 +220,7 @@ class Service:
             _log.warning("start: %s", text)
         return warnings
 
-    def _go(self, request: Request, who: str) -> Reply:
+    def _go(self, request: Request, peer: Peer, who: str) -> Reply:
         last, poses = self.loop.tick.last, self.process.poses
         if last is None or last.decision is None:
             return self._reply(request, ["no samples of the drives yet"])
@@ -232,6 +238,7 @@ class Service:
         reply = self._reply(request, reasons or self.set_up.request(Event.START, who, path))
         if not reply.ok:
             return reply
+        self.attendance.begin(peer.connection if request.attended else 0, self.loop.time_s)
         return replace(reply, way=poses.way(path), warnings=self._beyond_what_was_seen())
 
     def _arm(self, request: Request, peer: Peer) -> Reply:
@@ -251,6 +258,13 @@ class Service:
     def _on_close(self, peer: Peer) -> None:
         self.dock.release(peer.connection)
         self.permission.expire(self.loop.time_s, peer.connection)
+        self._halt_unattended(peer.connection)
+
+    def _halt_unattended(self, closed: int = 0) -> None:
+        """Pause a way whose client watches it no more; `start` goes on with it."""
+        if why := self.attendance.lost(self.loop.time_s, closed):
+            controller, now = self.loop.tick.controller, self.loop.time_s
+            controller.request(Event.PAUSE, f"the daemon: {why}", now)
 
     def _status(self) -> Status:
         permit = self.permission.permit(self.loop.time_s)

@@ -15,6 +15,7 @@ from typing import Final
 from aiohttp import web
 
 from daemon.web.connections import bounded
+from daemon.web.elsewhere_routes import Others
 from daemon.web.guard import LEAST_TOKEN, Doorstep, Places, hosts_of
 from daemon.web.server import Settings, Site
 from errors import ConfigurationError, UnreachableError
@@ -106,11 +107,16 @@ def _read_token(path: Path) -> str:
     return text
 
 
-def serve(settings: Settings, listener: socket.socket, say: Callable[[str], object]) -> None:
+def serve(
+    settings: Settings,
+    listener: socket.socket,
+    say: Callable[[str], object],
+    others: Others | None = None,
+) -> None:
     """Serve until SIGTERM or SIGINT."""
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, NICE)  # never against the loop
-    asyncio.run(_serve(settings, listener, say))
+    asyncio.run(_serve(settings, listener, say, others))
 
 
 def listen(bind: str, port: int) -> socket.socket:
@@ -136,9 +142,11 @@ def listen(bind: str, port: int) -> socket.socket:
 
 
 @contextlib.asynccontextmanager
-async def serving(settings: Settings, listener: socket.socket) -> AsyncIterator[Site]:
+async def serving(
+    settings: Settings, listener: socket.socket, others: Others | None = None
+) -> AsyncIterator[Site]:
     """The page's server, at `listener` while the block lasts."""
-    site = Site(settings)
+    site = Site(settings, others)
     runner = web.AppRunner(
         site.application(),
         access_log=None,
@@ -161,13 +169,18 @@ async def serving(settings: Settings, listener: socket.socket) -> AsyncIterator[
         await runner.cleanup()
 
 
-async def _serve(settings: Settings, listener: socket.socket, say: Callable[[str], object]) -> None:
+async def _serve(
+    settings: Settings,
+    listener: socket.socket,
+    say: Callable[[str], object],
+    others: Others | None,
+) -> None:
     ended = asyncio.Event()
     # As few on any machine: the unit bounds them (TasksMax=). One records, others open files.
     asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(THREADS))
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, ended.set)
-    async with serving(settings, listener) as site:
+    async with serving(settings, listener, others) as site:
         say(_where(settings, listener))
         jobs = [asyncio.create_task(ended.wait()), *site.jobs]
         done, _ = await asyncio.wait(jobs, return_when=asyncio.FIRST_COMPLETED)

@@ -17,6 +17,7 @@ from daemon.web import words
 from daemon.web.arm import Arm, as_text
 from daemon.web.audience import Browser
 from daemon.web.connections import stay
+from daemon.web.elsewhere_routes import ElsewhereRoutes, Others
 from daemon.web.guard import (
     COOKIE,
     HEADERS,
@@ -64,8 +65,8 @@ class Settings:
 class Site:
     """The page's server: arms, browsers, files."""
 
-    def __init__(self, settings: Settings) -> None:
-        self.settings = settings
+    def __init__(self, settings: Settings, others: Others | None = None) -> None:
+        self.settings, self.others = settings, others
         self.arms = [
             Arm(number, path, self.greeting) for number, path in enumerate(settings.view_sockets)
         ]
@@ -87,6 +88,8 @@ class Site:
         app.router.add_post("/arms/{arm:[0-9]{1,3}}/{command:stop|disarm}", self._command)
         if self.recorder:
             RecordingRoutes(self.recorder, self._arm).add_to(app.router)
+        if self.others:
+            ElsewhereRoutes(self.others).add_to(app.router)
         app.router.add_get("/{file}", self._file)
         app.cleanup_ctx.append(self._running)
         return app
@@ -94,7 +97,8 @@ class Site:
     async def _running(self, app: web.Application) -> AsyncIterator[None]:
         follow = [arm.follow() for arm in self.arms]
         inquire = [arm.inquire() for arm in self.arms]
-        self.jobs = [asyncio.create_task(job) for job in (*follow, *inquire, self._summarise())]
+        jobs = (*follow, *inquire, self._summarise(), self._look_elsewhere())
+        self.jobs = [asyncio.create_task(job) for job in jobs]
         yield
         for job in self.jobs:
             job.cancel()
@@ -113,6 +117,21 @@ class Site:
                 for arm in self.arms:
                     arm.audience.text(summary)
             await asyncio.sleep(SUMMARY_EVERY_S)
+
+    async def _look_elsewhere(self) -> None:
+        """Tell every browser of the arms of other machines, where anything changed."""
+        told = ""
+        while True:
+            shown = self.elsewhere()
+            if shown != told:
+                told = shown
+                for arm in self.arms:
+                    arm.audience.text(shown)
+            await asyncio.sleep(BEAT_S)
+
+    def elsewhere(self) -> str:
+        """The arms of other machines, as JSON; empty where nobody looks."""
+        return as_text(self.others.shown()) if self.others else ""
 
     def summary(self) -> str:
         """The mode of every arm, as JSON."""
@@ -259,6 +278,8 @@ class Site:
             browser = Browser()
             arm.join(browser)
             browser.text(self.summary())
+            if shown := self.elsewhere():
+                browser.text(shown)
 
             def hang_up() -> None:
                 """At once: it may take nothing more, and what waits for it is thrown away."""

@@ -63,6 +63,39 @@ class Summary(msgspec.Struct, frozen=True, tag="summary", tag_field="kind"):
     armed: list[bool]
 
 
+class Other(msgspec.Struct, frozen=True):
+    """Arm of another machine, as the table of `contactd fleet` shows it."""
+
+    arm: str
+    state: str  # alive, gone, or since when it is silent
+    silent: bool
+    mode: str
+    armed: bool
+    level: str
+    text: str
+    contact: str  # the last one
+
+
+class Elsewhere(msgspec.Struct, frozen=True, tag="elsewhere", tag_field="kind"):
+    """Arms of other machines; `why` there are none to show."""
+
+    why: str
+    arms: list[Other]
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """What became of a stop elsewhere."""
+
+    outcome: str
+    text: str
+
+
+class Outcomes(msgspec.Struct, frozen=True):
+    """What became of each arm that was to stop elsewhere."""
+
+    arms: dict[str, Outcome]
+
+
 class Advice(msgspec.Struct, frozen=True, tag="advice", tag_field="kind"):
     """What the daemon was asked for: what to do now, what arming needs, what was learned."""
 

@@ -1,6 +1,7 @@
 // What is always in sight: mode and cause, permission with its countdown, fault, connection, tabs.
 
 import { at, make, say, show } from "./dom.js";
+import { placeOf, stateOf } from "./elsewhere.js";
 import { MODES, clock, deaf, duration, felt, next } from "./words.js";
 
 export class Header {
@@ -134,11 +135,12 @@ export class Header {
   }
 }
 
-/** Tabs of several arms, each with its mode; links, so that a reload shows the same arm. */
-export function drawTabs(names, shown, summary) {
+/** Tabs of several arms, each with its mode; links, so that a reload shows the same arm. Those of other
+    machines lead to their lines. */
+export function drawTabs(names, shown, summary, others) {
   const tabs = at("tabs");
-  show(tabs, names.length > 1);
-  if (names.length < 2) return;
+  show(tabs, names.length + others.length > 1);
+  if (names.length + others.length < 2) return;
   const links = names.map((name, i) => {
     const mode = summary?.modes[i] ?? "";
     const [sign, word] = MODES[mode] ?? ["✖", "no connection"];
@@ -147,7 +149,12 @@ export function drawTabs(names, shown, summary) {
     const current = i === shown ? "page" : undefined;
     return make("a", { href: `?arm=${i}`, "aria-current": current }, name, " ", state);
   });
-  tabs.replaceChildren(...links);
+  const elsewhere = others.map((other) => {
+    const known = other.silent || other.state !== "alive" ? "gone" : other.mode;
+    return make("a", { href: `#${placeOf(other.arm)}`, "data-elsewhere": true }, other.arm, " ",
+      make("span", { "data-mode": known }, stateOf(other)));
+  });
+  tabs.replaceChildren(...links, ...elsewhere);
 }
 
 function sentence(text) {

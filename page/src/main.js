@@ -3,6 +3,7 @@
 import { drawArming } from "./arming.js";
 import { Commands } from "./commands.js";
 import { at, say, show } from "./dom.js";
+import { Elsewhere } from "./elsewhere.js";
 import { Events } from "./events.js";
 import { Header, drawTabs } from "./header.js";
 import { Joints } from "./joints.js";
@@ -21,14 +22,15 @@ const events = new Events();
 const loop = new Loop();
 const commands = new Commands(arm);
 const recordings = new RecordingsPanel(arm);
+const elsewhere = new Elsewhere();
 
-let hello = null, summary = null, advice = null, said = null, armed = false, scene = null;
+let hello = null, summary = null, others = [], advice = null, said = null, armed = false, scene = null;
 let newest = null; // {tick, frame}: the newest that is live
 let drawn = null, curves_ms = 0, corner_ms = 0, why = "", gone = false;
 
 const url = new URL(`live/${arm}`, location.href);
 url.protocol = url.protocol.replace("http", "ws");
-const stream = new Stream(url, { frame: takeFrame, message: takeMessage, problem: lose });
+const stream = new Stream(url, { frame: takeFrame, message: takeMessage, problem: lose, lost: () => elsewhere.old() });
 
 function takeMessage(message) {
   switch (message.kind) {
@@ -42,7 +44,11 @@ function takeMessage(message) {
     case "summary":
       if (JSON.stringify(summary) === JSON.stringify(message)) return undefined; // a sign of life
       summary = message;
-      return drawTabs(hello?.arms ?? [], arm, summary);
+      return drawTabs(hello?.arms ?? [], arm, summary, others);
+    case "elsewhere":
+      others = message.arms;
+      elsewhere.draw(message);
+      return drawTabs(hello?.arms ?? [], arm, summary, others);
     case "events": return events.take(message);
     case "gone":
       return lose(message.why);
@@ -64,9 +70,10 @@ function begin(message) {
   why = "";
   gone = hello.joints.length === 0;
   say(at("name"), hello.arms[arm] ?? "no such arm");
-  drawTabs(hello.arms, arm, summary);
+  drawTabs(hello.arms, arm, summary, others);
   commands.allow(hello.may_command);
   recordings.allow(hello.may_record);
+  elsewhere.allow(hello.may_command);
   if (hello.joints.length === 0) return;
   header.begin(hello.joints);
   loop.begin(hello);

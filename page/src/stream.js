@@ -48,7 +48,7 @@ export class AgeClock {
 }
 
 /**
- * Calls `on.frame(frame)`, `on.message(object)` and `on.problem(text)`; `now` returns milliseconds.
+ * Calls `on.frame(frame)`, `on.message(object)`, `on.problem(text)`, and `on.lost()` without a server.
  */
 export class Stream {
   #url; #on; #socket = null; #heard_ms = 0; #framed_ms = -Infinity; #retry = null; #asking = false;
@@ -123,6 +123,7 @@ export class Stream {
   #again(socket, why) {
     if (socket !== this.#socket || this.#retry !== null) return;
     this.#on.problem(why);
+    this.#on.lost();
     this.#socket = null;
     this.#retry = setTimeout(() => this.#connect(), RETRY_MS);
   }

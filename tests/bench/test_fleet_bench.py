@@ -45,7 +45,7 @@ def test_an_arm_that_does_not_stand_is_a_target_missed(
     }
     took = [Played(2, 0.1, 10.0, 0.02, 60.0)]
     with pytest.raises(SystemExit) as ended:
-        report(2, took, [1.0, 2.0], (0.1, 0.2, 0.3), stopped, as_json=True)
+        report(2, took, [1.0, 2.0], (0.1, 0.2, 0.3), stopped, 0.5, as_json=True)
     assert ended.value.code == status
     said = json.loads(capsys.readouterr().out)
     assert said["data"]["cpu_per_arm_percent"] == pytest.approx(0.5)

@@ -2,10 +2,14 @@
 
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 
+from bench.rigs.lockstep import ROMEO
+from bench.study.evenness import POSES, Evenness, balanced_of, path_of
 from bench.study.leading import Meter
+from daemon.config.load import load_robot
 from simulator.hand import Guide, Hand, Push, Release
 
 NAMES = ("a", "b")
@@ -39,3 +43,34 @@ def test_a_joint_that_shakes_trembles() -> None:
         q = q + 0.001 * arm.plant.q_dot
         hand.update(ms / 1000, q)
     assert hand.led(NAMES, 0, 2.0).tremble == pytest.approx(0.5 / np.sqrt(2), rel=1e-2)
+
+
+def test_even_is_the_largest_force_of_the_smallest_over_all_poses_and_at_one() -> None:
+    found = Evenness(led=np.array([[2.0, 4.0], [6.0, 5.0]]), peak=np.ones((2, 2)))
+    assert found.ratio == pytest.approx(3.0)
+    assert found.ratio_at_a_pose == pytest.approx(2.0)
+
+
+def test_the_path_keeps_to_the_middle_of_every_range_and_comes_from_the_seed() -> None:
+    c = load_robot(ROMEO).configuration
+    path = path_of(c, 1)
+    assert path.shape == (POSES, len(c.joints))
+    lower, upper = (
+        np.array([getattr(j.limits, end) for j in c.joints]) for end in ("lower", "upper")
+    )
+    margin = 0.2 * (upper - lower)
+    assert (path >= lower + margin - 1e-12).all()
+    assert (path <= upper - margin + 1e-12).all()
+    np.testing.assert_array_equal(path, path_of(c, 1))
+    assert (path != path_of(c, 2)).all()
+
+
+def test_a_balanced_arm_differs_in_its_gains_alone() -> None:
+    robot = load_robot(ROMEO)
+    c = balanced_of(robot.configuration, robot.urdf)
+    before = [j.admittance_gain for j in robot.configuration.joints]
+    assert all(j.admittance_gain != k for j, k in zip(c.joints, before, strict=True))
+    back = [
+        msgspec.structs.replace(j, admittance_gain=k) for j, k in zip(c.joints, before, strict=True)
+    ]
+    assert msgspec.structs.replace(c, joints=back) == robot.configuration

@@ -180,6 +180,21 @@ def test_another_prefix_is_where_everything_points_to(tmp_path: Path) -> None:
         assert (tmp_path / "usr/local" / name).readlink() == Path("/srv/feel") / name
 
 
+def test_for_a_package_all_is_below_usr_and_nothing_in_etc(tmp_path: Path) -> None:
+    assert make("install-service", tmp_path, LOCAL="/usr").returncode == 0
+    there = files(tmp_path)
+    assert {name.split("/")[0] for name in there} == {"opt", "usr"}
+    assert not [name for name in there if name.startswith("usr/local")]
+    for name in (
+        "bin/contactctl",
+        "lib/systemd/system/contactd.service",
+        "lib/sysusers.d/contactd.conf",
+        "share/man/man1/contactctl.1",
+        "share/zsh/vendor-completions/_contactctl",
+    ):
+        assert f"usr/{name}" in there
+
+
 @pytest.mark.parametrize("target", ["install-env", "uninstall"])
 def test_a_prefix_that_is_no_environment_of_contactd_is_left_alone(
     tmp_path: Path, target: str

@@ -30,7 +30,10 @@ def test_the_lockstep_part_goes_the_same_way_twice(monkeypatch: pytest.MonkeyPat
         assert any(what.startswith("fault: ") for what in part.counts)
     assert runs[0].counts == runs[1].counts
     assert runs[0].ledger.checked == runs[1].ledger.checked
-    assert runs[0].samples["error of theta"] == runs[1].samples["error of theta"]
+    assert (
+        runs[0].samples["error of theta, side known"]
+        == runs[1].samples["error of theta, side known"]
+    )
 
 
 def test_a_hand_that_begins_within_a_tick_has_moved_the_arm_already(

@@ -18,6 +18,7 @@ REFUSED = [
     (("--connect", "localhost"), 78, "--connect localhost: a protocol, a slash, host and port"),
     (("--distro", "indigo"), 2, "'indigo' is not one of"),
     (("--domain", "233"), 2, "233 is not in the range"),
+    (("--allow-arm",), 2, "--allow-arm: through which --control-socket?"),
     (("--config", "/nowhere"), 78, "contactd-zenoh: /nowhere: Zenoh says: "),
 ]
 

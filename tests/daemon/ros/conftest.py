@@ -3,9 +3,12 @@
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
+from rosbags.typesys import Stores, get_typestore
+from zenoh_ros2_sdk.session import ZenohSession
 
 from bench.rigs.bridge import Bridge
 from bench.rigs.zenoh_router import free_port, session_at
@@ -31,14 +34,36 @@ def other(routed: int) -> Iterator[zenoh.Session]:
 
 
 @pytest.fixture
+def diagnostics(other: zenoh.Session) -> list[Any]:
+    """What comes on /diagnostics, as rosbags reads it."""
+    store, got = get_typestore(Stores.ROS2_JAZZY), list[Any]()
+
+    def take(sample: zenoh.Sample) -> None:
+        payload = sample.payload.to_bytes()
+        got.append(store.deserialize_cdr(payload, "diagnostic_msgs/msg/DiagnosticArray"))
+
+    other.declare_subscriber("0/diagnostics/**", take)
+    return got
+
+
+@pytest.fixture
 def start() -> Iterator[Callable[..., Bridge]]:
     """Starts the bridge of a daemon, to the router at a port."""
     started: list[Bridge] = []
 
-    def begin(control: Path, port: int, name: str = "left_arm") -> Bridge:
-        started.append(Bridge(control, f"tcp/127.0.0.1:{port}", name))
+    def begin(control: Path, port: int, name: str = "left_arm", *, arming: bool = False) -> Bridge:
+        started.append(Bridge(control, f"tcp/127.0.0.1:{port}", name, arming=arming))
         return started[-1]
 
     yield begin
     for bridge in started:
         bridge.close()
+
+
+@pytest.fixture
+def sdk(routed: int) -> Iterator[int]:
+    """Port of a router to which zenoh-ros2-sdk is connected."""
+    opened = ZenohSession.get_instance("127.0.0.1", routed)
+    yield routed
+    opened.session.close()
+    ZenohSession._instance = None

@@ -1,10 +1,8 @@
 """The bridge between a daemon's socket and a router, heard by zenoh-ros2-sdk, which is not ours."""
 
 import contextlib
-import re
-import textwrap
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 from zenoh import ext
 from zenoh_ros2_sdk import discovery
 from zenoh_ros2_sdk.service_client import ROS2ServiceClient
-from zenoh_ros2_sdk.session import ZenohSession
 from zenoh_ros2_sdk.subscriber import ROS2Subscriber
-from zenoh_ros2_sdk.utils import compute_service_type_hash
 
 from bench.rigs.bridge import LONGEST_S, Bridge, until
 from bench.rigs.zenoh_router import session_at
@@ -25,7 +21,6 @@ from daemon.ros.messages import outcome
 from daemon.ros.names import Distro, Endpoint, Kind, Node, Qos, attachment, read_attachment
 from daemon.ros.serve import Settings, serve
 from daemon.ros.services import TRIGGER
-from daemon.ros.type_hashes import TYPE_HASHES
 from errors import ConfigurationError
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -51,15 +46,6 @@ def reached(bridge: Bridge, other: zenoh.Session) -> Bridge:
 # --- as somebody else sees it --------------------------------------------------------------------
 
 
-@pytest.fixture
-def sdk(routed: int) -> Iterator[int]:
-    """Port of a router to which zenoh-ros2-sdk is connected."""
-    opened = ZenohSession.get_instance("127.0.0.1", routed)
-    yield routed
-    opened.session.close()
-    ZenohSession._instance = None
-
-
 def test_topics_and_services_are_listed(fake_daemon: Any, sdk: int, start: Any) -> None:
     start(fake_daemon.path, sdk)
     expected = {
@@ -75,13 +61,6 @@ def test_topics_and_services_are_listed(fake_daemon: Any, sdk: int, start: Any) 
     trigger = ["std_srvs/srv/Trigger"]
     offered = {"/left_arm/disarm": trigger, "/left_arm/stop": trigger}
     until(lambda: dict(discovery.get_service_names_and_types(*where)) == offered)
-
-
-def test_the_hash_of_a_service_is_what_others_compute() -> None:
-    """Of messages, rosbags says so in another test."""
-    request = "uint8 structure_needs_at_least_one_member"  # of all that are empty
-    found = compute_service_type_hash(TRIGGER, request, "bool success\nstring message")
-    assert TYPE_HASHES[TRIGGER] == found
 
 
 def test_joint_states_are_read_and_disarm_is_called(
@@ -212,21 +191,10 @@ def test_whoever_comes_late_gets_the_description(
 # --- what goes wrong -----------------------------------------------------------------------------
 
 
-def diagnostics(other: zenoh.Session) -> list[Any]:
-    got: list[Any] = []
-    kind = "diagnostic_msgs/msg/DiagnosticArray"
-
-    def take(sample: zenoh.Sample) -> None:
-        got.append(STORE.deserialize_cdr(sample.payload.to_bytes(), kind))
-
-    other.declare_subscriber(topic("/diagnostics", kind), take)
-    return got
-
-
 def test_a_daemon_that_ends_is_stale_and_comes_back(
-    fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
+    fake_daemon: Any, routed: int, diagnostics: list[Any], start: Any
 ) -> None:
-    got = diagnostics(other)
+    got = diagnostics
     bridge = start(fake_daemon.path, routed)
     first = until(lambda: got and got[-1])
     assert [status.name for status in first.status][:2] == [
@@ -349,17 +317,3 @@ def test_an_endpoint_that_is_none(fake_daemon: Any, where: str) -> None:
     settings = Settings(fake_daemon.path, None, NODE, (where,), None)
     with pytest.raises(ConfigurationError, match="--connect "):
         serve(settings, print, threading.Event())
-
-
-def test_the_configurations_of_the_page_are_zenohs(tmp_path: Path) -> None:
-    """docs/ros.md has one for the arm and one for the router."""
-    page = (Path(__file__).parents[3] / "docs/ros.md").read_text()
-    blocks = [textwrap.dedent(block) for block in re.findall(r"(?:^    .*\n|^\n)+", page, re.M)]
-    arm = next(block for block in blocks if 'mode: "client"' in block)
-    rules = next(block for block in blocks if "access_control:" in block)
-    assert zenoh.Config.from_json5(arm).get_json("mode") == '"client"'
-    router = zenoh.Config.from_json5("{" + rules + "}")
-    router.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
-    router.insert_json5("scouting/multicast/enabled", "false")
-    router.insert_json5("mode", '"router"')
-    zenoh.open(router).close()  # which reads the rules

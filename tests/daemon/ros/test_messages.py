@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from daemon.ros.cdr import CdrError, refuse_unless_empty
+from daemon.ros.cdr import CdrError, read_flag, refuse_unless_empty
 from daemon.ros.messages import (
     Diagnosis,
     JointStates,
@@ -31,6 +31,7 @@ from daemon.ros.messages import (
 from daemon.ros.type_hashes import TYPE_HASHES
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
+STORE.register(get_types_from_msg("bool data", "std_srvs/msg/Flag"))
 STORE.register(get_types_from_msg("bool success\nstring message", "std_srvs/msg/Outcome"))
 
 NAMES = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9)
@@ -83,6 +84,11 @@ class DiagnosticArray(IdlStruct):
 @dataclass
 class Text(IdlStruct):
     data: str
+
+
+@dataclass
+class Flag(IdlStruct):
+    data: bool
 
 
 @dataclass
@@ -231,3 +237,24 @@ def test_a_trigger_has_no_fields(payload: bytes) -> None:
         refuse_unless_empty(payload)
     for size in range(4, 9):
         refuse_unless_empty(b"\0\1\0\0\0\0\0\0"[:size])
+
+
+@given(st.booleans(), st.integers(0, 3))
+def test_a_flag_of_others_is_read(flag: bool, more: int) -> None:
+    kind = STORE.types["std_srvs/msg/Flag"]
+    assert read_flag(bytes(STORE.serialize_cdr(kind(flag), "std_srvs/msg/Flag"))) is flag
+    assert read_flag(cyclone(Flag(flag)) + bytes(more)) is flag
+
+
+@given(st.binary(max_size=12), st.booleans())
+def test_what_is_no_flag_is_an_error(payload: bytes, headed: bool) -> None:
+    with contextlib.suppress(CdrError):
+        assert read_flag(b"\0\1\0\0" + payload if headed else payload) in (True, False)
+
+
+@pytest.mark.parametrize(
+    "payload", [b"", b"\0\1\0\0", b"\0\1\0\0\2", b"\0\2\0\0\1", b"\0\1\0\0\1\0\0\0\0"]
+)
+def test_a_flag_is_one_bool(payload: bytes) -> None:
+    with pytest.raises(CdrError, match="no SetBool request"):
+        read_flag(payload)

@@ -10,7 +10,7 @@ import pytest
 
 from contactd_client.paths import view_socket_path
 from daemon.ros.messages import outcome
-from daemon.ros.services import BUSY, MOST_WAITING, Outcome, Service, actions
+from daemon.ros.services import BUSY, MOST_WAITING, Outcome, Service, actions, trigger
 
 TRIGGER = b"\0\1\0\0\0"
 
@@ -21,6 +21,8 @@ class Call:
 
     request: bytes = TRIGGER
     caller: str = "ROS 2 client 00"
+    gid: bytes = bytes(16)
+    sent_s: float = 0.0
     answers: list[bytes | str] = field(default_factory=list)
     answered: threading.Event = field(default_factory=threading.Event)
 
@@ -48,7 +50,7 @@ class Gate:
 
 def test_a_flood_is_a_few_commands_and_each_call_has_one_answer() -> None:
     gate = Gate()
-    service = Service("stop", gate)
+    service = Service("stop", trigger(gate))
     first = Call()
     service.put(first)
     gate.began.wait()
@@ -68,7 +70,7 @@ def test_a_flood_is_a_few_commands_and_each_call_has_one_answer() -> None:
 
 def test_what_waits_at_the_end_is_told() -> None:
     gate = Gate()
-    service = Service("stop", gate)
+    service = Service("stop", trigger(gate))
     service.put(Call())
     gate.began.wait()
     waiting = Call()
@@ -89,7 +91,7 @@ def test_what_waits_at_the_end_is_told() -> None:
 def test_what_is_no_request_does_nothing(request_: bytes) -> None:
     gate = Gate()
     gate.open.set()
-    service = Service("stop", gate)
+    service = Service("stop", trigger(gate))
     call = Call(request_)
     service.put(call)
     service.close()

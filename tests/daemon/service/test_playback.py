@@ -4,30 +4,12 @@ import re
 import threading
 from pathlib import Path
 
-import click
 import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.clients.client import Client
 from daemon.clients.trajectory_recorder import Recorded, record_trajectory
-from daemon.commands import contactctl
 from daemon.modes.table import Mode
-
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "playback.md"
-COMMANDS = re.findall(r"^    contactctl (.+)$", PAGE.read_text(), re.MULTILINE)
-
-
-@pytest.mark.parametrize("line", [line for line in COMMANDS if ": " not in line])
-def test_its_commands_exist_with_their_options(line: str) -> None:
-    group: click.Command = contactctl.main
-    words = line.split()
-    context = click.Context(group)
-    while isinstance(group, click.Group):
-        found = group.get_command(context, words.pop(0))
-        assert found is not None, line
-        group = found
-    known = {name for parameter in group.params for name in parameter.opts}
-    assert {word for word in words if re.match(r"--\w", word)} <= known
 
 
 def test_what_was_led_is_played(served: ServedDaemon, tmp_path: Path) -> None:
@@ -65,12 +47,12 @@ def _led(served: ServedDaemon, path: Path, torque: float) -> Recorded:
             target=lambda: made.append(record_trajectory(lambda: client, path, seconds=1.5))
         )
         thread.start()
-        for tick in range(400):
+        tick = 0  # since the recorder reads, however long the machine lets it wait
+        while thread.is_alive():
             served.rig.arm.external_torque[0] = torque if 30 <= tick < 110 else 0.0
             served.tick()
+            tick += bool(served.service.control.readers)
             thread.join(0.002)
-            if not thread.is_alive():
-                break
     served.rig.arm.external_torque[0] = 0.0
     return made[0]
 

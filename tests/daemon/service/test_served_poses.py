@@ -228,3 +228,90 @@ def _ask(served: ServedDaemon, request: Request):
 def _waited(served: ServedDaemon, way: object):
     with Client(served.path) as client:
         return command._wait(client, way, lambda: False)
+
+
+# --- whoever waits for the arm may be gone --------------------------------------------------
+
+
+def sets_out(served: ServedDaemon, client: Client, *, attended: bool) -> None:
+    served.rig.enable()
+    reply = served.until(lambda: client.go("far", attended=attended))
+    assert reply.ok, reply
+    served.run(1.0)
+    assert served.rig.mode is Mode.TRACKING
+
+
+def cause(served: ServedDaemon) -> str:
+    return served.rig.tick.controller.machine.cause
+
+
+def halted(served: ServedDaemon) -> str:
+    """Cause of the halt, where the arm holds 0.3 s from now."""
+    causes = []
+    for _ in range(30):
+        served.tick()
+        causes.append(cause(served))
+    assert served.rig.mode is Mode.HOLDING
+    return next(text for text in causes if text.startswith("pause"))
+
+
+def test_a_client_that_is_gone_halts_the_way_it_attended_and_start_goes_on(
+    served: ServedDaemon,
+) -> None:
+    with Client(served.path) as client:
+        sets_out(served, client, attended=True)
+    assert halted(served) == "pause by the daemon: its client is gone"
+    assert stands(served) < 1.0
+    assert served.contactctl("start").exit_code == 0
+    while served.rig.mode is Mode.TRACKING:
+        served.tick()
+    assert stands(served) == pytest.approx(1.2, abs=0.01)
+
+
+def test_a_client_that_is_silent_halts_the_way_it_attended(served: ServedDaemon) -> None:
+    served.service.attendance.silent_s = 2.0
+    with Client(served.path) as client:
+        sets_out(served, client, attended=True)
+        served.until(client.ask_status)
+        served.run(1.9)
+        assert served.rig.mode is Mode.TRACKING
+        assert halted(served) == "pause by the daemon: its client has been silent for 2 s"
+
+
+def test_a_way_that_nobody_attends_goes_on(served: ServedDaemon) -> None:
+    served.service.attendance.silent_s = 2.0
+    with Client(served.path) as client:
+        sets_out(served, client, attended=False)
+    served.run(2.5)
+    assert served.rig.mode is Mode.TRACKING
+
+
+def test_what_somebody_else_started_since_is_not_halted(served: ServedDaemon) -> None:
+    with Client(served.path) as client:
+        sets_out(served, client, attended=True)
+        served.contactctl("pause")
+        served.contactctl("start")
+    served.run(0.2)
+    assert served.rig.mode is Mode.TRACKING
+
+
+def test_an_end_that_was_reached_is_not_overwritten_by_a_client_that_goes(
+    served: ServedDaemon,
+) -> None:
+    with Client(served.path) as client:
+        sets_out(served, client, attended=True)
+        while served.rig.mode is Mode.TRACKING:
+            served.tick()
+    served.run(0.1)
+    assert (served.rig.mode, cause(served)) == (Mode.HOLDING, "the way to far came to its end")
+
+
+def test_contactctl_attends_the_way_it_waits_for(
+    served: ServedDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served.rig.enable()
+    asked: list[Request] = []
+    ask = Client.ask
+    monkeypatch.setattr(Client, "ask", lambda self, r: (asked.append(r), ask(self, r))[1])
+    assert served.contactctl("home", "--yes").exit_code == 0
+    assert [request.attended for request in asked if request.command == "go"] == [False, True]

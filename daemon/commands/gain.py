@@ -1,0 +1,159 @@
+"""`contactctl gain`: gains K_a shown, changed, or balanced so that all joints feel alike in a hand.
+
+Balancing asks the daemon for its configuration and URDF, as a recording has them, and computes
+here; the arm's gains change only by the requests that `--apply` sends, one for each joint.
+"""
+# ruff: noqa: PLC0415 - the model of the arm is imported by what needs it
+
+from typing import TYPE_CHECKING
+
+import click
+
+from daemon.commands.options import Options
+from daemon.commands.replies import answer, print_json
+from daemon.protocol.messages import Reply, Request
+
+if TYPE_CHECKING:
+    from arrays import Vector
+    from daemon.config.schema import Configuration
+    from daemon.motion.balance import Balance
+    from daemon.protocol.messages import Snapshot, Status
+
+
+def show(options: Options, joint: str | None) -> None:
+    """Print the gain of a joint, or of all."""
+    with options.connect() as client:
+        found = client.ask_status()
+    gains = _gains(options, found, joint)
+    shown = gains if joint is None else {joint: gains[joint]}
+    if options.json:
+        print_json(shown)
+        return
+    for name, k in shown.items():
+        click.echo(f"{name:16} {k:g}")
+
+
+def change(options: Options, joint: str, value: float) -> None:
+    """Change the gain of a joint."""
+    with options.connect() as client:
+        _gains(options, client.ask_status(), joint)
+        answer(options, client.ask(Request("gain", joint=joint, gain=value)))
+
+
+def _gains(options: Options, found: "Status", joint: str | None) -> dict[str, float]:
+    """Gains by joint; a joint that is none of them is refused."""
+    gains = dict(zip(found.joints, found.gain, strict=True))
+    if joint is not None and joint not in gains:
+        reasons = [f"no joint {joint!r}; there are: {', '.join(gains)}"]
+        answer(options, Reply(ok=False, message="gain: refused", reasons=reasons))
+    return gains
+
+
+def balance(options: Options, *, apply: bool) -> None:
+    """Print gains that feel alike, and what is felt now; with `apply` change to them."""
+    with options.connect() as client:
+        found = client.ask_status()
+        snapshot, _ = client.subscribe()
+    rows = _rows(snapshot, found)
+    if options.json:
+        print_json({"applied": apply, "joints": rows})
+    else:
+        click.echo(in_words(rows))
+    if not apply:
+        if not options.json:
+            click.echo("nothing has changed: --apply changes the gains until the daemon ends")
+        return
+    with options.connect() as client:
+        for name, row in rows.items():
+            reply = client.ask(Request("gain", joint=name, gain=row["gain"]))
+            if not reply.ok:
+                answer(options, reply)  # joints before it are changed; `gain` shows which
+    if not options.json:
+        click.echo("changed until the daemon ends; to keep it: `admittance_gain` in config.yaml")
+
+
+def balance_of(c: "Configuration", urdf: str) -> "Balance":
+    """Balance of an arm, over poses within its limits."""
+    import numpy as np
+
+    from daemon.commands.felt_poses import poses_within
+    from daemon.config.motion import row, virtual_mass_of
+    from daemon.motion.balance import balanced, levers
+    from estimator.model import Model
+
+    model, poses = Model(urdf, c.joint_names), poses_within(c)
+    return balanced(
+        levers(np.array([model.tool_jacobian(q) for q in poses])),
+        row(c, lambda j: j.thresholds.contact),
+        row(c, lambda j: j.rotor_inertia) + np.max([model.inertia(q) for q in poses], axis=0),
+        virtual_mass_of(c),
+    )
+
+
+def _rows(snapshot: "Snapshot", status: "Status") -> dict[str, dict[str, float]]:
+    """By joint: gain now and balanced [rad/s per Nm], shortest and longest usual lever [m], the
+    forces at the hand [N] that it asks for with these when led, before and after, and the least
+    from which it sets out at rest, where friction hides some: infinite for what feels nothing."""
+    import numpy as np
+
+    from daemon.config.load import parse_configuration
+    from daemon.config.motion import row
+    from daemon.motion.balance import leading_torque
+
+    c = parse_configuration(snapshot.configuration, "the daemon's", snapshot.identified)
+    threshold, found = row(c, lambda j: j.thresholds.contact), balance_of(c, snapshot.urdf)
+    now = np.array(status.gain)
+    resting = status.felt.resting if status.felt is not None else [None] * len(now)
+    before = leading_torque(now, threshold)
+    after = leading_torque(found.gain, threshold)
+    columns = {
+        "gain_now": now,
+        "gain": found.gain,
+        "lever_shortest_m": found.shortest,
+        "lever_longest_m": found.longest,
+        "now_least_N": before / found.longest,
+        "now_most_N": before / found.shortest,
+        "least_N": after / found.longest,
+        "most_N": after / found.shortest,
+        "at_rest_from_N": np.array([np.inf if level is None else level for level in resting])
+        / found.longest,
+    }
+    return {
+        name: {key: _number(column, i) for key, column in columns.items()}
+        for i, name in enumerate(c.joint_names)
+    }
+
+
+def _number(column: "Vector", i: int) -> float:
+    """A figure of a column, short enough to be read."""
+    return float(f"{column[i]:.4g}")
+
+
+def in_words(rows: dict[str, dict[str, float]]) -> str:
+    """Balance as a table, a line for each joint, and how even it is before and after."""
+    from daemon.motion.balance import LEADING_RAD_S
+
+    width = max(map(len, rows))
+    head = f"{'lever [m]':>12}  {'K_a now':>7} {'balanced':>8}  {'at rest from':>12}"
+    lines = [f"{'':{width}}  {head}  led, now -> balanced"]
+    for name, row in rows.items():
+        lever = f"{row['lever_shortest_m']:.2f} to {row['lever_longest_m']:.2f}"
+        gains = f"{row['gain_now']:7.3g} {row['gain']:8.3g}"
+        rest = f"{row['at_rest_from_N']:.1f} N"
+        now = f"{row['now_least_N']:.1f} to {row['now_most_N']:.1f} N"
+        after = f"{row['least_N']:.1f} to {row['most_N']:.1f} N"
+        lines.append(f"{name:{width}}  {lever:>12}  {gains}  {rest:>12}  {now} -> {after}")
+    even = [
+        max(row[f"{when}most_N"] for row in rows.values())
+        / min(row[f"{when}least_N"] for row in rows.values())
+        for when in ("now_", "")
+    ]
+    return "\n".join(
+        [
+            *lines,
+            f"Forces at the hand; led: at {LEADING_RAD_S:g} rad/s, by the pose, over 500 poses "
+            "within the limits but for rare ones.",
+            "At rest: from which a joint sets out, by its level and friction; no gain changes it.",
+            f"Largest force of led joints, of the smallest: {even[0]:.1f} -> {even[1]:.1f}",
+        ]
+    )

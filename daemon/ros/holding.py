@@ -1,0 +1,102 @@
+"""Hold on the armed arm: whose calls of `arm` keep it armed, and for how long. Pure; time is an
+argument.
+
+A caller is heard by nothing but its calls: no other sign of it crosses every path within a second
+(decision 0062). Each call keeps the arm armed for HOLD_S from when it was sent, as far as that can
+be told: from when it would have come by the fastest of this caller's calls. What waited on its way
+is worth less, so a network that holds calls back prolongs nothing.
+
+Whoever lost the arm, by whatever, has to let go before it arms again, as with an enabling switch:
+calls that are repeated by a timer must not undo somebody else's `disarm`.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from typing import Final
+
+HOLD_S: Final = 0.8
+LEAST_S: Final = 0.05  # of a lease: less ends before it is served
+READINGS: Final = 64  # of a caller's clock that count: in some seconds no clock drifts
+MOST_LOST: Final = 64
+LET_GO: Final = "not armed any more: call with false first, then with true"
+
+
+class Step(Enum):
+    """What is asked of the daemon."""
+
+    ARM = auto()
+    RENEW = auto()
+    DISARM = auto()
+    NOTHING = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """One call: `armed` or not, by the caller with this GID, sent at `sent_s` by its own clock."""
+
+    caller: bytes
+    armed: bool
+    sent_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What comes of a call: a step with the lease that it is worth [s], or why there is none."""
+
+    step: Step
+    lease_s: float = 0.0
+    why: str = ""
+
+
+@dataclass(slots=True)
+class Hold:
+    """The caller that holds the arm armed, if any, and those that lost it and have not let go."""
+
+    _holder: bytes | None = None
+    _until_s: float = 0.0
+    _offsets: deque[float] = field(default_factory=lambda: deque(maxlen=READINGS))
+    _lost: deque[bytes] = field(default_factory=lambda: deque(maxlen=MOST_LOST))
+
+    def judge(self, wish: Wish, now_s: float) -> Verdict:
+        """What to ask of the daemon for a call that is looked at `now_s`."""
+        if not wish.armed:
+            return Verdict(Step.DISARM)
+        if wish.caller == self._holder:
+            late_s = self._late_s(wish.sent_s, now_s)
+            if HOLD_S - late_s < LEAST_S:
+                return Verdict(Step.NOTHING, why=f"{late_s:.1f} s later than its fastest call")
+            return Verdict(Step.RENEW, HOLD_S - late_s)
+        if wish.caller in self._lost:
+            return Verdict(Step.NOTHING, why=LET_GO)
+        if self._holder is not None and now_s < self._until_s:
+            return Verdict(Step.NOTHING, why="another client keeps it armed")
+        return Verdict(Step.ARM, HOLD_S)
+
+    def granted(self, wish: Wish, lease_s: float, now_s: float) -> None:
+        """Take note that the daemon did what `judge` said of an armed wish."""
+        if wish.caller != self._holder:
+            self.lose()
+            self._holder = wish.caller
+            self._offsets.append(now_s - wish.sent_s)
+        self._until_s = now_s + lease_s
+
+    def lose(self) -> None:
+        """Take note that the arm is not armed any more by the one that held it."""
+        if self._holder is not None:
+            self._lost.append(self._holder)
+        self._holder = None
+        self._offsets.clear()
+
+    def let_go(self, caller: bytes) -> None:
+        """Take note that this caller said so: it may arm again. Whoever else held it has lost
+        it."""
+        if self._holder == caller:
+            self._holder = None
+        self.lose()
+        while caller in self._lost:
+            self._lost.remove(caller)
+
+    def _late_s(self, sent_s: float, now_s: float) -> float:
+        self._offsets.append(now_s - sent_s)
+        return now_s - sent_s - min(self._offsets)

@@ -1,0 +1,111 @@
+"""Hold: who keeps the arm armed by calling, for how long, and who has to let go first."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daemon.ros.holding import HOLD_S, LEAST_S, LET_GO, MOST_LOST, Hold, Step, Verdict, Wish
+
+A, B = b"a" * 16, b"b" * 16
+AHEAD_S = 1.7e9  # of the caller's clock before ours
+
+
+def say(
+    hold: Hold, now_s: float, caller: bytes = A, *, armed: bool = True, late_s: float = 0.0
+) -> Verdict:
+    """What comes of a call that was sent `late_s` before it is looked at; the daemon does it."""
+    wish = Wish(caller, armed, AHEAD_S + now_s - late_s)
+    verdict = hold.judge(wish, now_s)
+    if verdict.step is Step.DISARM:
+        hold.let_go(caller)
+    elif verdict.step is not Step.NOTHING:
+        hold.granted(wish, verdict.lease_s, now_s)
+    return verdict
+
+
+def test_the_first_call_arms_and_the_others_renew() -> None:
+    hold = Hold()
+    assert [say(hold, 0.2 * i).step for i in range(3)] == [Step.ARM, Step.RENEW, Step.RENEW]
+
+
+def test_nobody_takes_over_what_is_held() -> None:
+    hold = Hold()
+    say(hold, 0.0)
+    assert say(hold, HOLD_S - 0.01, B).why == "another client keeps it armed"
+    assert say(hold, HOLD_S, B).step is Step.ARM
+    assert say(hold, HOLD_S + 0.1, A).why == LET_GO  # it was silent for too long
+
+
+def test_whoever_lost_it_lets_go_first() -> None:
+    hold = Hold()
+    say(hold, 0.0)
+    hold.lose()
+    assert say(hold, 0.1).why == LET_GO
+    assert say(hold, 100.0).why == LET_GO
+    assert say(hold, 100.1, armed=False).step is Step.DISARM
+    assert say(hold, 100.2).step is Step.ARM
+
+
+def test_anybody_may_disarm_and_the_other_has_lost_it() -> None:
+    hold = Hold()
+    say(hold, 0.0)
+    assert say(hold, 0.1, B, armed=False).step is Step.DISARM
+    assert say(hold, 0.2).why == LET_GO
+    assert say(hold, 0.3, B).step is Step.ARM
+
+
+def test_who_lets_go_by_itself_may_arm_again() -> None:
+    hold = Hold()
+    say(hold, 0.0)
+    say(hold, 0.1, armed=False)
+    assert say(hold, 0.2).step is Step.ARM
+
+
+def test_what_waited_on_its_way_is_worth_less() -> None:
+    hold = Hold()
+    say(hold, 0.0, late_s=0.3)
+    assert say(hold, 0.2, late_s=0.1).lease_s == pytest.approx(HOLD_S)  # its fastest
+    assert say(hold, 0.4, late_s=0.6).lease_s == pytest.approx(HOLD_S - 0.5)
+    verdict = say(hold, 0.6, late_s=0.1 + HOLD_S)
+    assert (verdict.step, verdict.why) == (Step.NOTHING, "0.8 s later than its fastest call")
+
+
+def test_those_who_lost_it_are_not_remembered_for_ever() -> None:
+    hold = Hold()
+    for i in range(2 * MOST_LOST):
+        say(hold, float(i), i.to_bytes(16))
+    assert len(hold._lost) == MOST_LOST
+
+
+CALLS = st.tuples(
+    st.sampled_from([A, B]), st.booleans(), st.floats(0.0, 0.5), st.floats(0.0, 2.0), st.booleans()
+)
+
+
+@given(st.lists(CALLS, max_size=40))
+def test_no_lease_outlasts_the_caller(
+    calls: list[tuple[bytes, bool, float, float, bool]],
+) -> None:
+    """Whatever is said in whatever order: a lease ends HOLD_S after its call was sent, counted with
+    the fastest way of those calls by which this caller has held it."""
+    hold, now_s = Hold(), 0.0
+    fastest: dict[bytes, float] = {}
+    for caller, armed, apart_s, way_s, refused in calls:
+        now_s += apart_s
+        wish = Wish(caller, armed, AHEAD_S + now_s - way_s)
+        verdict = hold.judge(wish, now_s)
+        if verdict.step is Step.DISARM:
+            hold.let_go(caller)
+        elif verdict.step is Step.ARM:
+            assert verdict.lease_s == HOLD_S
+            fastest[caller] = way_s
+        elif verdict.step is Step.RENEW:
+            fastest[caller] = min(fastest[caller], way_s)
+            sent_s = now_s - way_s
+            assert now_s + verdict.lease_s <= sent_s + fastest[caller] + HOLD_S + 1e-6
+            assert verdict.lease_s >= LEAST_S
+        if verdict.step in (Step.ARM, Step.RENEW):
+            if refused:
+                hold.lose()
+            else:
+                hold.granted(wish, verdict.lease_s, now_s)
