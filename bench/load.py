@@ -1,16 +1,19 @@
 """Loads in the hand, hands that are none, and gears that wear, over arms as wide as the world.
 
     python -m bench.load [--arms N] [--armed-arms N] [--hand-minutes N] [--wear-arms N] [--days N]
-                         [--day-minutes X] [--part load|armed|hand|wear|all] [--jobs N] [--seed N]
-                         [--json]
+                         [--day-minutes X] [--part load|armed|hand|steady|wear|all] [--jobs N]
+                         [--seed N] [--json]
 
 load  N arms take 0.2 kg, and N arms 0.5 kg, after two minutes at work with nobody there: when it is
       recognised (seconds of motion of joints that carry it), with what mass, and what the residual
       is with the load told, over that of the same motion without it.
 armed N arms are armed after a minute at work, and take these loads while their trajectory runs:
-      they yield, and hardly move. Seconds until it is said; an arm that cannot go on is started.
+      they yield, and hardly move. Seconds until it is said what to do if it is a load, and until
+      it is recognised; an arm that cannot go on is started.
 hand  hands push, lead, lean on and pull at arms at work; pulls straight down at the hand change by
       a quarter or more. What is taken for a load.
+steady  hands pull straight down at armed-arms arms at work, with forces that change by 2 to 15 %
+      (root mean square): how many are taken for a load, and of how many that is confirmed.
 wear  one joint of N arms wears (gap doubles, friction +30 % in 30 days), none of N others; every
       day the arm works for X minutes. Which joint is named, and when.
 
@@ -20,7 +23,7 @@ than a real one: a day of 20 minutes shows a gap ten times as often as one of tw
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import click
 import numpy as np
@@ -39,16 +42,17 @@ from bench.study.loads import (
     load,
 )
 from bench.study.monte_carlo import spread
+from bench.study.steady_hands import CHANGES, SteadyResult, steady_hand
 from bench.study.wear import WearJob, WearResult, wear
 from bench.study.world import LAWS
 from daemon.config.load import load_robot
 
-Part = Literal["load", "armed", "hand", "wear", "all"]
+Part = Literal["load", "armed", "hand", "steady", "wear", "all"]
 MASSES: Final = (0.2, 0.5)
 """[kg]"""
 WITHIN_S: Final = 10.0
-WORKED_S, SAID_S = 60.0, 120.0
-"""armed: at work before, and said within"""
+WORKED_S, SAID_S = 60.0, 15.0
+"""armed: at work before, and said what to do within"""
 NAMED_BY: Final = 10
 """days"""
 HAND_S: Final = 300.0
@@ -81,8 +85,9 @@ def armed_targets(results: Sequence[ArmedResult]) -> list[Target]:
     rows = []
     for mass in MASSES:
         judged = [r for r in results if r.job.mass == mass]
-        said = [r for r in judged if r.found_s is not None and r.found_s <= SAID_S]
-        name = f"armed, {mass:g} kg said within {SAID_S:g} s, of {len(judged)} arms"
+        told = [r.hinted_s if r.hinted_s is not None else r.found_s for r in judged]
+        said = [s for s in told if s is not None and s <= SAID_S]
+        name = f"armed, {mass:g} kg: said what to do within {SAID_S:g} s, of {len(judged)} arms"
         rows.append(Target(name, 100.0 * len(said) / len(judged), 95.0, "%", "higher"))
     before = sum(r.told_before for r in results)
     rows.append(Target("armed: loads recognised before there was one", before, 0, "", "lower"))
@@ -134,6 +139,24 @@ def hands(minutes: float, seed: int, processes: int) -> list[tuple[HandJob, list
     return sorted(spread(hand, todo, processes, "hands"), key=lambda one: one[0].seed)
 
 
+def steady_hands(arms: int, seed: int, processes: int) -> list[SteadyResult]:
+    """Arms that are pulled at, with every steadiness."""
+    todo = [HandJob(ROMEO, LAWS[k % len(LAWS)], seed + 4999 + k, "pull", 0.0) for k in range(arms)]
+    return [one for arm in spread(steady_hand, todo, processes, "steady hands") for one in arm]
+
+
+def steady_targets(results: Sequence[SteadyResult]) -> list[Target]:
+    """None is a load: the least steady should not be taken for one, the others not confirmed."""
+    rows = []
+    for changes in CHANGES:
+        pulls = [r for r in results if r.changes == changes]
+        name = f"pulls that change by {100 * changes:g} %, of {len(pulls)}: taken for a load"
+        rows.append(Target(name, sum(r.found_s is not None for r in pulls), 0, "", "lower"))
+        name = f"pulls that change by {100 * changes:g} %: confirmed"
+        rows.append(Target(name, sum(r.confirmed_s is not None for r in pulls), 0, "", "lower"))
+    return rows
+
+
 def wears(
     arms: int, days: int, minutes: float, seed: int, processes: int
 ) -> tuple[list[WearResult], list[str]]:
@@ -157,7 +180,7 @@ def wears(
 @click.option("--wear-arms", type=click.IntRange(min=1), default=40, show_default=True)
 @click.option("--days", type=click.IntRange(min=1), default=30, show_default=True)
 @click.option("--day-minutes", type=click.FloatRange(min=1), default=4.0, show_default=True)
-@click.option("--part", type=click.Choice(["load", "armed", "hand", "wear", "all"]), default="all")
+@click.option("--part", type=click.Choice(get_args(Part)), default="all")
 @JOBS
 @FIRST_SEED
 @click.option("--json", "as_json", is_flag=True)
@@ -189,6 +212,10 @@ def main(
         name = f"hands taken for a load in {hand_minutes:g} minutes"
         targets.append(Target(name, len(taken), 0, "", "lower"))
         data["hands"] = taken
+    if part in ("steady", "all"):
+        pulls = steady_hands(armed_arms, seed, processes)
+        targets += steady_targets(pulls)
+        data["steady"] = [asdict(r) for r in pulls]
     if part in ("wear", "all"):
         aged, joints = wears(wear_arms, days, day_minutes, seed, processes)
         targets += wear_targets(aged, joints)

@@ -8,6 +8,8 @@ so the residuals of some seconds in motion are linear in m and m c. A load is re
 such pair explains what all joints show, where each second shows the same mass by itself, and where
 the joints that carry it have moved. What a hand does changes, in force or direction. What cannot
 be told from a load is a pull of constant force, straight down, at the hand, for as long as that.
+So it is confirmed only where the mass stayed as it is, more closely, for two more seconds of motion
+and twice the way.
 
 Ticks in which no joint moves do not count, as friction may hide anything then. Means are taken over
 a quarter of a second of motion, or more where it is slow: a tick adds some vectors, and only the
@@ -18,6 +20,7 @@ load is not taken for an error while it is looked at.
 Nothing here changes a threshold or the model. Time is counted in ticks; no I/O.
 """
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -51,16 +54,61 @@ _SHOWS: Final = 0.5
 # The load that the model's errors look like: fades over so many blocks, weighs so much less, as
 # they are alike, and is expected to be so much [kg, kg m].
 _FADES, _ALIKE, _ERRORS = 480.0, 0.3, (0.05, 0.005, 0.005, 0.005)
+# It is confirmed where so many more blocks in a row show it, with parts as much alike as this, and
+# joints that carry it having moved so far [rad].
+_CONFIRMS, _ALIKE_SHARE, _CONFIRMED_WAY = 8, 0.04, 0.5
 # What was recognised is forgotten when it did not explain what is felt for so long [s].
 _FORGOTTEN_S: Final = 0.5
 
 
+def weighed(model: Model, mean: Matrix, gravity: Vector) -> tuple[Matrix, Vector]:
+    """What a load shows of itself (n, 4), by mass at the tool point and by mass times distance from
+    it, and what the joints show (n,), both over the standard deviation of each; mean of q, |q_dot|,
+    residual and threshold (4, n), gravity less acceleration (3,) [m/s2]."""
+    by_mass, by_place = model.payload_torques(mean[0], gravity)
+    columns = np.column_stack((by_mass + by_place @ model.tool_place, by_place))
+    weight = 1.0 / (np.where(mean[1] > _MOVES, _NOISE, _AT_REST) * mean[3])
+    return columns * weight[:, np.newaxis], weight * mean[2]
+
+
+def fitted_load(x: Matrix, y: Vector) -> Vector:
+    """Mass, and mass times distance from the tool point (4,) [kg, kg m], that x (rows, 4) shows as
+    y (rows,), both `weighed`. A place near the tool point is expected."""
+    information, evidence = x.T @ x, x.T @ y
+    # How near in kg m depends on the mass.
+    mass = _LEAST_KG
+    fitted: np.ndarray = np.zeros(4)
+    for _ in range(3):
+        expected = np.array([0.0, *[(_PLACE * max(mass, _LEAST_KG)) ** -2.0] * 3])
+        fitted = np.linalg.solve(information + np.diag(expected + 1e-9), evidence)
+        mass = float(fitted[0])
+    return fitted
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """Load that the last blocks show; spread of their masses over it, and way of the joints that
+    carry it [rad]."""
+
+    load: Payload
+    spread: float
+    way: float
+
+    @property
+    def confirms(self) -> bool:
+        """True if it is as much alike, over as much motion, as a load that is confirmed."""
+        alike = self.spread <= max(_ALIKE_SHARE, _SPREAD_KG / self.load.mass)
+        return alike and self.way >= _CONFIRMED_WAY
+
+
 class Recognition:
-    """Recognition for one arm; `found` is the load that was recognised, None without one."""
+    """Recognition for one arm; `found` is the load that was recognised, None without one, and
+    `confirmed` if it stayed the same since."""
 
     def __init__(self, model: Model, period_s: float) -> None:
         n = self._n = model.n
         self.found: Payload | None = None
+        self.confirmed = False
         self._model, self._period_s = model, period_s
         self._ticks = round(_BLOCK_S / period_s)
         self._patience = round(_FORGOTTEN_S / period_s)
@@ -86,7 +134,7 @@ class Recognition:
     def forget(self) -> None:
         """Forget what is carried, or felt: it is another now. What the model's errors look like is
         kept."""
-        self.found = None
+        self.found, self.confirmed = None, False
         self._filled = self._again = self._unexplained = 0
         self.pause()
 
@@ -134,11 +182,8 @@ class Recognition:
         self.pause()
         self._before = velocity
         acceleration = (velocity - before) / (count * self._period_s)
-        by_mass, by_place = self._model.payload_torques(mean[0], self._model.down - acceleration)
-        columns = np.column_stack((by_mass + by_place @ self._model.tool_place, by_place))
-        weight = 1.0 / (np.where(mean[1] > _MOVES, _NOISE, _AT_REST) * mean[3])
-        columns *= weight[:, np.newaxis]
-        shown = weight * mean[2]
+        gravity = self._model.down - acceleration
+        columns, shown = weighed(self._model, mean, gravity)
         if self._filled == _BLOCKS and self.found is None:
             self._take_errors(self._columns[0], self._shown[0], self._free[0])
         free = (mean[1] > _MOVES) & (not touched)
@@ -151,11 +196,18 @@ class Recognition:
             kept[:-1] = kept[1:]
             kept[-1] = new
         self._filled = min(self._filled + 1, _BLOCKS)
-        if self._filled == _BLOCKS and self.found is None:
-            load = self._fit()
-            self._again = self._again + 1 if load is not None else 0
-            if self._again >= _AGAIN:
-                self.found, self._unexplained = load, 0
+        if self._filled == _BLOCKS and not self.confirmed:
+            self._judge(self._fit())
+
+    def _judge(self, fit: _Fit | None) -> None:
+        """Count the blocks in a row that show a load, and then those that confirm it."""
+        if self.found is None:
+            self._again = self._again + 1 if fit else 0
+            if fit and self._again >= _AGAIN:
+                self.found, self._unexplained, self._again = fit.load, 0, 0
+        else:
+            self._again = self._again + 1 if fit and fit.confirms else 0
+            self.confirmed = self._again >= _CONFIRMS
 
     def _take_errors(self, columns: Matrix, shown: Vector, free: NDArray[np.bool_]) -> None:
         """Put a block to those before, as far as it tells of the model's errors."""
@@ -165,21 +217,15 @@ class Recognition:
         self._information += _ALIKE * (moved.T @ moved) - self._information / _FADES
         self._evidence += _ALIKE * (moved.T @ shown[free]) - self._evidence / _FADES
 
-    def _fit(self) -> Payload | None:
+    def _fit(self) -> _Fit | None:
         """The load that the last blocks show, None where they show none."""
         errors = np.linalg.solve(self._prior + self._information, self._evidence)
         x = self._columns.reshape(-1, 4)
         shown = self._shown - self._columns @ errors
         y = shown.reshape(-1)
         power = float(y @ y)
-        information, evidence = x.T @ x, x.T @ y
-        # A place near the tool point is expected; how near in kg m depends on the mass.
-        mass = _LEAST_KG
-        fitted: np.ndarray = np.zeros(4)
-        for _ in range(3):
-            expected = np.array([0.0, *[(_PLACE * max(mass, _LEAST_KG)) ** -2.0] * 3])
-            fitted = np.linalg.solve(information + np.diag(expected + 1e-9), evidence)
-            mass = float(fitted[0])
+        fitted = fitted_load(x, y)
+        mass = float(fitted[0])
         if not _LEAST_KG < mass < HEAVIEST_KG:
             return None
         left = y - x @ fitted
@@ -193,16 +239,17 @@ class Recognition:
         off = np.sum((per_kg * shown).reshape(parts, -1), axis=1) / (known + 1e-12) - mass
         spread = float(np.sqrt(known @ off**2 / (known.sum() + 1e-12)))
         allowed = max(_SPREAD * mass, _SPREAD_KG)
-        carries = mass * np.abs(per_kg) > 1.0
+        way = float(np.sum(self._way * (mass * np.abs(per_kg) > 1.0)))
         if (
             mass * np.sqrt(known.sum()) < _SURE
             or spread > allowed
             or np.max(np.abs(off) * np.sqrt(known / known.mean())) > _WORST * allowed
             or np.sum(per_kg * self._shown) < _SHOWS * mass * known.sum()
-            or np.sum(self._way * carries) < _WAY
+            or way < _WAY
         ):
             return None
         off_tool = fitted[1:] / mass
         if np.abs(off_tool).max() > _AT_HAND:
             return None
-        return Payload(mass=mass, com=(self._model.tool_place + off_tool).tolist())
+        load = Payload(mass=mass, com=(self._model.tool_place + off_tool).tolist())
+        return _Fit(load, spread / mass, way)

@@ -23,7 +23,7 @@ from daemon.commands.simulated_robot import read_simulation
 from daemon.config.load import Robot, load_robot
 from daemon.modes.table import Event, Mode
 
-WATCHED_S: Final = 180.0
+WATCHED_S: Final = 60.0
 """from the load on"""
 LOOKS_S: Final = 3.0
 """Somebody looks after an arm that stands this often."""
@@ -48,8 +48,10 @@ class ArmedResult:
     job: ArmedJob
     felt_s: float | None
     """from the load until the arm first yielded or let go; None: never"""
+    hinted_s: float | None
+    """from the load until it was said what to do if it is one; None: not within WATCHED_S"""
     found_s: float | None
-    """from the load until it was recognised; None: not within WATCHED_S"""
+    """from the load until it was recognised, likewise"""
     mass: float
     """that was believed [kg]; NaN"""
     told_before: bool
@@ -85,6 +87,7 @@ def armed_load(job: ArmedJob) -> ArmedResult:
     return ArmedResult(
         job=job,
         felt_s=after.felt_s,
+        hinted_s=after.hinted_s,
         found_s=after.found_s,
         mass=after.mass,
         told_before=before.found_s is not None,
@@ -100,6 +103,7 @@ class _Watch:
         self._rig, self._began_s = rig, rig.time_s
         self._arms = rig.tick.controller.machine.armed
         self.felt_s: float | None = None
+        self.hinted_s: float | None = None
         self.found_s: float | None = None
         self.mass, self.rearmed = np.nan, 0
         self.modes: dict[str, float] = {}
@@ -113,6 +117,8 @@ class _Watch:
             self.modes[mode] = self.modes.get(mode, 0.0) + period_s
             if self.felt_s is None and rig.mode not in (Mode.TRACKING, Mode.HOLDING):
                 self.felt_s = now_s
+            if self.hinted_s is None and rig.tick.loads.hint:
+                self.hinted_s = now_s
             if (found := rig.tick.loads.found) is not None:
                 self.found_s, self.mass = now_s, found.mass
             elif rig.ticks % round(LOOKS_S / period_s) == 0:

@@ -28,6 +28,7 @@ from bench.study.scores import Errors, Trial
 from bench.study.world import Law
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
+from daemon.service.realtime import single_threaded
 from estimator.alarms import count_alarms, quiet_threshold
 
 EARLIER = "backlash, one belief"
@@ -240,6 +241,7 @@ def spread(work: Callable[[T], R], jobs: Iterable[T], processes: int, title: str
                 yield work(job)
                 bar.advance(task)
             return
+        single_threaded()  # those that are spawned
         spawn = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(processes, mp_context=spawn) as pool:
             for done in as_completed([pool.submit(work, job) for job in todo]):

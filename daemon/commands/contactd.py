@@ -354,6 +354,20 @@ def friction(seconds: float, shortest: float, **asked: Any) -> None:
 
 
 @identify.command()
+@click.argument("joints", nargs=-1, metavar="[JOINT]...")
+@click.option("--seconds", default=120.0, show_default=True, type=Range(20, 600))
+@_identification
+def encoders(joints: tuple[str, ...], seconds: float, **asked: Any) -> None:
+    """Move all joints slowly through their ranges: what do link encoders err with each turn?
+
+    Arming does without. What is found is taken off the samples from the next start on. It takes
+    position encoders at the motors.
+    """
+    with _begin(**asked) as identification:
+        sys.exit(0 if identification.encoders(joints, seconds) else 1)
+
+
+@identify.command()
 @click.option("--seconds", default=120.0, show_default=True, type=Range(40, 7200))
 @click.option("--per-hour", default=1.0, show_default=True, type=Range(1e-3, 1000),
               help="False contacts per joint and hour that are bearable.")  # fmt: skip

@@ -15,7 +15,8 @@ from rich.console import Console
 from daemon.clients.client import Client
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot
-from daemon.config.schema import Configuration, Step
+from daemon.config.schema import AnyStep, Configuration
+from daemon.identify.encoders import encoders_step
 from daemon.identify.levels import thresholds_step
 from daemon.identify.live_arm import LiveArm, open_session
 from daemon.identify.live_strokes import UnobservableError
@@ -50,6 +51,9 @@ class Source(Protocol):
     def friction(self, seconds: float) -> Measured:
         """Measurements of all joints, moved without contact."""
 
+    def encoders(self, seconds: float) -> Measured:
+        """Measurements of all joints, moved without contact, that tell the errors of encoders."""
+
     def thresholds(self, seconds: float) -> Measured:
         """Measurements of all joints, moved without contact, with residuals."""
 
@@ -78,7 +82,7 @@ class Recorded:
     def friction(self, seconds: float) -> Measured:
         return self._read()
 
-    thresholds = friction
+    thresholds = encoders = friction
 
     def conclude(self, step: str, stamp: str) -> None:
         """Do nothing: a log remains as it is."""
@@ -154,23 +158,31 @@ class Identification:
     def friction(self, seconds: float, shortest_s: float) -> bool:
         """Identify friction and rotor inertia of all joints, from no less than `shortest_s`."""
         measured = self._source.friction(seconds)
-        outcome = friction_step(self._robot, measured, now(), shortest_s)
+        with self._console.status("fitting friction and rotors to it"):
+            outcome = friction_step(self._robot, measured, now(), shortest_s)
         good = self._conclude("friction", "friction", outcome)
         if outcome.shown is not None:
             self._draw(partial(plot_friction, measured.log, outcome.shown, self._folder))
         return good
 
+    def encoders(self, named: tuple[str, ...], seconds: float) -> bool:
+        """Find what link encoders err with each turn."""
+        joints = self.joints(named)
+        outcome = encoders_step(self._robot, self._source.encoders(seconds), joints, now())
+        return self._conclude("encoders", "encoders", outcome)
+
     def thresholds(self, seconds: float, per_hour: float, *, it_was_me: bool = False) -> bool:
         """Identify two levels per joint; it_was_me: every touch that is found was the person's."""
         measured = self._source.thresholds(seconds)
-        outcome = thresholds_step(self._robot, measured, per_hour, now(), it_was_me=it_was_me)
+        with self._console.status("finding levels in it"):
+            outcome = thresholds_step(self._robot, measured, per_hour, now(), it_was_me=it_was_me)
         # Asked whether it was the person, what was measured waits for the answer.
         asked = any(line.verdict == LevelVerdict.UNLESS_YOU for line in outcome.lines)
         return self._conclude("thresholds", "thresholds", outcome, more=asked)
 
     def _conclude(
         self,
-        step: Step,
+        step: AnyStep,
         name: str,
         outcome: Outcome,
         *,

@@ -18,7 +18,7 @@ from daemon.config.marks import fingerprint, marks
 from daemon.config.problem import Keys
 from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels, Step
 from daemon.protocol.messages import printable
-from drivers.settings import Settings
+from drivers.settings import Harmonic, Settings
 from errors import ConfigurationError
 
 # Step of the identification that finds each of these fields of a joint.
@@ -57,6 +57,14 @@ class WiringEntry(Entry, frozen=True):
     """Wiring whose signs and scales agree."""
 
     follows: float  # link motion over motor motion
+
+
+class EncodersEntry(Entry, frozen=True):
+    """Error of the link's encoder that repeats with its turn, and how much of phi's scatter at the
+    borders it leaves on held-out motion."""
+
+    link_correction: list[Harmonic]
+    left: float
 
 
 class GapEntry(Entry, frozen=True):
@@ -113,6 +121,7 @@ class IdentifiedJoint(Settings, frozen=True):
 
     serial: int | None = None  # 0x1018:4; None where the drive keeps it to itself
     wiring: WiringEntry | None = None
+    encoders: EncodersEntry | None = None
     gap: GapEntry | None = None
     friction: FrictionEntry | None = None
     thresholds: ThresholdsEntry | None = None
@@ -159,6 +168,9 @@ def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
     if found is None:
         return joint
     changes: dict[str, object] = {}
+    if found.encoders is not None:
+        correction = found.encoders.link_correction
+        changes["wiring"] = msgspec.structs.replace(joint.wiring, link_correction=correction)
     if found.gap is not None:
         changes["half_gap"] = found.gap.half_gap
     if found.friction is not None:

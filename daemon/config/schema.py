@@ -60,7 +60,9 @@ class JointLimits(Settings, frozen=True):
 
 
 Step = Literal["wiring", "gap", "friction", "thresholds"]
-"""Step of `contactd identify`: what of a joint it finds."""
+"""Step of `contactd identify` that arming needs: what of a joint it finds."""
+AnyStep = Literal[Step, "encoders"]
+"""Step of `contactd identify`, also one that arming does without."""
 
 
 class Joint(Settings, frozen=True):

@@ -1,5 +1,6 @@
 """Measurements from a live arm: its motions and the person's part in each step."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ from daemon.identify.live_strokes import StrokesOfJoint, searched
 from daemon.identify.measured import Measured, read_measured, refuse_incompatible
 from daemon.identify.motions import (
     HAND_S,
+    REPEATS_S,
+    TURNS_S,
     WIDEST_GUESS,
     WIRING_TRAVEL,
     bounds_of,
@@ -32,6 +35,7 @@ from daemon.identify.session import (
     wiring_spoiled,
 )
 from daemon.identify.show import histogram
+from daemon.identify.swinging import SwingWatch
 from daemon.protocol.messages import State
 from errors import ConfigurationError, ContactdError, ControlError, ShortLogError
 from estimator.identification.gap import identify_gap
@@ -124,6 +128,10 @@ class LiveArm:
         """Move all joints along an excitation."""
         return self._excite("friction", seconds, seed=1)
 
+    def encoders(self, seconds: float) -> Measured:
+        """Move all joints slowly through most of their range."""
+        return self._excite("encoders", seconds, seed=1, repeats_s=TURNS_S)
+
     def thresholds(self, seconds: float) -> Measured:
         """Move all joints along another excitation, and take the residuals, too."""
         if not residuals_alike(self._session.configuration(), self._c):
@@ -143,7 +151,7 @@ class LiveArm:
         here = np.array(self._session.hold().link_position)
         own = StrokesOfJoint.of(self._c, self._model, i, here)
         self._tell(own.announcement())
-        how = {
+        how: dict[str, Any] = {
             "warning": wiring_spoiled(joint),
             "touch_ends": True,
             "to_go_on": "The same command begins anew",
@@ -195,8 +203,17 @@ class LiveArm:
             self._console.line()  # which `Live` owes a file
         return self._read(step, gap_of=joint)
 
-    def _excite(self, step: str, seconds: float, seed: int, *, residuals: bool = False) -> Measured:
-        motion = excitation(bounds_of(self._c), self._model, self._c.period_s, seed)
+    def _excite(
+        self,
+        step: str,
+        seconds: float,
+        seed: int,
+        *,
+        residuals: bool = False,
+        repeats_s: float = REPEATS_S,
+    ) -> Measured:
+        bounds, period_s = bounds_of(self._c), self._c.period_s
+        motion = excitation(bounds, self._model, period_s, seed, repeats_s)
         already = 0.0
         if (before := self._before(step, residuals=residuals)) is not None:
             # Each began with the way to the excitation, which teaches little and does not count.
@@ -206,7 +223,8 @@ class LiveArm:
             self._tell(f"{already:.0f} s of {seconds:.0f} s are measured already")
         if seconds - already > 1.0:
             path = motion.path(np.array(self._session.hold().link_position), seconds - already)
-            self._move(step, "all joints move, hands off", path, warning=discarded)
+            watch = SwingWatch(self._names, self._c.control.position_gain)
+            self._move(step, "all joints move, hands off", path, watch.saw, warning=discarded)
         return self._read(step)
 
     def _before(self, step: str, *, residuals: bool = False) -> MotionLog | None:
@@ -223,7 +241,15 @@ class LiveArm:
         except ShortLogError:
             return None
 
-    def _move(self, step: str, text: str, path: Matrix, **how: Any) -> None:
+    def _move(
+        self,
+        step: str,
+        text: str,
+        path: Matrix,
+        remark: Callable[[State], str] = lambda _: "",
+        **how: Any,
+    ) -> None:
+        """Run a path with a bar for its progress; what `remark` says of a State is shown."""
         period = self._c.period_s
         columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
         progress = Progress(*columns, console=self._console)
@@ -232,6 +258,8 @@ class LiveArm:
         def each(state: State) -> bool:
             progress.start()  # not before the arm moves, which may be refused
             progress.advance(task, state.interval_s)
+            if said := remark(state):
+                self._session.say(said)
             return False
 
         try:

@@ -57,6 +57,8 @@ def overview(robot: Robot, now: datetime) -> Overview:
                 row[step] = Cell(f"known: {printable(joint.known[step])}", good=True)
             else:
                 text = f"{_QUALITY[step](entry)}, {_age(entry.date, now)}"
+                if step == "gap" and entries is not None and entries.encoders is not None:
+                    text += ", link encoder corrected"
                 again = joint.name in void[step]
                 row[step] = Cell(f"void, was {text}" if again else text, good=not again)
         cells[joint.name] = row

@@ -9,7 +9,8 @@ from msgspec.structs import replace
 
 from daemon.assembly import seen_motion
 from daemon.config.load import Robot
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.symptoms import advice_of
+from daemon.faults.table import Condition
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.seen import SeenMotion
 from daemon.protocol.messages import (
@@ -110,13 +111,13 @@ def status_of(
 
 def _advice(tick: Tick, unproved: Sequence[str]) -> str:
     """What to do, a line for each: about a joint that is not seen to stand first, then about the
-    cause, what presses on the arm, and the trajectory that waits."""
+    cause, what presses on the arm, the trajectory that waits, and what may be a load."""
     machine, finding = tick.controller.machine, tick.controller.finding
     pressed = tick.controller.pressed
     advice = []
     if unproved and tick.controller.faulted:
         not_stopped = Condition.UNPROVED if tick.drives.silenced else Condition.NOT_SEEN_TO_STOP
-        advice.append(TABLE[not_stopped].advice)
+        advice.append(advice_of(not_stopped))
     if finding and not machine.armed:
         advice.append(finding.advice)
     if pressed:
@@ -125,6 +126,8 @@ def _advice(tick: Tick, unproved: Sequence[str]) -> str:
         if load := tick.loads.advice:
             advice.append(f"tell what the hand carries ({load}), or take it away")
         advice.append("`contactctl start` goes on with the trajectory")
+    if tick.loads.hint:
+        advice.append(tick.loads.hint)
     return "\n".join(dict.fromkeys(advice))
 
 

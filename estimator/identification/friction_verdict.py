@@ -33,6 +33,7 @@ class Verdict(StrEnum):
     WRONG_GRAVITY = "current and gravity disagree"
     WRONG_GAP = "the gap is wider"
     COUPLED = "coupled with another joint"
+    SWINGS = "swings by itself"
 
 
 def verdict_on(

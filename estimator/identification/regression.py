@@ -183,7 +183,8 @@ def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> tuple[V
     kept = values > 1e-12 * values[-1]
     R = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
     b = vectors[:, kept].T @ ((X / scale).T @ (y * weight)) / np.sqrt(values[kept])
-    solution = lsq_linear(R, b, (lower, np.inf)).x / scale
+    with np.errstate(invalid="ignore"):  # of a joint that stood, whose columns are next to nothing
+        solution = lsq_linear(R, b, (lower, np.inf)).x / scale
     full = np.zeros(A.shape[1])
     full[used] = solution[: used.sum()]
     return full, solution[used.sum() :]

@@ -7,12 +7,13 @@ import pytest
 from click.testing import CliRunner
 
 from bench import load as bench
-from bench.load import armed_targets, load_targets, wear_targets
+from bench.load import armed_targets, load_targets, steady_targets, wear_targets
 from bench.rigs.lockstep import ROMEO
-from bench.study import armed_loads
+from bench.study import armed_loads, steady_hands
 from bench.study import loads as study
 from bench.study.armed_loads import ArmedJob, ArmedResult, armed_load
-from bench.study.loads import TOUCHES, LoadJob, LoadResult, hand_torque, load
+from bench.study.loads import TOUCHES, HandJob, LoadJob, LoadResult, hand_torque, load
+from bench.study.steady_hands import CHANGES, SteadyResult, steady_hand
 from bench.study.wear import WearJob, WearResult, wear
 from daemon.config.load import load_robot
 
@@ -44,15 +45,46 @@ def test_targets_of_loads() -> None:
 
 
 def test_targets_of_armed_arms() -> None:
-    def of(mass: float, found_s: float | None, told_before: bool = False) -> ArmedResult:
+    def of(
+        mass: float, hinted_s: float | None, found_s: float | None = None, early: bool = False
+    ) -> ArmedResult:
         return ArmedResult(
-            job=ArmedJob(ROMEO, "dahl", 1, mass, 60.0), felt_s=1.0, found_s=found_s, mass=mass,
-            told_before=told_before, rearmed=0, modes={},
+            job=ArmedJob(ROMEO, "dahl", 1, mass, 60.0), felt_s=1.0, hinted_s=hinted_s,
+            found_s=found_s, mass=mass, told_before=early, rearmed=0, modes={},
         )  # fmt: skip
 
-    assert all(t.met for t in armed_targets([of(0.2, 119.0), of(0.5, 7.0)]))
-    for wrong in (of(0.5, 121.0), of(0.5, None), of(0.5, 7.0, told_before=True)):
-        assert [t.met for t in armed_targets([of(0.2, 119.0), wrong])].count(False) == 1
+    assert all(t.met for t in armed_targets([of(0.2, 14.0), of(0.5, None, 7.0)]))
+    for wrong in (of(0.5, 16.0), of(0.5, None), of(0.5, None, 16.0), of(0.5, 2.0, early=True)):
+        assert [t.met for t in armed_targets([of(0.2, 14.0), wrong])].count(False) == 1
+
+
+def test_targets_of_steady_hands() -> None:
+    def of(changes: float, found_s: float | None, confirmed_s: float | None) -> SteadyResult:
+        return SteadyResult(
+            seed=1, changes=changes, newtons=5.0, found_s=found_s, confirmed_s=confirmed_s
+        )
+
+    none = [of(changes, None, None) for changes in CHANGES]
+    assert all(t.met for t in steady_targets(none))
+    found = steady_targets([*none, of(0.02, 8.0, None), of(0.15, 9.0, 12.0)])
+    assert [t.name for t in found if not t.met] == [
+        "pulls that change by 2 %, of 2: taken for a load",
+        "pulls that change by 15 %, of 2: taken for a load",
+        "pulls that change by 15 %: confirmed",
+    ]
+
+
+def test_an_arm_is_pulled_at_with_every_steadiness(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Almost nothing changes in the steadiest pull: it is a load to the residual."""
+    monkeypatch.setattr(steady_hands, "FREE_S", 25.0)
+    monkeypatch.setattr(steady_hands, "CHANGES", (0.9, 0.001))
+    monkeypatch.setattr(steady_hands, "EACH_S", 30.0)
+    found = {r.changes: r for r in steady_hand(HandJob(ROMEO, "smooth", 7, "pull", 0.0))}
+    assert found[0.9].found_s is None
+    assert found[0.001].found_s is not None
+    assert found[0.001].confirmed_s is not None
+    assert found[0.001].confirmed_s > found[0.001].found_s
+    assert 3.0 <= found[0.001].newtons <= 12.0
 
 
 def test_an_armed_arm_takes_a_load(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,6 +94,8 @@ def test_an_armed_arm_takes_a_load(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.felt_s < 1.0
     assert not found.told_before
     assert sum(found.modes.values()) <= 12.0 + 1e-6
+    assert found.hinted_s is not None
+    assert found.hinted_s < 4.0
     if found.found_s is not None:
         assert found.mass == pytest.approx(0.5, rel=0.3)
 

@@ -75,6 +75,42 @@ def test_a_load_is_recognised_with_its_mass_and_place(romeo: Model, mass: float)
     np.testing.assert_allclose(recognition.found.com, PLACE, atol=0.015)
 
 
+def confirmed_s(
+    recognition: Recognition, torque: Torque, model: Model, begin_s: float, seconds: float
+) -> float | None:
+    """Time after which what is shown is confirmed [s]; None if it is not."""
+    for k in range(round(seconds / T)):
+        q, q_dot = motion(begin_s + k * T, 0.3)
+        recognition.step(q, q_dot, torque(model, begin_s + k * T, q), LEVEL, touched=True)
+        if recognition.confirmed:
+            assert recognition.found is not None
+            return k * T
+    return None
+
+
+def test_it_is_confirmed_by_two_more_seconds_of_motion_and_forgotten_as_a_whole(
+    romeo: Model,
+) -> None:
+    recognition = Recognition(romeo, T)
+    assert run(recognition, load(0.5), romeo, 0.0, 10.0) is not None
+    assert not recognition.confirmed
+    assert confirmed_s(recognition, load(0.5), romeo, 10.0, 5.0) == pytest.approx(2.0, abs=0.3)
+    q, q_dot = motion(12.0, 0.3)
+    for _ in range(60):
+        recognition.step(q, q_dot, load(2.0)(romeo, 12.0, q), LEVEL, touched=True)
+    assert recognition.found is None
+    assert not recognition.confirmed
+
+
+def test_a_pull_that_changes_by_eight_per_cent_is_believed_and_not_confirmed(romeo: Model) -> None:
+    recognition = Recognition(romeo, T)
+    almost = pull(lambda t: 0.6 * DOWN * (1.0 + 0.08 * np.sin(2.0 * t)))
+    found_s = run(recognition, almost, romeo, 0.0, 20.0)
+    assert found_s is not None
+    assert confirmed_s(recognition, almost, romeo, found_s, 25.0) is None
+    assert recognition.found is not None
+
+
 HANDS: dict[str, Torque] = {
     "nothing": load(0.0),
     "below what is worth it": load(0.05),

@@ -174,3 +174,26 @@ def test_states_without_it_are_read() -> None:
     assert msgspec.json.decode(msgspec.json.encode({"mass": 1.0, "com": [0.0, 0.0, 0.0]}),
                                type=Payload).name == ""  # fmt: skip
     assert State.__struct_fields__.index("payload") > State.__struct_fields__.index("timing")
+
+
+def test_it_is_told_while_a_fault_is_latched_and_outlives_the_reset(served: ServedDaemon) -> None:
+    """Also twice the same: what was learned of the model's errors begins anew, nothing else."""
+    rig = served.rig
+    rig.enable()
+    served.run(0.5)
+    rig.tick.controller.machine.apply(Event.FAULT, "the test", rig.time_s)
+    served.run(0.2)
+    assert rig.mode is Mode.FAULTED
+    for _ in range(2):
+        assert served.contactctl("payload", "0.3").exit_code == 0
+    assert rig.mode is Mode.FAULTED
+    assert served.contactctl("reset").exit_code == 0
+    served.run(0.7)
+    assert rig.mode is Mode.OFF
+    rig.enable()
+    served.run(0.5)
+    assert rig.tick.payload is not None
+    assert rig.tick.payload.mass == 0.3
+    for _ in range(2):
+        assert served.contactctl("payload", "none").exit_code == 0
+    assert rig.tick.payload is None

@@ -14,6 +14,7 @@ from daemon.clients.replay import replay
 from daemon.config.schema import Configuration, Sinusoid
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import State
+from daemon.tick.load_watch import Interruptions
 from estimator.payload import Payload
 
 SWING = {
@@ -56,8 +57,9 @@ def news(rig: Rig, seconds: float) -> list[str]:
 
 
 def believe(rig: Rig, payload: Payload) -> None:
-    """As if it had been recognised just now."""
+    """As if it had been recognised, and confirmed, just now."""
     rig.tick.loads._recognition.found = payload
+    rig.tick.loads._recognition.confirmed = True
 
 
 def test_a_cup_that_nobody_told_is_said_once_and_nothing_is_learned(
@@ -145,6 +147,25 @@ def test_it_is_held_in_the_middle_of_being_led_by_it(rig: Rig) -> None:
     rig.request(Event.START)
     said = news(rig, 15.0)
     assert rig.mode is Mode.TRACKING, said
+
+
+def test_what_is_recognised_and_not_confirmed_leads_the_arm_on(rig: Rig) -> None:
+    """It is said, with what to do; in doubt it is a person."""
+    rig.run(20.0)
+    assert not rig.permit()
+    give(rig, JUG)
+    for _ in range(1000):
+        rig.tick.loads._recognition.found = JUG
+        rig.step()
+        if rig.mode is Mode.ADMITTANCE and rig.estimate.thresholded.any():
+            break
+    assert rig.mode is Mode.ADMITTANCE
+    assert rig.tick.loads.words == "looks like a load of 1 kg at the hand"
+    assert rig.tick.loads.advice.startswith("`contactctl stop`, then `contactctl payload 1")
+    for _ in range(100):
+        rig.tick.loads._recognition.found = JUG
+        rig.step()
+        assert rig.mode is Mode.ADMITTANCE
 
 
 def test_a_person_who_was_taken_for_a_load_lets_go_and_nothing_moves(rig: Rig) -> None:
@@ -250,3 +271,102 @@ def test_an_arm_that_holds_a_load_is_told_and_does_not_move(rig: Rig) -> None:
     rig.request(Event.START)
     said = news(rig, 10.0)
     assert rig.mode is Mode.TRACKING, said
+
+
+@pytest.mark.parametrize(
+    ("load", "seconds", "words"),
+    [
+        (JUG, 5.0, "something pulls straight down at the hand, like some 1.5 kg: if it is a load,"),
+        (CUP, 15.0, "contacts interrupted the trajectory 3 times in 12 s: if the hand carries"),
+    ],
+    ids=["jug", "cup"],
+)
+def test_an_armed_arm_that_yields_to_a_load_says_what_to_do_within_seconds(
+    rig: Rig, load: Payload, seconds: float, words: str
+) -> None:
+    """It stands at rest, where friction makes more or less of the load. It is told, armed,
+    started, and goes on."""
+    rig.run(20.0)
+    assert not rig.permit()
+    give(rig, load)
+    (said,) = [text for text in news(rig, seconds) if "contactctl payload" in text]
+    assert said.startswith(words)
+    assert said.endswith("`contactctl stop`, then `contactctl payload MASS` with what it weighs")
+    if rig.mode is Mode.ADMITTANCE:
+        assert rig.tick.carry(load, "the test")  # refused
+    rig.request(Event.STOP)
+    rig.run(1.0)
+    assert rig.mode is Mode.HOLDING
+    assert not rig.tick.carry(load, "the test")
+    assert not rig.tick.loads.hint
+    rig.run(0.3)
+    assert not rig.permit()
+    rig.request(Event.START)
+    said_later = news(rig, 10.0)
+    assert rig.mode is Mode.TRACKING, said_later
+
+
+def test_a_hand_that_leads_is_no_hint(rig: Rig) -> None:
+    rig.run(20.0)
+    assert not rig.permit()
+    rig.arm.external_torque[3] = 2.5
+    said = news(rig, 4.0)
+    assert rig.mode is Mode.ADMITTANCE
+    assert not [text for text in said if "if it is a load" in text]
+    assert not rig.tick.loads.hint
+    rig.arm.external_torque[3] = 0.0
+
+
+def test_more_than_a_told_load_is_hinted_with_both(rig: Rig) -> None:
+    assert not rig.tick.carry(CUP, "the test")
+    loads = rig.tick.loads
+    loads._pull.mass = 0.3
+    assert (
+        "like some 0.3 kg more than the 0.5 kg told: if it is a load, `contactctl p" in loads.hint
+    )
+    believe(rig, CUP)  # recognised: that is said instead
+    assert not loads.hint
+
+
+@pytest.mark.parametrize("goes_on", [Mode.TRACKING, Mode.RETURNING])
+@pytest.mark.parametrize(
+    ("every", "often"), [(300, True), (600, True), (601, False), (2000, False)]
+)
+def test_a_trajectory_that_is_interrupted_again_and_again_is_said(
+    goes_on: Mode, every: int, often: bool
+) -> None:
+    """Every so many ticks, of 10 ms; for as long as it lasts, and no longer."""
+    seen, modes = Interruptions(0.01), [goes_on, Mode.ADMITTANCE]
+    for _ in range(2):
+        seen.step(modes[0], modes[1])
+        for _ in range(every - 2):
+            seen.step(modes[1], modes[1])
+            assert not seen.often
+        seen.step(modes[1], modes[0])
+    seen.step(modes[0], modes[1])
+    assert seen.often is often
+    for _ in range(1199):
+        seen.step(modes[1], modes[1])
+    assert seen.often is often
+    seen.step(modes[1], modes[1])
+    assert not seen.often
+
+
+def test_interruptions_are_said_once_and_forgotten_with_a_told_load(rig: Rig) -> None:
+    rig.run(1.0)
+    assert not rig.permit()
+    said: list[str] = []
+    for _ in range(3):
+        rig.arm.external_torque[3] = 2.5
+        said += news(rig, 0.5)
+        assert rig.mode is Mode.ADMITTANCE
+        rig.arm.external_torque[3] = 0.0
+        said += news(rig, 3.0)
+    often = [text for text in said if "interrupted the trajectory" in text]
+    assert often == [
+        "contacts interrupted the trajectory 3 times in 12 s: if the hand carries something, "
+        "`contactctl stop`, then `contactctl payload MASS` with what it weighs"
+    ]
+    assert "`contactctl payload MASS`" in rig.tick.loads.hint
+    assert not rig.tick.carry(None, "the test")
+    assert not rig.tick.loads.hint
