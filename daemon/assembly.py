@@ -6,7 +6,7 @@ import numpy as np
 
 from arrays import Vector
 from daemon.config.dynamics import model_of
-from daemon.config.identified import objections, parameters_known, parameters_missing
+from daemon.config.evidence import objections, parameters_known, parameters_missing
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row, sinusoids_of, virtual_mass_of
 from daemon.config.schema import Configuration

@@ -155,7 +155,8 @@ class Identification:
                 line = Line(name, "by hand", good=False, reason=str(error))
                 outcomes.append(self._conclude("gap", f"{step}-{name}", Outcome([line], {})))
                 continue
-            outcome = gap_step(self._robot, measured, [name], now())
+            with self._console.status(f"fitting the gap of {name} to it"):
+                outcome = gap_step(self._robot, measured, [name], now())
             i = measured.log.joints.index(name)
             picture = self._folder / f"gap-{name}.png"
             found = outcome.gaps[0]
@@ -178,7 +179,8 @@ class Identification:
     def masses(self, seconds: float, shortest_s: float) -> bool:
         """Identify what the joints move, from no less than `shortest_s`."""
         measured = self._source.masses(seconds)
-        outcome = masses_step(self._robot, measured, now(), shortest_s)
+        with self._console.status("fitting masses to it"):
+            outcome = masses_step(self._robot, measured, now(), shortest_s)
         return self._conclude("masses", "masses", outcome)
 
     def payload(self, name: str, seconds: float) -> bool:
@@ -195,7 +197,9 @@ class Identification:
     def encoders(self, named: tuple[str, ...], seconds: float) -> bool:
         """Find what link encoders err with each turn."""
         joints = self.joints(named)
-        outcome = encoders_step(self._robot, self._source.encoders(seconds), joints, now())
+        measured = self._source.encoders(seconds)
+        with self._console.status("fitting errors of encoders to it"):
+            outcome = encoders_step(self._robot, measured, joints, now())
         return self._conclude("encoders", "encoders", outcome)
 
     def thresholds(self, seconds: float, per_hour: float, *, it_was_me: bool = False) -> bool:

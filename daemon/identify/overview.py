@@ -8,15 +8,13 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
+from daemon.config.evidence import OPTIONAL, outdated, unidentified
 from daemon.config.identified import (
-    OPTIONAL,
     FrictionEntry,
     GapEntry,
     MassesEntry,
     ThresholdsEntry,
     WiringEntry,
-    outdated,
-    unidentified,
 )
 from daemon.config.load import Robot
 from daemon.config.marks import marks

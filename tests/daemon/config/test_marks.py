@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.lockstep import ROMEO
+from daemon.config.evidence import outdated, parameters_missing
 from daemon.config.identified import (
     Entry,
     FrictionEntry,
@@ -15,8 +16,6 @@ from daemon.config.identified import (
     MassesEntry,
     ThresholdsEntry,
     WiringEntry,
-    outdated,
-    parameters_missing,
     write_identified,
 )
 from daemon.config.load import Robot, load_robot

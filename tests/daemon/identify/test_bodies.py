@@ -14,12 +14,8 @@ from bench.rigs.lockstep import ROMEO
 from bench.study.masses import Subjects, carrying, true_bodies
 from daemon.assembly import build_estimator
 from daemon.commands.contactd import main
-from daemon.config.identified import (
-    outdated,
-    parameters_missing,
-    residuals_alike,
-    write_identified,
-)
+from daemon.config.evidence import outdated, parameters_missing
+from daemon.config.identified import residuals_alike, write_identified
 from daemon.config.load import Robot, load_robot, parse_configuration
 from daemon.config.worst_loads import worst_loads
 from daemon.identify.overview import overview
