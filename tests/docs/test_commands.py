@@ -214,6 +214,7 @@ def test_the_commands_of_a_page_run(
     (tmp_path / "labels.csv").write_text(LABELS)
     (tmp_path / "move.csv").write_text(MOVE)
     monkeypatch.chdir(tmp_path)
+    served.contactctl("payload", "none")  # what another page told is in no hand
     for named in (named for named in RUN if named.page == page):
         result = run(named, served)
         assert result.exit_code == 0, f"{named}\n{result.output}"
