@@ -24,6 +24,7 @@ from daemon.ros.names import (
     gid_of,
     mismatch,
     read_attachment,
+    twin,
 )
 from daemon.ros.services import Offer, Service
 from errors import ConfigurationError
@@ -168,11 +169,13 @@ class Graph:
         opened.callback(session.declare_queryable(key, take, complete=True).undeclare)
 
     def _meet(self, sample: zenoh.Sample) -> None:
-        """Say so, once, where a newcomer wants one of ours and will never hear it."""
+        """Say so, once, where a newcomer wants one of ours and will never hear it, or has our
+        name."""
         if sample.kind != zenoh.SampleKind.PUT or len(self._said) >= MOST_WARNINGS:
             return
-        for endpoint in self._ours.values():
-            why = printable(mismatch(self._node, endpoint, str(sample.key_expr)))[:MOST_SAID]
+        token = str(sample.key_expr)
+        found = [mismatch(self._node, endpoint, token) for endpoint in self._ours.values()]
+        for why in (printable(text)[:MOST_SAID] for text in (twin(self._node, token), *found)):
             if why and why not in self._said:
                 self._said.add(why)
                 self._say(why)
