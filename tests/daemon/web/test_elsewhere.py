@@ -199,6 +199,9 @@ def test_a_tab_a_line_and_a_stop(
             assert screen.text("#elsewhere tbody th") == "hall/left"
             assert "armed" in screen.text("#elsewhere tbody tr")
             screen.until("document.documentElement.scrollWidth <= innerWidth")
+            screen.until(  # its word in one line
+                "(b => b.offsetWidth > b.offsetHeight)(document.querySelector('#elsewhere button'))"
+            )
             screen.page.click("#elsewhere tbody button")
             screen.until(
                 "document.querySelector('#elsewhere-note').innerText === 'hall/left: it stands.'"
