@@ -13,7 +13,7 @@ import zenoh
 
 from daemon.ros.cdr import HEADER, CdrError
 from daemon.ros.fleet import Arm, Fleet, arm_of_token, shown
-from daemon.ros.graph import configuration
+from daemon.ros.graph import configuration, reason
 from daemon.ros.messages import read_diagnostic_array, read_diagnostic_status, read_outcome
 from daemon.ros.names import ADMIN, Distro, Endpoint, Kind, Node, Qos, attachment, gid_of
 from daemon.ros.services import TRIGGER
@@ -131,7 +131,8 @@ def supervising(
     try:
         session = zenoh.open(config)
     except zenoh.ZError as error:
-        raise UnreachableError(f"no router at {file or ', '.join(connect)}: {error}") from error
+        where = file or ", ".join(connect)
+        raise UnreachableError(f"no router at {where}: {reason(error)}") from error
     with contextlib.closing(session), Supervisor(session, domain, distro) as supervisor:
         yield supervisor
 
