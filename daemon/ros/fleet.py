@@ -37,6 +37,12 @@ class Arm:
         """Whether a node of this name is there."""
         return bool(self.nodes)
 
+    @property
+    def says(self) -> str:
+        """What it said last."""
+        unheard = self.alive and self.heard_s is None
+        return "nothing heard of it yet; is it of another --distro?" if unheard else self.text
+
     def silent_s(self, now_s: float) -> float | None:
         """How long nothing was heard of it; None while it is heard."""
         if self.heard_s is None:

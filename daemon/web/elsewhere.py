@@ -92,6 +92,6 @@ def _other(arm: Arm, now_s: float) -> Other:
         mode=arm.mode,
         armed=arm.armed == "true",
         level=arm.level.name,
-        text=arm.text,
+        text=arm.says,
         contact=arm.contact,
     )

@@ -251,6 +251,19 @@ def test_what_means_nothing_is_refused(words: tuple[str, ...]) -> None:
     assert "nothing, or --watch, or --stop ARM..., or --stop --all" in result.output
 
 
+def test_arms_of_another_distribution_are_there_and_not_heard(
+    arms: list[Bridge], fleet: Callable[..., Result]
+) -> None:
+    def rows() -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = json.loads(fleet("--json", "--distro", "humble").output)
+        return found
+
+    until(lambda: [row["arm"] for row in rows()] == ["left", "right"])
+    assert {row["text"] for row in rows()} == {
+        "nothing heard of it yet; is it of another --distro?"
+    }
+
+
 def test_a_router_that_dies_leaves_arms_silent_and_comes_back(
     fake_daemon: Any, port: int, start: Callable[..., Bridge]
 ) -> None:
