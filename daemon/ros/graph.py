@@ -191,7 +191,7 @@ class Graph:
 
 
 def configuration(
-    connect: tuple[str, ...], file: Path | None, patience_ms: int = -1
+    connect: tuple[str, ...], file: Path | None, patience_ms: int = -1, option: str = "--connect"
 ) -> zenoh.Config:
     """Configuration of a session: the file's, or a client of a router that it waits for, as long as
     it takes unless told otherwise, of a file that says so, too. Ours listens at no port, and asks
@@ -204,7 +204,7 @@ def configuration(
     for where in connect:
         if not ENDPOINT.fullmatch(where):
             raise ConfigurationError(
-                f"--connect {where}: a protocol, a slash, host and port, as tcp/localhost:7447"
+                f"{option} {where}: a protocol, a slash, host and port, as tcp/localhost:7447"
             )
     config = zenoh.Config()
     values: dict[str, Any] = {
@@ -250,7 +250,9 @@ def _refuse_wrong_keys(config: zenoh.Config, file: Path) -> None:
             for path in paths:
                 Path(path).read_bytes()
             if len(paths) > 1:
-                ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(*paths, password="")
+                ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(
+                    paths[0], paths[1], password=""
+                )
         except ssl.SSLError as error:
             pair = " and ".join(paths)
             raise ConfigurationError(

@@ -179,6 +179,7 @@ def test_a_router_that_is_none(where: str, tmp_path: Path) -> None:
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 78
     assert "contactd-web: " in result.output
+    assert "--connect" not in result.output
 
 
 # --- in a browser --------------------------------------------------------------------------------
