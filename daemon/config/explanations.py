@@ -162,6 +162,8 @@ EXPLANATIONS: dict[str, Explanation] = {
         "joints.virtual_mass_s": ("time constant of yielding; may be left out [s]",
                                   "docs/admittance.md", "0.05"),
         "joints.gap_spring": ("correction at the borders of the gap", "only from a fit", "none"),
+        "joints.body": ("mass, centre of mass and tensor of what the joint moves, in place of the "
+                        "URDF's", "`contactd identify masses`; otherwise correct the URDF", "none"),
         "joints.known": ("steps of `contactd identify` that the joint does without, and how else "
                          "its values are known", "data sheets, in words", "none"),
         "joints.end": ("state of the joint when the daemon ends", "brake, where there is one",

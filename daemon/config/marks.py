@@ -4,7 +4,8 @@
 |---|---|
 | drives, wiring, gear, period, or the URDF's joints and frames | all steps |
 | torque constants | all but the gap |
-| the URDF's masses | friction, thresholds |
+| the URDF's masses | masses, friction, thresholds |
+| identified masses | friction, thresholds |
 | limits, gains, corrections of the encoders, the URDF's pictures | none |
 """
 
@@ -33,12 +34,15 @@ def marks(c: Configuration, urdf: str) -> dict[AnyStep, str]:
     everything = (_drives(c), wiring, c.period_ms, geometry)
     constants = [joint.torque_constant for joint in c.joints]
     moving = _digest((everything, constants, masses))
+    bodies = {joint.name: joint.body for joint in c.joints if joint.body is not None}
+    moved = _digest((moving, bodies)) if bodies else moving
     return {
         "wiring": _digest((everything, constants)),
         "encoders": _digest(everything),
         "gap": _digest(everything),
-        "friction": moving,
-        "thresholds": moving,
+        "masses": moving,
+        "friction": moved,
+        "thresholds": moved,
     }
 
 

@@ -11,6 +11,7 @@ from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from arrays import Matrix
+from daemon.config.dynamics import model_of
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
 from daemon.faults.table import Condition
@@ -31,6 +32,7 @@ from daemon.identify.session import (
     InterruptedStepError,
     Session,
     discarded,
+    load_felt,
     other_joint_touched,
     wiring_spoiled,
 )
@@ -43,7 +45,6 @@ from estimator.identification.gap_result import CROSSINGS, GapResult
 from estimator.identification.gap_search import Strokes
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 from estimator.identification.wiring import OTHER_WAY, follows_both_ways, goes_against
-from estimator.model import Model
 
 REFRESH_S = 0.2
 JUDGE_S = 2.0
@@ -63,7 +64,7 @@ class LiveArm:
     def __init__(self, robot: Robot, session: Session, console: Console) -> None:
         self._session, self._console = session, console
         self._c, self._names = robot.configuration, robot.configuration.joint_names
-        self._model = Model(robot.urdf, self._names)
+        self._model = model_of(self._c, robot.urdf)
         if not samples_alike(session.configuration(), self._c):
             raise ConfigurationError(
                 f"drives, wiring or period in {robot.path} were changed since the daemon began: "
@@ -127,6 +128,20 @@ class LiveArm:
     def friction(self, seconds: float) -> Measured:
         """Move all joints along an excitation."""
         return self._excite("friction", seconds, seed=1)
+
+    def masses(self, seconds: float) -> Measured:
+        """Move all joints along a third excitation."""
+        return self._excite("masses", seconds, seed=3)
+
+    def payload(self, name: str, seconds: float) -> Measured:
+        """Move all joints along a short one, with the load in the hand."""
+        step = "payload"
+        self._forget(step)  # of another load, perhaps
+        motion = excitation(bounds_of(self._c), self._model, self._c.period_s, 4, seconds)
+        path = motion.path(np.array(self._session.hold().link_position), seconds)
+        text = f"all joints move with {name}, hands off"
+        self._move(step, text, path, warning=load_felt, to_go_on="The same command begins anew")
+        return self._read(step)
 
     def encoders(self, seconds: float) -> Measured:
         """Move all joints slowly through most of their range."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from daemon.assembly import build_transmission
 from daemon.config import identified as file
+from daemon.config.dynamics import model_of
 from daemon.config.load import Robot
 from daemon.config.marks import fingerprint, marks
 from daemon.config.schema import AnyStep, Friction, GapSpring
@@ -25,7 +26,6 @@ from estimator.identification.gap_result import GapResult
 from estimator.identification.limit_cycle import LimitCycle, limit_cycles
 from estimator.identification.log_checks import refuse_implausible
 from estimator.identification.wiring import check_wiring, in_Nm
-from estimator.model import Model
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +48,7 @@ class Outcome:
     notes: tuple[str, ...] = ()
     shown: Reconstruction | None = None
     gaps: list[GapResult] = field(default_factory=list)
+    payloads: dict[str, file.IdentifiedPayload] = field(default_factory=dict)
 
 
 def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> Outcome:
@@ -99,7 +100,7 @@ def friction_step(
     limit = np.array([joint.wiring.max_current_A for joint in c.joints])
     refuse_implausible(measured.log, limit)
     old = build_transmission(c)
-    model = Model(robot.urdf, c.joint_names)
+    model = model_of(c, robot.urdf)
     cycles = limit_cycles(measured.log, measured.reference)
     fits, shown = identify_friction(measured.log, model, old, c.estimator, limit, shortest_s)
     gain = None if measured.reference is None else c.control.position_gain
@@ -170,7 +171,7 @@ def _friction_figures(fit: FrictionFit) -> str:
 def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outcome:
     """Check signs and scales of joints that were moved one by one; `measured` has a log of each."""
     c = robot.configuration
-    model = Model(robot.urdf, c.joint_names)
+    model = model_of(c, robot.urdf)
     lines, entries = [], dict[str, file.Entry]()
     for name, one in measured.items():
         i = c.joint_names.index(name)
@@ -207,7 +208,8 @@ def merged(
             known = file.IdentifiedJoint(serial=serials[name])
         joints[name] = msgspec.structs.replace(known, **{step: entry})
     order = {name: joints[name] for name in robot.configuration.joint_names if name in joints}
-    return file.Identified(joints=order)
+    kept = robot.identified.payloads if robot.identified else {}
+    return file.Identified(joints=order, payloads=kept)
 
 
 def _marked(robot: Robot, of: dict[AnyStep, str]) -> dict[str, file.IdentifiedJoint]:

@@ -214,6 +214,7 @@ def configuration(
         "connect/exit_on_failure": "false" if patience_ms < 0 else "true",
         "scouting/multicast/enabled": "false",
         "timestamping/enabled": "true",  # what is latched is found by it
+        "transport/shared_memory/enabled": "false",  # a sandbox may refuse it, and nobody is near
         # Beside a machine's other work a link pauses for some ms; what is behind it is not lost.
         "transport/link/tx/queue/size/data": "16",
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": "50000",

@@ -13,8 +13,8 @@ import numpy as np
 from arrays import Matrix, Vector
 from estimator.identification.motion_log import MotionLog
 
-LOWEST_HZ = 0.9
-"""Above the highest harmonic of an excitation (`excitation.HARMONICS` over 8 s)."""
+LOWEST_HZ = 1.7
+"""Above twice the highest harmonic of an excitation (`excitation.HARMONICS` over 8 s)."""
 WINDOW_S = 4.0
 _HOP = 0.5  # of a window
 _HIGHEST = 0.2  # of the sampling frequency

@@ -41,7 +41,9 @@ SERVES = "serves until it is ended"
 NOT_RUN: Final = (
     (r"^docs/first_arm\.md ", "is run to its end, on an arm of its own, by the test of that page"),
     (r" contactd (run|simulate) ", f"{SERVES}; the rig of this test is both"),
+    (r" contactd check /etc/contactd", "is of an installed arm: tests/system"),
     (r" contactd demo", "takes real time: tests/daemon/commands/test_demo_story.py"),
+    (r" contactd check /etc/contactd", "is about an installed arm: tests/system"),
     (r" contactd identify ", "takes minutes, some of them a hand's: tests/daemon/identify"),
     (r" contactd fleet", "asks a router: tests/daemon/ros"),
     (r" contactd-(web|zenoh|foxglove)", SERVES),

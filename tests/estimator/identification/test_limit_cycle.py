@@ -27,7 +27,7 @@ def noise(size: float) -> np.ndarray:
     return size * np.random.default_rng(1).standard_normal(len(TIMES))
 
 
-@pytest.mark.parametrize("hertz", [1.5, 2.1, 2.5, 6.3, 12.0])
+@pytest.mark.parametrize("hertz", [2.1, 2.5, 6.3, 12.0])
 def test_a_swing_has_its_frequency_amplitude_and_length(hertz: float) -> None:
     asked = swing(0.4, 0.3)
     motion = asked + noise(0.001)
@@ -53,7 +53,7 @@ NO_CYCLE = {
     "another frequency each second": np.concatenate(
         [swing(f, 0.02)[:100] for f in (1.3, 2.9, 1.9, 4.7, 1.1, 3.7) * 4]
     )[: len(TIMES)],
-    "slower than an excitation's fastest": swing(0.7, 0.1),
+    "twice as fast as an excitation": swing(1.5, 0.1),
     "a reference that jumps": 0.3 * np.sign(np.sin(0.75 * TIMES)),
 }
 
@@ -65,7 +65,7 @@ def test_what_is_no_cycle(velocity: np.ndarray) -> None:
 
 def test_what_was_commanded_is_no_cycle() -> None:
     """Where the reference is known; a log of another controller does not have it."""
-    log = log_of(swing(1.5, 0.1))
+    log = log_of(swing(2.2, 0.1))
     assert limit_cycles(log, log.link_position) == []
     assert len(limit_cycles(log)) == 1
 
