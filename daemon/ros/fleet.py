@@ -12,6 +12,7 @@ from daemon.ros.messages import Diagnosis, Level
 from daemon.ros.names import ADMIN, NAME, Kind
 
 MOST_ARMS: Final = 256
+MOST_OF_ONE_NAME: Final = 16
 MOST_TEXT: Final = 200
 #: Twice the time between two messages of an arm, and some more.
 SILENT_S: Final = 2.5
@@ -23,13 +24,24 @@ class Arm:
     """One arm; times by the supervisor's monotonic clock."""
 
     name: str  # its namespace, without the first slash
-    alive: bool = False
+    nodes: frozenset[str] = frozenset()  # tokens of this name that are there: one, if all is well
     heard_s: float | None = None
     level: Level = Level.STALE
     text: str = ""
     mode: str = ""
     armed: str = ""
     contact: str = ""  # the last one that was heard of
+
+    @property
+    def alive(self) -> bool:
+        """Whether a node of this name is there."""
+        return bool(self.nodes)
+
+    @property
+    def says(self) -> str:
+        """What it said last."""
+        unheard = self.alive and self.heard_s is None
+        return "nothing heard of it yet; is it of another --distro?" if unheard else self.text
 
     def silent_s(self, now_s: float) -> float | None:
         """How long nothing was heard of it; None while it is heard."""
@@ -43,6 +55,8 @@ class Arm:
         silent_s = self.silent_s(now_s)
         if silent_s is not None:
             return f"silent since {silent_s:.0f} s"
+        if len(self.nodes) > 1:
+            return f"alive, {len(self.nodes)} of this name"
         return "alive" if self.alive else "gone"
 
 
@@ -63,9 +77,12 @@ class Fleet:
     def __init__(self) -> None:
         self.arms: dict[str, Arm] = {}
 
-    def meet(self, name: str, alive: bool) -> None:
+    def meet(self, name: str, alive: bool, token: str) -> None:
         """A token came, or went."""
-        self._put(replace(self._arm(name), alive=alive))
+        arm = self._arm(name)
+        nodes = arm.nodes | {token} if alive else arm.nodes - {token}
+        if len(nodes) <= MOST_OF_ONE_NAME:
+            self._put(replace(arm, nodes=nodes))
 
     def hear(self, diagnoses: list[Diagnosis], now_s: float) -> None:
         """A message on `/diagnostics`; those of other programs are left out."""
