@@ -58,7 +58,7 @@ def arm_of_token(token: str, domain: int) -> str:
 
 
 class Fleet:
-    """All arms that were ever seen, by name."""
+    """Arms that were seen, by name; of those that are gone as many as there is room for."""
 
     def __init__(self) -> None:
         self.arms: dict[str, Arm] = {}
@@ -94,8 +94,17 @@ class Fleet:
         return self.arms.get(name, Arm(name))
 
     def _put(self, arm: Arm) -> None:
+        if arm.alive and arm.name not in self.arms and len(self.arms) >= MOST_ARMS:
+            self._make_room()
         if arm.name in self.arms or len(self.arms) < MOST_ARMS:
             self.arms[arm.name] = arm
+
+    def _make_room(self) -> None:
+        """Forget the one of those that are gone that was not heard of for longest, if there is one:
+        an arm that is alive can be stopped, so it comes first."""
+        gone = [arm for arm in self.arms.values() if not arm.alive]
+        if gone:
+            del self.arms[min(gone, key=lambda arm: arm.heard_s or 0.0).name]
 
 
 def shown(text: str) -> str:

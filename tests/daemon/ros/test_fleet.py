@@ -75,6 +75,17 @@ def test_a_stranger_fills_neither_memory_nor_terminal() -> None:
     assert fleet.arms["arm_1"].contact == "contact?"
 
 
+def test_an_arm_that_is_alive_finds_room_among_names_that_came_and_went() -> None:
+    fleet = Fleet()
+    fleet.meet("left_arm", True)
+    for i in range(2 * MOST_ARMS):
+        fleet.meet(f"ghost_{i}", True)
+        fleet.meet(f"ghost_{i}", False)
+    fleet.meet("right_arm", True)
+    assert len(fleet.arms) == MOST_ARMS
+    assert {arm.name for arm in fleet.arms.values() if arm.alive} == {"left_arm", "right_arm"}
+
+
 def test_the_table_shows_text_as_text() -> None:
     console = Console(width=120, record=True, file=None, quiet=False)
     arm = Arm("left_arm", True, 1.0, Level.ERROR, "[red]faulted[/red]", "faulted", "false")
