@@ -12,6 +12,7 @@ from daemon.ros.messages import Diagnosis, Level
 from daemon.ros.names import ADMIN, NAME, Kind
 
 MOST_ARMS: Final = 256
+MOST_NAME: Final = 255  # characters, as of any topic in ROS 2
 MOST_TEXT: Final = 200
 #: Twice the time between two messages of an arm, and some more.
 SILENT_S: Final = 2.5
@@ -52,7 +53,7 @@ def arm_of_token(token: str, domain: int) -> str:
     if len(parts) != 9 or parts[:2] != [ADMIN, str(domain)]:
         return ""
     namespace = parts[7].replace("%", "/")
-    if parts[5] != Kind.NODE or parts[8] != NODE_NAME or not NAME.fullmatch(namespace):
+    if parts[5] != Kind.NODE or parts[8] != NODE_NAME or not _is_namespace(namespace):
         return ""
     return namespace[1:]
 
@@ -71,7 +72,7 @@ class Fleet:
         """A message on `/diagnostics`; those of other programs are left out."""
         for found in diagnoses:
             prefix, _, name = found.name.partition(": ")
-            if prefix != "contactd" or ":" in name or not NAME.fullmatch(f"/{name}"):
+            if prefix != "contactd" or ":" in name or not _is_namespace(f"/{name}"):
                 continue
             values = dict(found.values)
             self._put(
@@ -87,7 +88,7 @@ class Fleet:
 
     def touch(self, contact: Diagnosis) -> None:
         """A message on an arm's `contact`."""
-        if NAME.fullmatch(f"/{contact.hardware_id}"):
+        if _is_namespace(f"/{contact.hardware_id}"):
             self._put(replace(self._arm(contact.hardware_id), contact=shown(contact.message)))
 
     def _arm(self, name: str) -> Arm:
@@ -105,6 +106,10 @@ class Fleet:
         gone = [arm for arm in self.arms.values() if not arm.alive]
         if gone:
             del self.arms[min(gone, key=lambda arm: arm.heard_s or 0.0).name]
+
+
+def _is_namespace(text: str) -> bool:
+    return len(text) <= 1 + MOST_NAME and NAME.fullmatch(text) is not None
 
 
 def shown(text: str) -> str:

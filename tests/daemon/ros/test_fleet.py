@@ -17,7 +17,7 @@ from bench.rigs.bridge import Bridge, until
 from bench.rigs.zenoh_router import session_at
 from daemon.commands import contactd
 from daemon.commands.fleet import table
-from daemon.ros.fleet import MOST_ARMS, MOST_TEXT, SILENT_S, Arm, Fleet, arm_of_token
+from daemon.ros.fleet import MOST_ARMS, MOST_NAME, MOST_TEXT, SILENT_S, Arm, Fleet, arm_of_token
 from daemon.ros.messages import Diagnosis, Level, diagnostic_array, outcome
 from daemon.ros.names import Distro, Endpoint, Kind, Node, Qos
 from daemon.ros.services import TRIGGER
@@ -72,6 +72,13 @@ def test_a_stranger_fills_neither_memory_nor_terminal() -> None:
     assert fleet.arms["arm_0"].text == "?[2J" + "x" * (MOST_TEXT - 4)
     fleet.touch(Diagnosis(Level.WARN, "j", "contact\n", "arm_1"))
     fleet.touch(Diagnosis(Level.WARN, "j", "contact", "*"))
+    known = set(fleet.arms)
+    fleet.arms.pop("arm_2")  # so that there is room
+    long = "a" * (MOST_NAME + 1)
+    assert arm_of_token(Node(0, f"/{long}", "contactd", Distro.JAZZY, "abc").token(), 0) == ""
+    fleet.hear([said(f"contactd: {long}")], 1.0)
+    fleet.touch(Diagnosis(Level.WARN, "j", "contact", long))
+    assert set(fleet.arms) == known - {"arm_2"}
     assert fleet.arms["arm_1"].contact == "contact?"
 
 
