@@ -85,7 +85,14 @@ class Supervisor:
         node = Node(self._domain, f"/{name}", "contactd", self._distro)
         service = Endpoint(Kind.SERVICE, node.absolute("stop"), TRIGGER, Qos.DEFAULT)
         about = attachment(next(self._numbers), time.time_ns(), self._gid)
-        return self._session.get(node.key(service), payload=EMPTY, attachment=about, timeout=STOP_S)
+        return self._session.get(
+            node.key(service),
+            target=zenoh.QueryTarget.ALL,  # two arms may have been given one name
+            consolidation=zenoh.ConsolidationMode.NONE,
+            payload=EMPTY,
+            attachment=about,
+            timeout=STOP_S,
+        )
 
     @staticmethod
     def _topic(name: str, topic: str) -> Endpoint:
@@ -129,12 +136,17 @@ def supervising(
 
 
 def _outcome(replies: Iterable[zenoh.Reply]) -> tuple[Outcome, str]:
-    for reply in replies:
-        if reply.ok is None:
-            return "not seen to stand", shown(reply.err.payload.to_string()) if reply.err else ""
-        try:
-            done, text = read_outcome(reply.ok.payload.to_bytes())
-        except CdrError as error:
-            return "not seen to stand", f"its answer is none: {error}"
-        return ("stands" if done else "not seen to stand"), shown(text)
-    return "no answer", ""
+    """The worst of what all of this name answer."""
+    found = [_read(reply) for reply in replies]
+    worse = [one for one in found if one[0] != "stands"]
+    return (*worse, *found, ("no answer", ""))[0]
+
+
+def _read(reply: zenoh.Reply) -> tuple[Outcome, str]:
+    if reply.ok is None:
+        return "not seen to stand", shown(reply.err.payload.to_string()) if reply.err else ""
+    try:
+        done, text = read_outcome(reply.ok.payload.to_bytes())
+    except CdrError as error:
+        return "not seen to stand", f"its answer is none: {error}"
+    return ("stands" if done else "not seen to stand"), shown(text)

@@ -272,3 +272,31 @@ def test_without_the_extra_it_says_which(monkeypatch: pytest.MonkeyPatch) -> Non
     assert result.output == (
         "contactd: it needs the extra `ros` (zenoh): pip install 'contactd[ros]'\n"
     )
+
+
+def test_two_arms_of_one_name_are_both_stopped(routed: int) -> None:
+    """As where nobody gave them namespaces; what one says does not count for the other."""
+    node = Node(0, "/left", "contactd", Distro.JAZZY)
+    key = node.key(Endpoint(Kind.SERVICE, node.absolute("stop"), TRIGGER, Qos.DEFAULT))
+    asked: set[bool] = set()
+
+    def answers(stands: bool) -> Callable[[zenoh.Query], None]:
+        def take(query: zenoh.Query) -> None:
+            asked.add(stands)
+            query.reply(query.key_expr, outcome(stands, "what it says"))
+            query.drop()
+
+        return take
+
+    with contextlib.ExitStack() as opened:
+        at = f"tcp/127.0.0.1:{routed}"
+        for stands in (True, False):
+            session = opened.enter_context(contextlib.closing(session_at(at, "client")))
+            session.declare_queryable(key, answers(stands), complete=True)
+        session = opened.enter_context(contextlib.closing(session_at(at, "client")))
+        fleet = opened.enter_context(Supervisor(session, 0, Distro.JAZZY))
+        until(lambda: list(session.get(key, target=zenoh.QueryTarget.ALL)) and len(asked) == 2)
+        for _ in range(3):
+            asked.clear()
+            assert fleet.stop(["left"]) == {"left": ("not seen to stand", "what it says")}
+            assert asked == {True, False}
