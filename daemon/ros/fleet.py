@@ -13,6 +13,7 @@ from daemon.ros.names import ADMIN, NAME, Kind
 
 MOST_ARMS: Final = 256
 MOST_OF_ONE_NAME: Final = 16
+MOST_NAME: Final = 255  # characters, as of any topic in ROS 2
 MOST_TEXT: Final = 200
 #: Twice the time between two messages of an arm, and some more.
 SILENT_S: Final = 2.5
@@ -66,13 +67,13 @@ def arm_of_token(token: str, domain: int) -> str:
     if len(parts) != 9 or parts[:2] != [ADMIN, str(domain)]:
         return ""
     namespace = parts[7].replace("%", "/")
-    if parts[5] != Kind.NODE or parts[8] != NODE_NAME or not NAME.fullmatch(namespace):
+    if parts[5] != Kind.NODE or parts[8] != NODE_NAME or not _is_namespace(namespace):
         return ""
     return namespace[1:]
 
 
 class Fleet:
-    """All arms that were ever seen, by name."""
+    """Arms that were seen, by name; of those that are gone as many as there is room for."""
 
     def __init__(self) -> None:
         self.arms: dict[str, Arm] = {}
@@ -88,7 +89,7 @@ class Fleet:
         """A message on `/diagnostics`; those of other programs are left out."""
         for found in diagnoses:
             prefix, _, name = found.name.partition(": ")
-            if prefix != "contactd" or ":" in name or not NAME.fullmatch(f"/{name}"):
+            if prefix != "contactd" or ":" in name or not _is_namespace(f"/{name}"):
                 continue
             values = dict(found.values)
             self._put(
@@ -104,15 +105,28 @@ class Fleet:
 
     def touch(self, contact: Diagnosis) -> None:
         """A message on an arm's `contact`."""
-        if NAME.fullmatch(f"/{contact.hardware_id}"):
+        if _is_namespace(f"/{contact.hardware_id}"):
             self._put(replace(self._arm(contact.hardware_id), contact=shown(contact.message)))
 
     def _arm(self, name: str) -> Arm:
         return self.arms.get(name, Arm(name))
 
     def _put(self, arm: Arm) -> None:
+        if arm.alive and arm.name not in self.arms and len(self.arms) >= MOST_ARMS:
+            self._make_room()
         if arm.name in self.arms or len(self.arms) < MOST_ARMS:
             self.arms[arm.name] = arm
+
+    def _make_room(self) -> None:
+        """Forget the one of those that are gone that was not heard of for longest, if there is one:
+        an arm that is alive can be stopped, so it comes first."""
+        gone = [arm for arm in self.arms.values() if not arm.alive]
+        if gone:
+            del self.arms[min(gone, key=lambda arm: arm.heard_s or 0.0).name]
+
+
+def _is_namespace(text: str) -> bool:
+    return len(text) <= 1 + MOST_NAME and NAME.fullmatch(text) is not None
 
 
 def shown(text: str) -> str:

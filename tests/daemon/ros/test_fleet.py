@@ -19,6 +19,7 @@ from daemon.commands import contactd
 from daemon.commands.fleet import table
 from daemon.ros.fleet import (
     MOST_ARMS,
+    MOST_NAME,
     MOST_OF_ONE_NAME,
     MOST_TEXT,
     SILENT_S,
@@ -97,7 +98,25 @@ def test_a_stranger_fills_neither_memory_nor_terminal() -> None:
     assert fleet.arms["arm_0"].text == "?[2J" + "x" * (MOST_TEXT - 4)
     fleet.touch(Diagnosis(Level.WARN, "j", "contact\n", "arm_1"))
     fleet.touch(Diagnosis(Level.WARN, "j", "contact", "*"))
+    known = set(fleet.arms)
+    fleet.arms.pop("arm_2")  # so that there is room
+    long = "a" * (MOST_NAME + 1)
+    assert arm_of_token(Node(0, f"/{long}", "contactd", Distro.JAZZY, "abc").token(), 0) == ""
+    fleet.hear([said(f"contactd: {long}")], 1.0)
+    fleet.touch(Diagnosis(Level.WARN, "j", "contact", long))
+    assert set(fleet.arms) == known - {"arm_2"}
     assert fleet.arms["arm_1"].contact == "contact?"
+
+
+def test_an_arm_that_is_alive_finds_room_among_names_that_came_and_went() -> None:
+    fleet = Fleet()
+    fleet.meet("left_arm", True, "node")
+    for i in range(2 * MOST_ARMS):
+        fleet.meet(f"ghost_{i}", True, "node")
+        fleet.meet(f"ghost_{i}", False, "node")
+    fleet.meet("right_arm", True, "node")
+    assert len(fleet.arms) == MOST_ARMS
+    assert {arm.name for arm in fleet.arms.values() if arm.alive} == {"left_arm", "right_arm"}
 
 
 def test_the_table_shows_text_as_text() -> None:
@@ -323,3 +342,31 @@ def test_without_the_extra_it_says_which(monkeypatch: pytest.MonkeyPatch) -> Non
     assert result.output == (
         "contactd: it needs the extra `ros` (zenoh): pip install 'contactd[ros]'\n"
     )
+
+
+def test_two_arms_of_one_name_are_both_stopped(routed: int) -> None:
+    """As where nobody gave them namespaces; what one says does not count for the other."""
+    node = Node(0, "/left", "contactd", Distro.JAZZY)
+    key = node.key(Endpoint(Kind.SERVICE, node.absolute("stop"), TRIGGER, Qos.DEFAULT))
+    asked: set[bool] = set()
+
+    def answers(stands: bool) -> Callable[[zenoh.Query], None]:
+        def take(query: zenoh.Query) -> None:
+            asked.add(stands)
+            query.reply(query.key_expr, outcome(stands, "what it says"))
+            query.drop()
+
+        return take
+
+    with contextlib.ExitStack() as opened:
+        at = f"tcp/127.0.0.1:{routed}"
+        for stands in (True, False):
+            session = opened.enter_context(contextlib.closing(session_at(at, "client")))
+            session.declare_queryable(key, answers(stands), complete=True)
+        session = opened.enter_context(contextlib.closing(session_at(at, "client")))
+        fleet = opened.enter_context(Supervisor(session, 0, Distro.JAZZY))
+        until(lambda: list(session.get(key, target=zenoh.QueryTarget.ALL)) and len(asked) == 2)
+        for _ in range(3):
+            asked.clear()
+            assert fleet.stop(["left"]) == {"left": ("not seen to stand", "what it says")}
+            assert asked == {True, False}
