@@ -19,6 +19,8 @@ from simulator.hand_door import HandDoor
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "first_arm.md"
+HAND = ["hand", "gap", "column", "--torque", "0.1Nm"]
+BY_HAND = ["identify", "gap", "column", "--by-hand"]
 IDLE_S = 0.01  # between ticks while a step computes
 
 
@@ -52,6 +54,8 @@ class Terminals:
             case ["contactd", "identify", *more]:
                 assert self.served is not None
                 result = self.served.contactd("identify", *more)
+                if "not written: column" in result.output:
+                    result = self._by_hand(self.served)
             case ["contactd", *more]:
                 return CliRunner().invoke(contactd, more)
             case ["contactctl", *more]:
@@ -60,6 +64,14 @@ class Terminals:
             case _:
                 raise AssertionError(f"not a command of ours: {words}")
         self.served.run(1.0)
+        return result
+
+    def _by_hand(self, served: ServedDaemon) -> Result:
+        """What the page says of the one joint that may want a hand."""
+        served.run(1.0)
+        assert self._with_hand(served, HAND).exit_code == 0
+        result = served.contactd(*BY_HAND)
+        assert self._with_hand(served, ["hand", "release"]).exit_code == 0
         return result
 
     @staticmethod
@@ -99,6 +111,9 @@ def test_the_page_leads_to_an_armed_arm_that_yields(terminals: Terminals) -> Non
         if words[:3] == ["contactctl", "hand", "lean"]:
             assert terminals.served is not None
             assert terminals.served.rig.mode is Mode.ADMITTANCE
+    page = PAGE.read_text(encoding="utf-8")
+    assert shlex.join(["contactctl", *HAND]) in page
+    assert shlex.join(["contactd", *BY_HAND]) in page
     assert ["contactctl", "hand", "lean"] in [words[:3] for words in typed]
     assert terminals.served is not None
     assert terminals.served.rig.mode is Mode.OFF

@@ -109,7 +109,7 @@ def test_each_may_what_is_theirs(
 ) -> None:
     mine = session(who)
     # Once they have reached the router; `arm` comes first, as a stop overtakes it.
-    until(lambda: all([call(mine, name) for name in sorted(may)]))
+    until(lambda: all(call(mine, name) for name in sorted(may)))
     assert {name for name in ("arm", "stop", "disarm", "reset") if call(mine, name)} == may
     assert ("arm" in [command for command, _ in fake_daemon.seen]) == ("arm" in may)
     got = heard(mine)
