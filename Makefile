@@ -224,7 +224,7 @@ uninstall:  ## stop the service and take it out again; configuration and recordi
 ifneq ($(HERE),)
 	-systemctl disable --now contactd-web.service contactd-zenoh.service contactd.service
 endif
-	rm -rf $(UNITS)/contactd-web.service $(UNITS)/contactd-zenoh.service $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE) $(DESTDIR)$(PREFIX)
+	rm -rf $(UNITS)/contactd-web.service $(UNITS)/contactd-zenoh.service $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE) $(DESTDIR)$(PREFIX) $(DESTDIR)$(PREFIX).new
 	rm -f $(LIB)/systemd/network/can0.network $(LIB)/sysusers.d/contactd.conf
 	-rmdir --ignore-fail-on-non-empty $(UNITS) $(LIB)/systemd/network $(LIB)/systemd $(LIB)/sysusers.d
 	rm -f $(addprefix $(DESTDIR)$(LOCAL)/bin/,contactd contactctl contactd-web contactd-zenoh) $(addprefix $(DESTDIR)$(LOCAL)/share/,$(PAGES))

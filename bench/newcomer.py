@@ -50,9 +50,13 @@ def planted(arm: GeneratedArm, folder: Path) -> dict[str, Any]:
 
 def of_mistakes(folder: Path, arms: int, *, quiet: bool) -> tuple[list[Target], dict[str, Any]]:
     """Targets and data of the planted mistakes, and of arms without one."""
-    found = [planted(generate(seed), folder) for seed in range(len(MAKES))]
-    clean = [told(generate(seed).write(folder)) for seed in range(arms)]
-    at_arms = [met(m, generate(k % len(MAKES)), folder) for k, m in enumerate(MISTAKES)]
+    makes = range(len(MAKES))
+    found = [planted(generate(seed), folder / f"planted{seed}") for seed in makes]
+    clean = [told(generate(seed).write(folder / f"clean{seed}")) for seed in range(arms)]
+    at_arms = [
+        met(mistake, generate(k % len(MAKES)), folder / f"met{k}")
+        for k, mistake in enumerate(MISTAKES)
+    ]
     if not quiet:
         for one in found:
             missed = "; ".join(one["missed"]) or "none"
@@ -127,7 +131,7 @@ def main(owners: int, first: int, arms: int, *, mistakes: bool, as_json: bool) -
     data: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as name:
         if mistakes:
-            targets, data = of_mistakes(Path(name) / "arm", arms, quiet=as_json)
+            targets, data = of_mistakes(Path(name), arms, quiet=as_json)
         if owners:
             seeds = range(first, first + owners)
             stories = of_owners(seeds, Path(name), quiet=as_json)

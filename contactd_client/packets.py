@@ -1,10 +1,23 @@
 """Messages as they travel: a request as JSON, an answer or a State out of it. Pure."""
 
 import json
-from typing import Any, cast
+from collections.abc import Callable
+from typing import Any, Final, cast
 
 from contactd_client.errors import ControlError
 from contactd_client.messages import STATE_FORMAT, Reply, Request, Snapshot, State, Status
+
+_MOST_SAID: Final = 40  # characters of what is not understood
+#: What is looked into here.
+_SHAPES: Final[dict[str, Callable[[Any], bool]]] = {
+    "ok": lambda value: isinstance(value, bool),
+    "message": lambda value: isinstance(value, str),
+    "reasons": lambda value: (
+        isinstance(value, list) and all(isinstance(reason, str) for reason in value)
+    ),
+    "status": lambda value: value is None or isinstance(value, dict),
+    "snapshot": lambda value: value is None or isinstance(value, dict),
+}
 
 
 def encode(request: Request) -> bytes:
@@ -17,7 +30,12 @@ def encode(request: Request) -> bytes:
 
 def decode_reply(packet: bytes) -> Reply:
     """The answer in a packet. Raises ControlError for what is none."""
-    return cast(Reply, _decode(packet, "ok"))
+    message = _decode(packet, "ok")
+    for key, is_right in _SHAPES.items():
+        if key in message and not is_right(message[key]):
+            said = repr(message[key])[:_MOST_SAID]
+            raise ControlError(f"the daemon speaks another version: its `{key}` is {said}")
+    return cast(Reply, message)
 
 
 def decode_state(packet: bytes) -> State:

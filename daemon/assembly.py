@@ -5,7 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from arrays import Vector
-from daemon.config.identified import objections, parameters_known, parameters_missing
+from daemon.config.dynamics import model_of
+from daemon.config.evidence import objections, parameters_known, parameters_missing
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row, sinusoids_of, virtual_mass_of
 from daemon.config.schema import Configuration
@@ -30,7 +31,6 @@ from drivers.can.frame_ring import FrameRing
 from drivers.can.wire import Wire
 from drivers.drives import Drives
 from estimator.estimator import Estimator
-from estimator.model import Model
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission, stiction_range
 
@@ -115,7 +115,7 @@ def build_setups(robot: Robot) -> list[DriveSetup]:
 def build_estimator(c: Configuration, urdf: str) -> Estimator:
     """Estimator: the whole chain from samples to contact."""
     return Estimator(
-        Model(urdf, c.joint_names),
+        model_of(c, urdf),
         build_transmission(c),
         c.estimator,
         Thresholds(

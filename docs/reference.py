@@ -2,9 +2,9 @@
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
 `contactctl.md` from the commands' own help; `schemas/` and `contactd_client/messages.py` from the
-messages of the socket; `daemon/ros/type_hashes.py` from the definitions of ROS 2. `faults.md`,
-`modes.md`, `mistakes.md`, `recording.md` and `rehearsing.md` are written by hand but for the parts
-between two markers, which come from what the program runs on.
+messages of the socket; `concepts/` from `drawings.py`; `daemon/ros/type_hashes.py` from the
+definitions of ROS 2. `faults.md`, `modes.md`, `mistakes.md`, `recording.md` and `rehearsing.md` are
+written by hand but for the parts between two markers, which come from what the program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
@@ -22,6 +22,7 @@ from msgspec import inspect as types
 from bench.study.mistakes import MISTAKES
 from daemon.commands.contactctl import main
 from daemon.config.schema import Configuration
+from daemon.faults.symptoms import SECTION_OF
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.contact_reactions import EVENT_OF
 from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
@@ -32,6 +33,7 @@ DOCS = Path(__file__).parent
 sys.path.append(str(DOCS.parent))  # for `docs` itself, which is in no wheel
 
 from docs.door import SCHEMAS, client_messages, schema  # noqa: E402
+from docs.drawings import drawings  # noqa: E402
 from docs.fields import comments_of, structs_of  # noqa: E402
 from docs.ros_types import type_hashes  # noqa: E402
 
@@ -152,8 +154,13 @@ def _condition(condition: Condition) -> str:
         f"**{_in_words(row.response).capitalize()}.** Arming check: `{row.check}`.\n\n"
         f"- *Found when:* {row.when}.\n"
         f"- *Why:* {row.why}.\n"
-        f"- *What to do:* {_linked(row.advice)}."
+        f"- *What to do:* {_linked(row.advice)}. By its symptom: "
+        f"[{_titled(SECTION_OF[condition])}](troubleshooting.md#{SECTION_OF[condition]})."
     )
+
+
+def _titled(anchor: str) -> str:
+    return anchor.replace("-", " ")
 
 
 def _linked(text: str) -> str:
@@ -336,6 +343,7 @@ def files() -> dict[Path, str]:
     """Text of every file that is made here."""
     made = {DOCS / f"{name}.md": page() for name, page in PAGES.items()}
     made |= {DOCS / "schemas" / f"{name}.json": schema(cls) for name, cls in SCHEMAS.items()}
+    made |= {DOCS / "concepts" / name: svg for name, svg in drawings().items()}
     return made | {
         DOCS.parent / "contactd_client/messages.py": client_messages(),
         DOCS.parent / "daemon/ros/type_hashes.py": type_hashes(),

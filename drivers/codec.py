@@ -5,10 +5,10 @@ of the motor shaft, fraction of the rated current). At the link side:
 
     current        [A]      motor_sign * rated_current_A * value  (torque likewise)
     motor_velocity [rad/s]  motor_sign * value / gear             (motor_position [rad] likewise)
-    link_position  [rad]    link_sign * value + link_offset
+    link_position  [rad]    link_sign * value + link_offset - what `link_correction` says
 
-and a target velocity goes the same way backwards. All of it is affine, so that the whole arm is one
-multiplication and one addition. COB-IDs are those of `drivers.ids`.
+and a target velocity goes the same way backwards. All but the correction is affine, so that the
+whole arm is one multiplication and one addition. COB-IDs are those of `drivers.ids`.
 """
 
 import struct
@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from arrays import Vector, check_shapes
-from drivers.counts import decode, encode
+from drivers.counts import Table, correct, decode, encode
 from drivers.drive import Drive
 from drivers.ids import NEXT_PDO, RPDO, TPDO
 from drivers.settings import DriveProfile, PdoEntry, PdoLayout, Quantity
@@ -163,6 +163,15 @@ def link_side(drive: Drive, entry: PdoEntry) -> tuple[float, float]:
     return factor * where.scale, factor * where.offset + bias
 
 
+def _harmonics(drives: Sequence[Drive]) -> Table:
+    """Errors of the link encoders (n, k, 3), k the most that one joint has; zeros fill it up."""
+    given = [[(h.order, h.cosine, h.sine) for h in d.wiring.link_correction] for d in drives]
+    table = np.zeros((len(drives), max(map(len, given), default=0), 3))
+    for row, rows in zip(table, given, strict=True):
+        row[: len(rows)] = np.array(rows).reshape(-1, 3)
+    return table
+
+
 class SampleDecoder:
     """TPDOs of the whole arm -> arrays of shape (n,), new and read-only with every `decode`.
 
@@ -199,6 +208,8 @@ class SampleDecoder:
         row_of = {entry: number for number, entry in enumerate(entries)}
         self._rows = row_of["current"], row_of["link_position"], row_of["motor_velocity"]
         self._motor_row = row_of.get("motor_position")
+        self._offset = np.array([drive.wiring.link_offset for drive in drives])
+        self._harmonics = _harmonics(drives)
         self.motor_position: Vector | None = None
         self.decode()
 
@@ -206,8 +217,9 @@ class SampleDecoder:
         """Bring the arrays and the statuswords up to the counts in `raw`."""
         values = np.empty(self._gain.shape)
         decode(self.raw, self._order, self._gain, self._bias, values)
-        values.setflags(write=False)  # and so is every row of it
         current, link_position, motor_velocity = self._rows
+        correct(values[link_position], self._offset, self._harmonics)
+        values.setflags(write=False)  # and so is every row of it
         self.current: Vector = values[current]
         self.link_position: Vector = values[link_position]
         self.motor_velocity: Vector = values[motor_velocity]

@@ -5,7 +5,13 @@
 Ordinary Python, which runs as it is; `counts.pxd` names the types for the compiler, decision 0037.
 """
 
+import numpy as np
+from numpy.typing import NDArray
+
 from arrays import Matrix, Vector
+from elementary import cosine, sine
+
+Table = NDArray[np.float64]
 
 # Adding and subtracting 1.5 * 2^52 rounds to a whole number, ties to even.
 _ROUNDING = 6755399441055744.0
@@ -17,6 +23,17 @@ def decode(raw: list[float], order: Matrix, gain: Matrix, bias: Matrix, values: 
     for row in range(values.shape[0]):
         for i in range(values.shape[1]):
             values[row, i] = gain[row, i] * raw[order[row, i]] + bias[row, i]
+
+
+def correct(position: Vector, offset: Vector, harmonics: Table) -> None:
+    """Take off positions (n,) [rad] what their encoders err with each turn, by harmonics (n, k, 3):
+    order, and cosine and sine [rad] of that many times the angle without its offset (n,)."""
+    for i in range(harmonics.shape[0]):
+        angle, error = position[i] - offset[i], 0.0
+        for k in range(harmonics.shape[1]):
+            turned = harmonics[i, k, 0] * angle
+            error += harmonics[i, k, 1] * cosine(turned) + harmonics[i, k, 2] * sine(turned)
+        position[i] -= error
 
 
 def encode(

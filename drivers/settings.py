@@ -106,6 +106,15 @@ class DriveProfile(Settings, frozen=True):
         return "torque" if self.current is None else "current"
 
 
+class Harmonic(Settings, frozen=True):
+    """Part of an encoder's error that repeats with its turn: it reads too far by
+    cosine cos(order a) + sine sin(order a), a being the link position without `link_offset`."""
+
+    order: Annotated[int, Meta(ge=1, le=16)]  # times per turn
+    cosine: Annotated[float, Meta(ge=-0.05, le=0.05)] = 0.0  # [rad]
+    sine: Annotated[float, Meta(ge=-0.05, le=0.05)] = 0.0  # [rad]
+
+
 class JointWiring(Settings, frozen=True):
     """Wiring of one joint: its drive on the bus, gear, currents and signs."""
 
@@ -118,6 +127,9 @@ class JointWiring(Settings, frozen=True):
     motor_sign: Sign = 1  # -1 where the motor counts against the joint
     link_sign: Sign = 1  # -1 where the link encoder counts against the joint
     link_offset: float = 0.0  # of the link encoder [rad]
+    # What the link encoder errs with each of its turns, taken off its samples. Found by
+    # `contactd identify encoders`, and only then worth writing.
+    link_correction: Annotated[list[Harmonic], Meta(max_length=4)] = []
     # Of the motor shaft; given, the drive's own figure (0x6076) must agree with it.
     rated_torque_Nm: Annotated[float, Meta(gt=0, le=10_000)] | None = None
     serial: Annotated[int, Meta(ge=0, le=0xFFFFFFFF)] | None = None

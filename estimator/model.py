@@ -1,14 +1,16 @@
 """Rigid-body dynamics of the links: M(q), C(q, q_dot)^T q_dot and g(q), by pinocchio."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
 
 from arrays import Matrix, Vector, check_shapes
 from errors import ModelError
+from estimator.body_inertia import PARAMETERS, BodyInertia, refuse_impossible
 from estimator.dynamics import Body, Dynamics
 from estimator.urdf import moved_links
 from regular_file import read_text
@@ -30,18 +32,29 @@ class Model:
     of the URDF's last link, `tool` says in words which point `tool_jacobian` is about, and
     `tool_place` (3,) [m] where that is in the hand's frame.
 
+    `bodies`, by joint, stand in the place of what the URDF says of what these joints move.
+
     Raises ModelError if the file cannot be read, a joint is missing, named twice, not measured or
     not a joint of one coordinate with limits; if the mass or inertia of a link that moves is none
     that a body can have; and if a joint moves no mass or no inertia.
     """
 
-    def __init__(self, urdf: Path | str, joints: Sequence[str]) -> None:
+    def __init__(
+        self,
+        urdf: Path | str,
+        joints: Sequence[str],
+        bodies: Mapping[str, BodyInertia] = MappingProxyType({}),
+    ) -> None:
         model = _read(urdf)
         self.names = tuple(joints)
         self.n = len(self.names)
         where = "the URDF" if isinstance(urdf, str) else str(urdf)
         order = _order(model, self.names, where)
         model.armature[:] = 0.0
+        for name, body in bodies.items():
+            refuse_impossible(name, body)
+            inertia = pin.Inertia(body.mass, np.array(body.com), body.tensor())
+            model.inertias[model.getJointId(name)] = inertia
         _refuse_weightless(model, where)
         self.lower: Vector = model.lowerPositionLimit[order]
         self.upper: Vector = model.upperPositionLimit[order]
@@ -76,6 +89,24 @@ class Model:
         order = np.arange(self.n) if self._order is None else self._order
         row = np.argsort(order)
         return [_body(self._model, k, int(row[k])) for k in range(self.n)]
+
+    def parameters(self) -> Matrix:
+        """Ten parameters of what each joint moves (n, 10), `body_inertia.PARAMETERS`: a copy."""
+        return np.array(
+            [self._model.inertias[self._model.getJointId(j)].toDynamicParameters()
+             for j in self.names]
+        )  # fmt: skip
+
+    def regressor(self, q: Vector, q_dot: Vector, q_ddot: Vector) -> Matrix:
+        """Torques that move the links, M q_ddot + C q_dot + g, for each unit of each parameter of
+        what each joint moves: (n, n, 10), the first axis that of the torques."""
+        pair = np.empty((2, self.n))
+        v, a = self._inward(q_dot, pair[0]), self._inward(q_ddot, pair[1])
+        inward = self._inward(q, self._q)
+        Y = pin.computeJointTorqueRegressor(self._model, self._data, inward, v, a)
+        Y = np.asarray(Y).reshape(self.n, self.n, PARAMETERS)
+        copy: Matrix = Y.copy() if self._order is None else Y[np.ix_(self._order, self._order)]
+        return copy
 
     def gravity(self, q: Vector) -> Vector:
         """g(q), a copy, shape (n,) [Nm]: the torque that holds the arm still."""
@@ -112,6 +143,17 @@ class Model:
         axis = R @ self._hand_rotation
         turning = np.cross(axis.T, down).T  # moment of each axis of the hand
         return J[:3].T @ down + J[3:].T @ force, J[3:].T @ turning
+
+    @property
+    def hand_joint(self) -> int:
+        """Row of the last joint, which moves the hand."""
+        last = self._model.njoints - 2
+        return last if self._order is None else int(np.flatnonzero(self._order == last)[0])
+
+    def in_hand(self, place: Vector) -> Vector:
+        """A place in the last joint's frame (3,) [m] in that of the hand."""
+        there: Vector = self._hand_rotation.T @ (place - self._hand_place)
+        return there
 
     def in_joint(self, place: Vector) -> Vector:
         """A place in the hand's frame (3,) [m] in that of the last joint, which moves the hand."""

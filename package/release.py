@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "build" / "release"
 LEFT = """
 what is left to do:
-  tests/system with both packages, on a spare machine (CONTRIBUTING.md, Tests)
+  tests/system with the package, and an upgrade to it, on a spare machine (CONTRIBUTING.md, Tests)
   git tag -a v{0} -m "contactd {0}" && git push origin v{0}
   put {1}/dist/* where people find them
 """

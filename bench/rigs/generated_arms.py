@@ -3,6 +3,7 @@ six generated makes of drive; with the files that an owner who makes no mistake 
 
 import copy
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -128,7 +129,7 @@ def generate(seed: int) -> GeneratedArm:
     # As CAD programs have them, limits are seldom alike on both sides.
     ranges = [(-round(float(rng.uniform(1.2, 1.5)), 2), round(float(rng.uniform(1.6, 2.2)), 2))
               for _ in range(n)]  # fmt: skip
-    urdf = _urdf(bodies, ranges, hanging)
+    urdf = urdf_of(_NAMES, _AXES, bodies, ranges, hanging=hanging)
     make = MAKES[seed % len(MAKES)]
     joints = _joints(rng, urdf, ranges)
     return GeneratedArm(seed, hanging, make, bodies, urdf, tuple(ranges), joints)
@@ -182,17 +183,26 @@ def _joints(
     return tuple(joints)
 
 
-def _urdf(bodies: tuple[Body, ...], ranges: list[tuple[float, float]], hanging: bool) -> str:
+def urdf_of(
+    names: Sequence[str],
+    axes: Sequence[str],
+    bodies: Sequence[Body],
+    ranges: Sequence[tuple[float, float]],
+    *,
+    hanging: bool = False,
+) -> str:
+    """URDF of a chain: joints with their axes and limits [rad], each at the end of the rod before
+    it."""
     parts = ['<?xml version="1.0"?>', '<robot name="generated">', '  <link name="world"/>']
     parent, place = "world", "0 0 0"
     for i, (body, (lower, upper)) in enumerate(zip(bodies, ranges, strict=True)):
-        name, across = _NAMES[i], body.inertia
+        name, across = names[i], body.inertia
         rpy = f"{pi:.9g} 0 0" if hanging and i == 0 else "0 0 0"
         parts += [
             f'  <joint name="{name}" type="revolute">',
             f'    <parent link="{parent}"/><child link="{name}_link"/>',
             f'    <origin xyz="{place}" rpy="{rpy}"/>',
-            f'    <axis xyz="{_AXES[i]}"/>',
+            f'    <axis xyz="{axes[i]}"/>',
             f'    <limit lower="{lower}" upper="{upper}" velocity="3" effort="100"/>',
             "  </joint>",
             f'  <link name="{name}_link">',

@@ -28,7 +28,7 @@ from simulator.hand import Gap, Lean, Release
 
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
 SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
-TRIES = 4  # of the wiring
+TRIES = 8  # of the wiring: a wrong sign may end it before the next is seen
 PRESSES = (0.03, 0.012, 0.005)  # of a hand at a link, shares of the motor's torque
 IDLE_S = 0.01  # between ticks while a step computes
 
@@ -277,7 +277,7 @@ class Session:
             hand.start()
         self.served.idle_s = IDLE_S
         result = self.served.contactd("identify", *words)
-        if "does not answer" in result.output:  # a busy machine: a person types it again
+        if "does not answer" in result.output or "fell silent" in result.output:  # a busy machine
             self._owner.note(f"contactd identify {' '.join(words)}")
             result = self.served.contactd("identify", *words)
         if press:

@@ -1,9 +1,10 @@
 """A person who commissions a simulated arm: the steps of `contactd identify`, over the bus and in
 lockstep, and a hand at each link when it is asked for."""
 
+import re
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, cast
@@ -15,20 +16,25 @@ from arrays import Vector
 from bench.rigs.arm_batch import SoftHand
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from daemon.commands.simulated_robot import describe
 from daemon.config.identified import IdentifiedJoint
-from daemon.config.load import load_robot
+from daemon.config.load import Robot, load_robot
 from daemon.modes.table import Mode
 from errors import DriveError
 from estimator.model import Model
-from simulator.description import SimulationSettings
+from simulator.description import ArmDescription, SimulationSettings
 from simulator.hand import Hand
 from simulator.mismatch import PlantParameters
+from simulator.truth import SimulationFile
 
+Described = Callable[[Robot, SimulationFile], ArmDescription]
+"""The simulated arm of a folder, as `lockstep_rig` has it."""
 Written = dict[str, Any]
 """A config.yaml as plain data."""
 
 # Raised a little, so that the shoulder carries something; friction holds it while it is off.
 POSE = {"LShoulderPitch": 1.3}
+_TOLD = re.compile(r"Set\s+control\.position_gain\s+to\s+(\S+)")
 HAND_S = 1.0  # after which the person has read what to do
 IDLE_S = 0.01  # between ticks while a step computes
 
@@ -43,6 +49,10 @@ def poor_guesses(written: Written) -> None:
         # So high that nothing stops the arm while its friction is not known.
         joint["thresholds"] = {"contact": 0.45 * peak, "collision": 2.9 * peak}
         joint.pop("known", None)
+
+
+Mistakes = Mapping[str, tuple[Callable[[Written], None], str]]
+"""What is wrong, and the joint at which `identify wiring` finds it."""
 
 
 class OneHand:
@@ -83,11 +93,13 @@ class CommissionedArm:
         model: Path = ROMEO,
         *,
         pose: dict[str, float] | None = None,
+        described: Described = describe,
         change: Callable[[Written], None] = poor_guesses,
         really: Callable[[Written], None] = lambda _: None,
         simulate: Callable[[SimulationSettings], SimulationSettings] = lambda s: s,
     ) -> None:
         self.folder, self.truth, self._simulate = folder / "my_arm", folder / "truth", simulate
+        self._described = described
         shutil.copytree(ROMEO, folder / "romeo_left_arm")  # others refer to its EDS
         for copy in (self.folder, self.truth):
             shutil.copytree(model, copy, ignore=shutil.ignore_patterns("identified.yaml"))
@@ -102,14 +114,18 @@ class CommissionedArm:
             simulation = yaml.safe_load(path.read_text(encoding="utf-8"))
             simulation["initial_position"] |= pose
             path.write_text(yaml.safe_dump(simulation), encoding="utf-8")
-        self.output = ""
+        self.output, self.lasted_s = "", 0.0
         self.joints = load_robot(self.folder).configuration.joint_names
         self.true: PlantParameters | None = None
 
     def served(self) -> AbstractContextManager[ServedDaemon]:
         """The daemon started anew, and the arm where it was left hanging."""
         return served_daemon(
-            self.folder.parent, self.folder, truth=self.truth, simulate=self._simulate
+            self.folder.parent,
+            self.folder,
+            truth=self.truth,
+            simulate=self._simulate,
+            described=self._described,
         )
 
     def identify(self, *words: str, hand: str = "") -> bool:
@@ -123,8 +139,16 @@ class CommissionedArm:
                 served.rig.arm.hand = cast(Hand, one)  # all of it that is used
             served.idle_s = IDLE_S
             result = served.contactd("identify", *words)
+            self.lasted_s = served.rig.time_s
         self.output = result.output
         return result.exit_code == 0
+
+    def set_position_gain(self, gain: float) -> None:
+        """Write it into config.yaml."""
+        path = self.folder / "config.yaml"
+        written = yaml.safe_load(path.read_text(encoding="utf-8"))
+        written["control"] = written.get("control", {}) | {"position_gain": gain}
+        path.write_text(yaml.safe_dump(written), encoding="utf-8")
 
     def arming_refusals(self) -> list[str]:
         """Reasons why the arm is not armed; empty if it is."""
@@ -162,7 +186,7 @@ def alike_pair(written: Written) -> None:
     first["node"], second["node"] = second["node"], first["node"]
 
 
-MISTAKES = {
+MISTAKES: Mistakes = {
     "swapped sign": (swapped_sign, "LElbowRoll"),
     "gear wrong by 10 %": (wrong_gear, "LElbowYaw"),
     "swapped pair of joints": (swapped_pair, "LShoulderPitch"),
@@ -173,17 +197,28 @@ MISTAKES = {
 class Person:
     """A person and the steps that they take, in order; each returns True where it went well."""
 
-    def __init__(self, folder: Path, seed: int, show: Callable[[str], None]) -> None:
-        self._folder, self._seed, self._show = folder, seed, show
+    def __init__(
+        self,
+        folder: Path,
+        seed: int,
+        show: Callable[[str], None],
+        model: Path = ROMEO,
+        **about: Any,
+    ) -> None:
+        """model: folder of the arm; `about` as of `CommissionedArm`."""
+        self._folder, self._seed, self._show, self._model = folder, seed, show, model
+        self._about = {"pose": POSE} | about
+        self.took: dict[str, float] = {}
+        """Time of each step, of the arm [s]"""
         self.arm = self._arm("an arm")
 
     def _arm(self, name: str, **about: Any) -> CommissionedArm:
         more = about.pop("simulate", lambda s: s)
         return CommissionedArm(
             self._folder / name,
-            pose=POSE,
+            self._model,
             simulate=lambda s: more(msgspec.structs.replace(s, seed=self._seed)),
-            **about,
+            **self._about | about,
         )
 
     def identify(self, arm: CommissionedArm, *words: str, hand: str = "") -> bool:
@@ -192,7 +227,8 @@ class Person:
         good = arm.identify(*words, hand=hand)
         self._show(f"$ contactd identify {' '.join(words)}")
         self._show(arm.output.rstrip())
-        self._show(f"[{'good' if good else 'not all is good'}, {time.monotonic() - begun:.0f} s]\n")
+        passed = f"{arm.lasted_s:.0f} s of the arm, {time.monotonic() - begun:.0f} s here"
+        self._show(f"[{'good' if good else 'not all is good'}, {passed}]\n")
         return good
 
     def from_zero_to_armed(self) -> dict[str, bool]:
@@ -201,19 +237,22 @@ class Person:
         before = arm.arming_refusals()
         self._show(f"$ contactctl arm\nrefused: {'; '.join(before)}\n")
         went = {"refused before": any("never checked" in reason for reason in before)}
-        went["wiring"] = self.identify(arm, "wiring")
-        went["gap"] = self.identify(arm, "gap")
-        went["friction"] = self.identify(arm, "friction")
-        went["thresholds"] = self.identify(arm, "thresholds")
+        for step in ("wiring", "gap", "friction", "thresholds"):
+            went[step] = self.identify(arm, step)
+            self.took[step] = round(arm.lasted_s, 1)
+            if told := _TOLD.search(arm.output):
+                arm.set_position_gain(float(told[1]))
+                went[step] = self.identify(arm, step)
+                self.took[step] += round(arm.lasted_s, 1)
         after = arm.arming_refusals()
         self._show(f"$ contactctl arm\n{'refused: ' + '; '.join(after) if after else 'armed'}\n")
         return went | {"armed after": not after}
 
-    def mistakes_found(self) -> dict[str, bool]:
+    def mistakes_found(self, mistakes: Mistakes = MISTAKES) -> dict[str, bool]:
         """True for each mistake found by `identify wiring`, or earlier, when the daemon sets the
         drives up."""
         found = {}
-        for name, (change, joint) in MISTAKES.items():
+        for name, (change, joint) in mistakes.items():
             arm = self._arm(name, change=change)
             try:
                 passed = self.identify(arm, "wiring", joint)

@@ -55,6 +55,7 @@ def session_at(endpoint: str, mode: str) -> zenoh.Session:
     config.insert_json5(f"{side}/endpoints", f'["{endpoint}"]')
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("timestamping/enabled", "true")
+    config.insert_json5("transport/shared_memory/enabled", "false")
     return zenoh.open(config)
 
 

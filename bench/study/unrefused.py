@@ -14,6 +14,7 @@ from bench.rigs.generated_arms import GeneratedArm, in_yaml
 from bench.rigs.served_daemon import served_daemon
 from bench.study.mistakes import JOINT, Mistake, told
 from daemon.commands.simulated_robot import true_arm
+from daemon.config.load import load_robot
 from daemon.modes.table import Mode
 from errors import ContactdError
 
@@ -41,7 +42,8 @@ class Met:
 
 
 def met(mistake: Mistake, arm: GeneratedArm, folder: Path) -> Met:
-    """What happens with a mistake in this arm's files; the arm itself is without it."""
+    """What happens with a mistake in this arm's files; the arm itself is without it. `folder` is
+    that of no other make before: an EDS is read once."""
     said = told(mistake.plant(arm, folder))
     warned = bool(said.lines)
     if said.refused:
@@ -51,6 +53,7 @@ def met(mistake: Mistake, arm: GeneratedArm, folder: Path) -> Met:
     truth = yaml.safe_load(path.read_text()) | {"urdf": TRUE_URDF}
     truth["initial_position"] = dict.fromkeys(arm.names, POSE)
     path.write_text(in_yaml(truth))
+    true_arm(load_robot(folder))  # what the simulator refuses is no answer
     try:
         return _at_the_arm(mistake.words, arm.names[JOINT], folder, warned=warned)
     except ContactdError as error:  # drives that do not do what the configuration asks for

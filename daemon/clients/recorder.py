@@ -220,7 +220,7 @@ def read_log(
     topics: dict[int, str] = {}
     with stream:
         try:
-            for found in _records(path, stream):
+            for found in mcap_records(path, stream):
                 if isinstance(found, Channel):
                     topics[found.id] = found.topic
                 elif isinstance(found, Message) and (kind := KINDS.get(_topic(found, topics))):
@@ -234,23 +234,23 @@ def read_log(
                         if states % PROGRESS_STATES == 0:
                             progress(stream.tell() / size)
                     yield message
-        except _BrokenError as error:
+        except BrokenError as error:
             raise LogError(f"{path} {error}: {states} states read, last tick {last}") from error
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise LogError(f"{path} is of another version after tick {last}: {error}") from error
 
 
 def _joints_of(message: Snapshot | State, before: int) -> int:
-    """Number of joints from a message on. Raises _BrokenError for a State with another number, or
+    """Number of joints from a message on. Raises BrokenError for a State with another number, or
     without a Snapshot before it, and for a joint's name that would upset a terminal."""
     if isinstance(message, Snapshot):
         if odd := [name for name in message.joints if not name or name != printable(name)]:
-            raise _BrokenError(f"is damaged: {odd[0]!r} is no name of a joint")
+            raise BrokenError(f"is damaged: {odd[0]!r} is no name of a joint")
         return len(message.joints)
     for field in PER_JOINT:
         values = getattr(message, field)
         if values is not None and len(values) != before:
-            raise _BrokenError(
+            raise BrokenError(
                 f"is damaged in tick {message.tick}: {len(values)} values of {field} for {before} "
                 "joints"
             )
@@ -263,18 +263,21 @@ def _refuse_other_format(path: Path, snapshot: bytes) -> None:
 
 
 def _topic(message: Message, topics: Mapping[int, str]) -> str:
-    """Topic of a message. Raises _BrokenError if it names a channel that does not exist."""
+    """Topic of a message. Raises BrokenError if it names a channel that does not exist."""
     if message.channel_id not in topics:
-        raise _BrokenError(f"is damaged: no channel {message.channel_id}")
+        raise BrokenError(f"is damaged: no channel {message.channel_id}")
     return topics[message.channel_id]
 
 
-class _BrokenError(Exception):
+class BrokenError(Exception):
     """Damage of a file; `read_log` adds how far it was read."""
 
 
-def _records(path: Path, stream: IO[bytes]) -> Iterator[Any]:
-    """Records of an MCAP file of contactd; every failure of the library becomes one of ours."""
+def mcap_records(path: Path, stream: IO[bytes], *, ours: bool = True) -> Iterator[Any]:
+    """Records of an MCAP file, one of contactd unless it need not be `ours`.
+
+    Every failure of the library becomes a BrokenError; LogError where it is no such file.
+    """
     begin = stream.read(len(MAGIC))
     if not begin:
         raise LogError(f"{path} is empty")
@@ -291,8 +294,8 @@ def _records(path: Path, stream: IO[bytes]) -> Iterator[Any]:
             return
         except Exception as error:  # garbage makes the library raise nearly anything
             if stream.tell() >= size:
-                raise _BrokenError("ends in the middle") from error
-            raise _BrokenError(f"is damaged ({error})") from error
-        if isinstance(found, Header) and found.profile != PROFILE:
+                raise BrokenError("ends in the middle") from error
+            raise BrokenError(f"is damaged ({error})") from error
+        if ours and isinstance(found, Header) and found.profile != PROFILE:
             raise LogError(f"{path} is an MCAP file, but not a recording of contactd")
         yield found

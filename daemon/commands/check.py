@@ -13,8 +13,8 @@ from daemon.assembly import build_setups
 from daemon.commands.felt_poses import felt_over_poses
 from daemon.config.bounds import near
 from daemon.config.checks import suspects
+from daemon.config.evidence import unarmable
 from daemon.config.explanations import explain
-from daemon.config.identified import unarmable
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.config.worst_loads import Load, worst_loads

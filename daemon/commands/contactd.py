@@ -303,8 +303,8 @@ def _identification(step: Any) -> Any:
                      help="Robot's folder; by default that of the running daemon."),
         click.option("--log", "logs", type=PATH, multiple=True,
                      metavar="FILE",
-                     help="Learn from a recording (.mcap, may be repeated) or a .csv, "
-                     "instead of moving the arm."),
+                     help="Learn from a recording (.mcap, may be repeated) or a log of another "
+                     "program (docs/logs.md), instead of moving the arm."),
         click.option("--dry-run", is_flag=True, help="Write no results and no pictures."),
         SOCKET,
     ]  # fmt: skip
@@ -344,6 +344,34 @@ def gap(joints: tuple[str, ...], by_hand: bool, **asked: Any) -> None:
 
 @identify.command()
 @click.option("--seconds", default=60.0, show_default=True, type=Range(20, 600))
+@click.option("--shortest", default=20.0, show_default=True, type=Range(5, 600),
+              help="Motion that a log must have [s]; less than 20 at your own risk.")  # fmt: skip
+@_identification
+def masses(seconds: float, shortest: float, **asked: Any) -> None:
+    """Move all joints, without contact and with an empty hand: masses and centres of the links.
+
+    Needed where the URDF's are wrong: `friction` says so. They count in the place of the URDF's,
+    which stays as it is; friction and thresholds are identified after them.
+    """
+    with _begin(**asked) as identification:
+        sys.exit(0 if identification.masses(seconds, shortest) else 1)
+
+
+@identify.command()
+@click.argument("name")
+@click.option("--seconds", default=10.0, show_default=True, type=Range(8, 120))
+@_identification
+def payload(name: str, seconds: float, **asked: Any) -> None:
+    """Move all joints with a load in the hand: its mass and centre, for `contactctl payload NAME`.
+
+    A load so heavy that it is taken for a collision is told roughly before: `contactctl payload`.
+    """
+    with _begin(**asked) as identification:
+        sys.exit(0 if identification.payload(name, seconds) else 1)
+
+
+@identify.command()
+@click.option("--seconds", default=60.0, show_default=True, type=Range(20, 600))
 @click.option("--shortest", default=10.0, show_default=True, type=Range(5, 600),
               help="Motion that a log must have [s]; less than 10 at your own risk.")  # fmt: skip
 @_identification
@@ -351,6 +379,20 @@ def friction(seconds: float, shortest: float, **asked: Any) -> None:
     """Move all joints, without contact: friction and rotor inertia."""
     with _begin(**asked) as identification:
         sys.exit(0 if identification.friction(seconds, shortest) else 1)
+
+
+@identify.command()
+@click.argument("joints", nargs=-1, metavar="[JOINT]...")
+@click.option("--seconds", default=120.0, show_default=True, type=Range(20, 600))
+@_identification
+def encoders(joints: tuple[str, ...], seconds: float, **asked: Any) -> None:
+    """Move all joints slowly through their ranges: what do link encoders err with each turn?
+
+    Arming does without. What is found is taken off the samples from the next start on. It takes
+    position encoders at the motors.
+    """
+    with _begin(**asked) as identification:
+        sys.exit(0 if identification.encoders(joints, seconds) else 1)
 
 
 @identify.command()

@@ -131,7 +131,7 @@ def table(arms: Sequence["Arm"], now_s: float) -> "Table":
         row = _row(arm, now_s)
         style = "dim" if row["silent_s"] is not None else {1: "yellow", 2: "red"}.get(arm.level, "")
         shown = {"true": "armed"}.get(arm.armed, "")
-        cells = (arm.name, row["state"], arm.mode, shown, arm.text, arm.contact)
+        cells = (arm.name, row["state"], arm.mode, shown, arm.says, arm.contact)
         made.add_row(*[Text(cell) for cell in cells], style=style)
     return made
 
@@ -145,6 +145,6 @@ def _row(arm: "Arm", now_s: float) -> dict[str, Any]:
         "mode": arm.mode,
         "armed": arm.armed == "true",
         "level": arm.level.name,
-        "text": arm.text,
+        "text": arm.says,
         "contact": arm.contact,
     }

@@ -77,11 +77,11 @@ def balance_of(c: "Configuration", urdf: str) -> "Balance":
     import numpy as np
 
     from daemon.commands.felt_poses import poses_within
+    from daemon.config.dynamics import model_of
     from daemon.config.motion import row, virtual_mass_of
     from daemon.motion.balance import balanced, levers
-    from estimator.model import Model
 
-    model, poses = Model(urdf, c.joint_names), poses_within(c)
+    model, poses = model_of(c, urdf), poses_within(c)
     return balanced(
         levers(np.array([model.tool_jacobian(q) for q in poses])),
         row(c, lambda j: j.thresholds.contact),

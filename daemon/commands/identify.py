@@ -13,9 +13,11 @@ from typing import Protocol
 from rich.console import Console
 
 from daemon.clients.client import Client
-from daemon.config.identified import write_identified
+from daemon.config.identified import Identified, write_identified
 from daemon.config.load import Robot, load_robot
-from daemon.config.schema import Configuration, Step
+from daemon.config.schema import AnyStep, Configuration
+from daemon.identify.bodies import masses_step, merged_payloads, payload_step, refuse_name
+from daemon.identify.encoders import encoders_step
 from daemon.identify.levels import thresholds_step
 from daemon.identify.live_arm import LiveArm, open_session
 from daemon.identify.live_strokes import UnobservableError
@@ -50,6 +52,15 @@ class Source(Protocol):
     def friction(self, seconds: float) -> Measured:
         """Measurements of all joints, moved without contact."""
 
+    def masses(self, seconds: float) -> Measured:
+        """Measurements of all joints, moved without contact and with an empty hand."""
+
+    def payload(self, name: str, seconds: float) -> Measured:
+        """Measurements of all joints, moved without contact and with a load in the hand."""
+
+    def encoders(self, seconds: float) -> Measured:
+        """Measurements of all joints, moved without contact, that tell the errors of encoders."""
+
     def thresholds(self, seconds: float) -> Measured:
         """Measurements of all joints, moved without contact, with residuals."""
 
@@ -78,7 +89,10 @@ class Recorded:
     def friction(self, seconds: float) -> Measured:
         return self._read()
 
-    thresholds = friction
+    masses = thresholds = encoders = friction
+
+    def payload(self, name: str, seconds: float) -> Measured:
+        return self._read()
 
     def conclude(self, step: str, stamp: str) -> None:
         """Do nothing: a log remains as it is."""
@@ -141,7 +155,8 @@ class Identification:
                 line = Line(name, "by hand", good=False, reason=str(error))
                 outcomes.append(self._conclude("gap", f"{step}-{name}", Outcome([line], {})))
                 continue
-            outcome = gap_step(self._robot, measured, [name], now())
+            with self._console.status(f"fitting the gap of {name} to it"):
+                outcome = gap_step(self._robot, measured, [name], now())
             i = measured.log.joints.index(name)
             picture = self._folder / f"gap-{name}.png"
             found = outcome.gaps[0]
@@ -154,23 +169,51 @@ class Identification:
     def friction(self, seconds: float, shortest_s: float) -> bool:
         """Identify friction and rotor inertia of all joints, from no less than `shortest_s`."""
         measured = self._source.friction(seconds)
-        outcome = friction_step(self._robot, measured, now(), shortest_s)
+        with self._console.status("fitting friction and rotors to it"):
+            outcome = friction_step(self._robot, measured, now(), shortest_s)
         good = self._conclude("friction", "friction", outcome)
         if outcome.shown is not None:
             self._draw(partial(plot_friction, measured.log, outcome.shown, self._folder))
         return good
 
+    def masses(self, seconds: float, shortest_s: float) -> bool:
+        """Identify what the joints move, from no less than `shortest_s`."""
+        measured = self._source.masses(seconds)
+        with self._console.status("fitting masses to it"):
+            outcome = masses_step(self._robot, measured, now(), shortest_s)
+        return self._conclude("masses", "masses", outcome)
+
+    def payload(self, name: str, seconds: float) -> bool:
+        """Identify the load in the hand, for `contactctl payload NAME`."""
+        refuse_name(name)
+        outcome = payload_step(self._robot, self._source.payload(name, seconds), name, now())
+        print_outcome(self._console, outcome, len(name))
+        if outcome.payloads and not self._dry:
+            self._write(merged_payloads(self._robot, outcome.payloads))
+            self._written.append(name)
+        self._source.conclude("payload", now())
+        return bool(outcome.payloads)
+
+    def encoders(self, named: tuple[str, ...], seconds: float) -> bool:
+        """Find what link encoders err with each turn."""
+        joints = self.joints(named)
+        measured = self._source.encoders(seconds)
+        with self._console.status("fitting errors of encoders to it"):
+            outcome = encoders_step(self._robot, measured, joints, now())
+        return self._conclude("encoders", "encoders", outcome)
+
     def thresholds(self, seconds: float, per_hour: float, *, it_was_me: bool = False) -> bool:
         """Identify two levels per joint; it_was_me: every touch that is found was the person's."""
         measured = self._source.thresholds(seconds)
-        outcome = thresholds_step(self._robot, measured, per_hour, now(), it_was_me=it_was_me)
+        with self._console.status("finding levels in it"):
+            outcome = thresholds_step(self._robot, measured, per_hour, now(), it_was_me=it_was_me)
         # Asked whether it was the person, what was measured waits for the answer.
         asked = any(line.verdict == LevelVerdict.UNLESS_YOU for line in outcome.lines)
         return self._conclude("thresholds", "thresholds", outcome, more=asked)
 
     def _conclude(
         self,
-        step: Step,
+        step: AnyStep,
         name: str,
         outcome: Outcome,
         *,
@@ -180,13 +223,16 @@ class Identification:
         print_outcome(self._console, outcome, width)
         if outcome.entries and not self._dry:
             found = merged(self._robot, step, outcome.entries, self._source.serials())
-            write_identified(self._robot.folder / self._robot.configuration.identified, found)
-            self._robot = replace(self._robot, identified=found)
+            self._write(found)
             self._written += outcome.entries
         self._missed += [line.joint for line in outcome.lines if not line.good]
         if not more:
             self._source.conclude(name, now())
         return all(line.good for line in outcome.lines)
+
+    def _write(self, found: Identified) -> None:
+        write_identified(self._robot.folder / self._robot.configuration.identified, found)
+        self._robot = replace(self._robot, identified=found)
 
     def _draw(self, draw: Callable[[], list[Path]]) -> None:
         if self._dry:

@@ -27,7 +27,7 @@ FILE = click.argument("file", type=PATH, callback=_recording)
 @click.command()
 @FILE
 @click.option("--config", type=PATH,
-              help="Robot's folder, for a CSV, which does not say what arm it is of.")  # fmt: skip
+              help="Robot's folder, for a log of another program.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON.")
 def replay(file: Path, config: Path | None, as_json: bool) -> None:
     """Say what a recording holds, and whether its estimates still come out the same.
@@ -37,18 +37,20 @@ def replay(file: Path, config: Path | None, as_json: bool) -> None:
     shown. Exit status 0 only if the recording is whole and bit-identical; 65 for one that this
     version cannot compare.
 
-    Of a CSV as `contactd identify --log` takes it, residuals and contacts by the estimator of
-    --config.
+    Of a log of another program, as `contactd identify --log` takes it, residuals and contacts by
+    the estimator of --config.
     """
-    if file.suffix.lower() == ".csv":
+    from daemon.identify.log_names import is_foreign
+
+    if is_foreign(file):
         if config is None:
-            raise click.UsageError("a CSV needs --config: the robot's folder")
+            raise click.UsageError("a log of another program needs --config: the robot's folder")
         from daemon.commands.replay_log import print_log
 
         print_log(file, config, as_json=as_json)
         return
     if config is not None:
-        raise click.UsageError("--config is for a CSV: a recording has its own")
+        raise click.UsageError("--config is for a log of another program: a recording has its own")
     from daemon.commands.replay import print_replay
 
     sys.exit(0 if print_replay(file, as_json=as_json) else 1)

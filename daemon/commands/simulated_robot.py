@@ -99,6 +99,12 @@ def as_configured(robot: Robot) -> SimulationFile:
     would change with every identification. Raises ConfigurationError for what the simulator lacks.
     """
     configuration = robot.by_hand or robot.configuration
+    for joint in configuration.joints:
+        if joint.body is not None:
+            raise ConfigurationError(
+                f"{robot.path}: joints.{joint.name}.body: the simulated arm has the URDF's masses; "
+                "write these there"
+            )
     model = Model(robot.urdf, configuration.joint_names)
     data = {
         "joints": [

@@ -13,12 +13,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from daemon.config.dynamics import model_of
 from daemon.config.problem import Keys, Problem, at, figure
 from daemon.config.schema import Configuration, Joint
 from daemon.config.worst_loads import Load, worst_loads
 from daemon.faults.detector import patience_deaf
 from estimator.estimate import SENSED_PERIODS
-from estimator.model import Model
 from estimator.transmission import stiction_range
 from estimator.urdf import MovedLink, moved_links
 
@@ -102,7 +102,7 @@ def near(c: Configuration, urdf: str) -> list[Problem]:
 
 def bounded(c: Configuration, urdf: str) -> Iterator[Bounded]:
     """Every bounded figure of a configuration."""
-    model = Model(urdf, c.joint_names)
+    model = model_of(c, urdf)
     reach = max(model.reach, LEAST_REACH)
     weight = GRAVITY * model.mass * reach
     yield from _sensing(c)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from daemon.config.bounds import beyond
 from daemon.config.counts import unrepresentable
+from daemon.config.dynamics import model_of
 from daemon.config.mistakes import likely_mistakes
 from daemon.config.problem import Keys, Problem, at, figure
 from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits, drive_of
@@ -17,7 +18,7 @@ from drivers.can.bus_load import refuse_overload
 from drivers.codec import LayoutError
 from drivers.settings import PdoEntry
 from errors import ConfigurationError, ModelError
-from estimator.model import Model
+from estimator.body_inertia import refuse_impossible
 from estimator.payload import Payload
 
 
@@ -50,7 +51,7 @@ def suspects(c: Configuration, urdf: str, folder: Path) -> list[Problem]:
     """What most likely is not meant; nothing where URDF or EDS cannot be read, or the joints of
     both are others."""
     try:
-        Model(urdf, c.joint_names)
+        model_of(c, urdf)
         sheets = {name: load_data_sheet(folder / drive.eds) for name, drive in c.drives.items()}
     except (ModelError, ConfigurationError):
         return []
@@ -99,6 +100,11 @@ def _joints(c: Configuration) -> Iterator[Problem]:
                 f"{joint.thresholds.contact:g} must be less than collision "
                 f"({joint.thresholds.collision:g})",
             )
+        if joint.body is not None:
+            try:
+                refuse_impossible(joint.name, joint.body)
+            except ModelError as error:
+                yield Problem(*at(i, joint, "body", "inertia"), str(error))
         spring = joint.gap_spring
         if joint.half_gap == 0 and (spring.stiffness > 0 or spring.damping > 0):
             yield Problem(
@@ -252,7 +258,7 @@ def _poses(c: Configuration) -> Iterator[Problem]:
 
 def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
     try:
-        model = Model(urdf, c.joint_names)
+        model = model_of(c, urdf)
     except ModelError as error:
         yield Problem(["urdf"], f"urdf ({c.urdf})", str(error))
         return
@@ -280,23 +286,24 @@ def _meant(limits: JointLimits, lower: float, upper: float) -> str:
 def _payloads(c: Configuration, urdf: str) -> Iterator[Problem]:
     if not c.payloads:
         return
-    model, carrying = Model(urdf, c.joint_names), Carrying(c, urdf)
+    model, carrying = model_of(c, urdf), Carrying(c, urdf)
     for name, entry in c.payloads.items():
         keys: list[str | int] = ["payloads", name]
         where = f"payloads.{name}"
-        if name == NO_PAYLOAD or _is_number(name):
+        if not names_payload(name):
             yield Problem(keys, where, "a name that `contactctl payload` takes for something else")
         com = model.tool_place.tolist() if entry.com is None else entry.com
         for reason in carrying.too_heavy(Payload.of(entry.mass, com)):
             yield Problem([*keys, "mass"], f"{where}.mass", reason)
 
 
-def _is_number(name: str) -> bool:
+def names_payload(name: str) -> bool:
+    """True if `contactctl payload` can take such a word for the name of a payload."""
     try:
         float(name)
     except ValueError:
-        return False
-    return True
+        return name != NO_PAYLOAD
+    return False
 
 
 def _load(c: Configuration) -> Iterator[Problem]:

@@ -120,6 +120,9 @@ EXPLANATIONS: dict[str, Explanation] = {
                                       "where the URDF's joint is 0 [rad]",
                                       "put the joint at 0 and turn the sign of what is read",
                                       "-3.14 to 3.14"),
+        "joints.wiring.link_correction": ("what the link encoder errs with each of its turns [rad]",
+                                          "`contactd identify encoders` writes it; leave it out",
+                                          "none, or 0.0001 to 0.001 once or twice per turn"),
         "joints.wiring.rated_torque_Nm": ("rated torque at the motor's shaft [Nm]; or left out",
                                           "data sheet of the motor; 0x6076 [mNm]", "0.01 to 1"),
         "joints.wiring.serial": ("serial number of the drive; may be left out",
@@ -159,6 +162,8 @@ EXPLANATIONS: dict[str, Explanation] = {
         "joints.virtual_mass_s": ("time constant of yielding; may be left out [s]",
                                   "docs/admittance.md", "0.05"),
         "joints.gap_spring": ("correction at the borders of the gap", "only from a fit", "none"),
+        "joints.body": ("mass, centre of mass and tensor of what the joint moves, in place of the "
+                        "URDF's", "`contactd identify masses`; otherwise correct the URDF", "none"),
         "joints.known": ("steps of `contactd identify` that the joint does without, and how else "
                          "its values are known", "data sheets, in words", "none"),
         "joints.end": ("state of the joint when the daemon ends", "brake, where there is one",

@@ -1,8 +1,7 @@
 """`identified.yaml`: the parameters that `contactd identify` found, beside the configuration.
 
 Each joint has an entry per step, written when the step passed. Values here replace those of
-`config.yaml`; the daemon refuses to arm with a file that belongs to other drives or to another
-configuration of them.
+`config.yaml`; what the file is worth as evidence says `evidence`.
 """
 
 import os
@@ -14,33 +13,28 @@ import msgspec
 import yaml
 from msgspec import Meta
 
-from daemon.config.marks import fingerprint, marks
 from daemon.config.problem import Keys
-from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels, Step
-from daemon.protocol.messages import printable
-from drivers.settings import Settings
+from daemon.config.schema import (
+    Configuration,
+    Friction,
+    GapSpring,
+    Joint,
+    Levels,
+    PayloadEntry,
+)
+from drivers.settings import Harmonic, Name, Settings
 from errors import ConfigurationError
+from estimator.body_inertia import BodyInertia
+from estimator.payload import Mass, Place
 
 # Step of the identification that finds each of these fields of a joint.
 _STEP_OF = {
     "half_gap": "gap",
+    "body": "masses",
     "friction": "friction",
     "gap_spring": "friction",
     "rotor_inertia": "friction",
     "thresholds": "thresholds",
-}
-# What arming needs beside the wiring, in the order in which it is identified.
-_PARAMETERS: tuple[tuple[Step, str, str], ...] = (
-    ("gap", "the gap", "`contactd identify gap JOINT`"),
-    ("friction", "the friction", "`contactd identify friction`"),
-    ("thresholds", "the thresholds", "`contactd identify thresholds`"),
-)
-# What voids each of them, in words (`daemon.config.marks`).
-_CHANGED: dict[Step, str] = {
-    "wiring": "drives, wiring, torque constants, period or the URDF's joints",
-    "gap": "drives, wiring, period or the URDF's joints",
-    "friction": "drives, wiring, torque constants, period or URDF",
-    "thresholds": "drives, wiring, torque constants, period or URDF",
 }
 NotNegative = Annotated[float, Meta(ge=0)]
 
@@ -59,12 +53,29 @@ class WiringEntry(Entry, frozen=True):
     follows: float  # link motion over motor motion
 
 
+class EncodersEntry(Entry, frozen=True):
+    """Error of the link's encoder that repeats with its turn, and how much of phi's scatter at the
+    borders it leaves on held-out motion."""
+
+    link_correction: list[Harmonic]
+    left: float
+
+
 class GapEntry(Entry, frozen=True):
     """Half-gap [rad] and half its 95 % interval; skew between the encoders, where it showed."""
 
     half_gap: Annotated[float, Meta(ge=0, le=0.5)]
     confidence: NotNegative
     skew_ms: float | None = None
+
+
+class MassesEntry(Entry, frozen=True):
+    """What the joint moves, and |r| (rms) [Nm] on motion that it was not fitted to, by the URDF and
+    by this."""
+
+    body: BodyInertia
+    by_urdf: NotNegative
+    by_this: NotNegative
 
 
 class FrictionEntry(Entry, frozen=True):
@@ -113,9 +124,21 @@ class IdentifiedJoint(Settings, frozen=True):
 
     serial: int | None = None  # 0x1018:4; None where the drive keeps it to itself
     wiring: WiringEntry | None = None
+    encoders: EncodersEntry | None = None
     gap: GapEntry | None = None
+    masses: MassesEntry | None = None
     friction: FrictionEntry | None = None
     thresholds: ThresholdsEntry | None = None
+
+
+class IdentifiedPayload(Entry, frozen=True):
+    """A load that was weighed in motion, with the standard errors of its mass [kg] and of its
+    centre [m]; `payloads` of config.yaml says the frame."""
+
+    mass: Mass
+    com: tuple[Place, Place, Place]
+    mass_error: NotNegative
+    com_error: NotNegative
 
 
 class Identified(Settings, frozen=True):
@@ -124,6 +147,7 @@ class Identified(Settings, frozen=True):
     version: Literal[1] = 1
     configuration: str = ""  # `fingerprint`, for entries without a mark of their own
     joints: dict[str, IdentifiedJoint] = msgspec.field(default_factory=dict)
+    payloads: dict[Name, IdentifiedPayload] = msgspec.field(default_factory=dict)
 
 
 def samples_alike(a: Configuration, b: Configuration) -> bool:
@@ -140,7 +164,7 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
 
     def about(c: Configuration) -> object:
         joints = [
-            (j.torque_constant, j.rotor_inertia, j.half_gap, j.friction, j.gap_spring)
+            (j.torque_constant, j.rotor_inertia, j.half_gap, j.friction, j.gap_spring, j.body)
             for j in c.joints
         ]
         return c.estimator, joints
@@ -150,8 +174,11 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
 
 def applied(c: Configuration, found: Identified) -> Configuration:
     """Configuration in which identified values replace those written by hand."""
+    weighed = {name: PayloadEntry(mass=p.mass, com=p.com) for name, p in found.payloads.items()}
     return msgspec.structs.replace(
-        c, joints=[_applied(joint, found.joints.get(joint.name)) for joint in c.joints]
+        c,
+        joints=[_applied(joint, found.joints.get(joint.name)) for joint in c.joints],
+        payloads=c.payloads | weighed,
     )
 
 
@@ -159,8 +186,13 @@ def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
     if found is None:
         return joint
     changes: dict[str, object] = {}
+    if found.encoders is not None:
+        correction = found.encoders.link_correction
+        changes["wiring"] = msgspec.structs.replace(joint.wiring, link_correction=correction)
     if found.gap is not None:
         changes["half_gap"] = found.gap.half_gap
+    if found.masses is not None:
+        changes["body"] = found.masses.body
     if found.friction is not None:
         changes["friction"] = found.friction.friction
         rigid = changes.get("half_gap", joint.half_gap) == 0.0
@@ -182,110 +214,9 @@ def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> K
             # Of a rotor that the current does not show the entry has no value.
             if getattr(entry, field, None) is not None:
                 return ["joints", name, step, field, *rest]
+        case ["payloads", str(name), *_] if found and name in found.payloads:
+            return keys
     return []
-
-
-def objections(
-    found: Identified | None, c: Configuration, urdf: str, serials: dict[str, int | None]
-) -> list[str]:
-    """Reasons not to arm this arm with this file; empty if there are none.
-
-    `serials` are those of the drives that answered, by joint. Simulated arms are no exception:
-    those of `configs/` come with a file of their own, which fits no other drives.
-    """
-    reasons = []
-    if names := outdated("wiring", found, c, urdf):
-        reasons.append(
-            f"the wiring of {', '.join(names)} in {c.identified} belongs to another configuration: "
-            f"{_CHANGED['wiring']} were changed since (`contactd identify wiring` again)"
-        )
-    for joint in c.joints:
-        known = found.joints.get(joint.name) if found is not None else None
-        if (
-            known is not None
-            and known.wiring is not None
-            and known.serial != (serial := serials.get(joint.name))
-        ):
-            reasons.append(
-                f"{joint.name} was identified on drive {known.serial}, this is drive {serial}"
-            )
-    if names := unidentified("wiring", found, c):
-        reasons.append(
-            f"the wiring of {', '.join(names)} was never checked (`contactd identify wiring`)"
-        )
-    return reasons
-
-
-def unidentified(step: Step, found: Identified | None, c: Configuration) -> list[str]:
-    """Joints that a step of the identification has not passed, and that are not known otherwise.
-    Without that of the wiring a sign may be wrong, and every loop over the links drives them
-    away."""
-    entries = found.joints if found is not None else {}
-    return [
-        joint.name
-        for joint in c.joints
-        if step not in joint.known and getattr(entries.get(joint.name), step, None) is None
-    ]
-
-
-def outdated(step: Step, found: Identified | None, c: Configuration, urdf: str) -> list[str]:
-    """Joints that passed a step before something was changed that it depends on, and that are not
-    known otherwise."""
-    if found is None:
-        return []
-    mark = marks(c, urdf)[step]
-    of_all = found.configuration == fingerprint(c, urdf)
-    entries = {name: getattr(joint, step) for name, joint in found.joints.items()}
-    return [
-        joint.name
-        for joint in c.joints
-        if step not in joint.known
-        and (entry := entries.get(joint.name)) is not None
-        and not (entry.of == mark if entry.of else of_all)
-    ]
-
-
-def unarmable(found: Identified | None, c: Configuration, urdf: str) -> list[str]:
-    """Reasons why this arm will not be armed, whichever drives answer; empty if there are none."""
-    entries = found.joints if found is not None else {}
-    same = {name: entry.serial for name, entry in entries.items()}
-    return [*objections(found, c, urdf, same), *parameters_missing(found, c, urdf)]
-
-
-def parameters_missing(found: Identified | None, c: Configuration, urdf: str) -> list[str]:
-    """Reasons not to arm: the gaps, friction and thresholds that the file does not have, or that
-    something was changed for since, each with the command to run; empty if there are none."""
-    reasons = []
-    for step, what, command in _PARAMETERS:
-        if names := unidentified(step, found, c):
-            reasons.append(
-                f"{what} of {', '.join(names)} not identified ({command}; or, known otherwise, say "
-                f"how: `known: {{{step}: ...}}` in config.yaml)"
-            )
-        if names := outdated(step, found, c, urdf):
-            reasons.append(
-                f"{what} of {', '.join(names)} identified before {_CHANGED[step]} were changed "
-                f"({command} again)"
-            )
-    return reasons
-
-
-def parameters_known(found: Identified | None, c: Configuration) -> str:
-    """Evidence that the parameters are right: identified, or how else they are known."""
-    entries = found.joints if found is not None else {}
-    said: dict[tuple[str, str], list[str]] = {}
-    for joint in c.joints:
-        for step, how in joint.known.items():
-            if getattr(entries.get(joint.name), step, None) is not None:
-                continue
-            said.setdefault((step, how), []).append(joint.name)
-    if not said:
-        return "gap, friction and thresholds of every joint are identified"
-    everywhere = [joint.name for joint in c.joints]
-    return "known otherwise: " + "; ".join(
-        f"{step} of {'all' if names == everywhere else ', '.join(names)}: {printable(how)}"
-        for (step, how), names in said.items()
-    )
 
 
 def write_identified(path: Path, found: Identified) -> None:

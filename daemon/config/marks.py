@@ -4,15 +4,16 @@
 |---|---|
 | drives, wiring, gear, period, or the URDF's joints and frames | all steps |
 | torque constants | all but the gap |
-| the URDF's masses | friction, thresholds |
-| limits, gains, the URDF's pictures | none |
+| the URDF's masses | masses, friction, thresholds |
+| identified masses | friction, thresholds |
+| limits, gains, corrections of the encoders, the URDF's pictures | none |
 """
 
 import hashlib
 
 import msgspec
 
-from daemon.config.schema import Configuration, Step
+from daemon.config.schema import AnyStep, Configuration, Joint
 from estimator.urdf import parsed
 
 _JOINT = ("origin", "axis", "parent", "child", "mimic")
@@ -21,24 +22,35 @@ _JOINT = ("origin", "axis", "parent", "child", "mimic")
 def fingerprint(c: Configuration, urdf: str) -> str:
     """SHA-256 of everything in a configuration that changes what any measurement means, the URDF
     letter by letter: the one mark of files of before."""
-    joints = [(joint.name, joint.wiring, joint.torque_constant) for joint in c.joints]
+    joints = [(joint.name, _wiring(joint), joint.torque_constant) for joint in c.joints]
     return _digest((_drives(c), joints, c.period_ms, urdf))
 
 
-def marks(c: Configuration, urdf: str) -> dict[Step, str]:
+def marks(c: Configuration, urdf: str) -> dict[AnyStep, str]:
     """SHA-256 of what each step depends on. Old values do not count; nor does which product may
     answer, for a drive is known by its serial number."""
     geometry, masses = _urdf(urdf)
-    wiring = [(joint.name, joint.wiring) for joint in c.joints]
+    wiring = [(joint.name, _wiring(joint)) for joint in c.joints]
     everything = (_drives(c), wiring, c.period_ms, geometry)
     constants = [joint.torque_constant for joint in c.joints]
     moving = _digest((everything, constants, masses))
+    bodies = {joint.name: joint.body for joint in c.joints if joint.body is not None}
+    moved = _digest((moving, bodies)) if bodies else moving
     return {
         "wiring": _digest((everything, constants)),
+        "encoders": _digest(everything),
         "gap": _digest(everything),
-        "friction": moving,
-        "thresholds": moving,
+        "masses": moving,
+        "friction": moved,
+        "thresholds": moved,
     }
+
+
+def _wiring(joint: Joint) -> object:
+    """Without half a milliradian of the link's encoder, which no step answers for."""
+    wiring = msgspec.to_builtins(joint.wiring)
+    del wiring["link_correction"]
+    return wiring
 
 
 def _drives(c: Configuration) -> object:

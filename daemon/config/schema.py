@@ -9,6 +9,7 @@ from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.motion.admittance import MAX_GAIN
 from drivers.drive import Drive
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
+from estimator.body_inertia import BodyInertia
 from estimator.payload import Mass, Place
 from estimator.settings import EstimatorSettings
 
@@ -59,8 +60,10 @@ class JointLimits(Settings, frozen=True):
     quick_stop: Annotated[float, Meta(gt=0, le=1000)]  # the drive's own deceleration
 
 
-Step = Literal["wiring", "gap", "friction", "thresholds"]
-"""Step of `contactd identify`: what of a joint it finds."""
+Step = Literal["wiring", "gap", "masses", "friction", "thresholds"]
+"""Step of `contactd identify` that arming looks at: what of a joint it finds."""
+AnyStep = Literal[Step, "encoders"]
+"""Step of `contactd identify`, also one that arming does without."""
 
 
 class Joint(Settings, frozen=True):
@@ -77,6 +80,8 @@ class Joint(Settings, frozen=True):
     admittance_gain: Annotated[float, Meta(ge=0, le=MAX_GAIN)]  # K_a [rad/s per Nm]
     virtual_mass_s: VirtualMass | None = None  # instead of `admittance.virtual_mass_s`
     gap_spring: GapSpring = GapSpring()
+    # All that the joint moves up to the next joints, in place of what the URDF says of it.
+    body: BodyInertia | None = None
     # Steps of `contactd identify` that this joint does without, each with how else its values here
     # are known: `{gap: "data sheet: none"}`. Without either, `arm` is refused. For a copy of
     # somebody else's arm this is not true: leave it out.

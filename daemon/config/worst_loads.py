@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from arrays import Matrix
+from daemon.config.dynamics import model_of
 from daemon.config.schema import Configuration, Joint
-from estimator.model import Model
 from estimator.payload import Payload
 
 _POSES = 2000
@@ -34,7 +34,7 @@ def worst_loads(c: Configuration, urdf: str) -> list[Load]:
 
     The poses are random, always the same; the true maximum is up to some per cent more.
     """
-    model = Model(urdf, c.joint_names)
+    model = model_of(c, urdf)
     poses = _poses(c)
     gravity = np.max([np.abs(model.gravity(q)) for q in poses], axis=0)
     inertia = np.max([model.inertia(q) for q in poses], axis=0)
@@ -49,7 +49,7 @@ class Carrying:
     without, beside the torques of its motors."""
 
     def __init__(self, c: Configuration, urdf: str) -> None:
-        model = Model(urdf, c.joint_names)
+        model = model_of(c, urdf)
         poses = _poses(c)
         self._names = c.joint_names
         self._motor = np.array([peak_torque(joint) for joint in c.joints])

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from daemon.faults.symptoms import advice_of
 from daemon.faults.table import TABLE, Condition, Response
 
 
@@ -27,7 +28,7 @@ class Finding:
     @property
     def advice(self) -> str:
         """What a person at the arm does about it."""
-        return TABLE[self.condition].advice
+        return advice_of(self.condition)
 
     def __str__(self) -> str:
         words = f"{self.condition.value}: {self.text}" if self.text else self.condition.value
@@ -38,7 +39,7 @@ def advice_on(cause: str) -> str:
     """Advice of the condition that a cause begins with, as `str(Finding)` writes it; empty where
     it begins with none."""
     begins = cause.partition(":")[0].partition(" (")[0]
-    return TABLE[Condition(begins)].advice if begins in set(Condition) else ""
+    return advice_of(Condition(begins)) if begins in set(Condition) else ""
 
 
 def strongest(findings: tuple[Finding, ...]) -> Finding | None:

@@ -1,14 +1,15 @@
-"""Logs of anybody's arm as CSV files: the columns that a step needs, at even times."""
+"""Logs of anybody's arm, CSV or MCAP: the columns that a step needs, at even times."""
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from arrays import Matrix, Vector
-from daemon.identify.log_names import Place, Rows, beside, read_names
+from daemon.identify.log_names import NamedLog, Place, Rows, beside, read_names
+from daemon.identify.mcap_log import read_rows
 from daemon.protocol.messages import printable
 from errors import LogError
 from estimator.identification.motion_log import PAUSE_S, MotionLog
@@ -65,26 +66,14 @@ def read_csv(
 def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
     """Columns that any step may need, by name, in SI."""
     named = read_names(path)
-    try:
-        with open_text(path, newline="") as stream:
-            rows = csv.reader(stream)
-            header = [name.strip() for name in next(rows, [])]
-            places, which = _places(path, joints, header, named)
-            columns = sorted({place.column for place in places.values() if place.column})
-            columns += [which.column] if which else []
-            if twice := [name for name in columns if header.count(name) > 1]:
-                raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
-            at = [header.index(name) for name in columns]
-            values = []
-            for line, row in enumerate(rows, start=2):
-                if len(row) != len(header):
-                    raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
-                                   f"{len(header)}: is the file cut off?")  # fmt: skip
-                values.append(_numbers(path, line, [row[k] for k in at]))
-    except csv.Error as error:
-        raise LogError(f"{path}:{rows.line_num}: is not CSV: {error}") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"cannot read {path}: {error}") from error
+    header, rows = read_rows(path, named.topic if named else "") if is_mcap(path) else _rows(path)
+    places, which = _places(path, joints, header, named)
+    columns = sorted({place.column for place in places.values() if place.column})
+    columns += [which.column] if which else []
+    if twice := [name for name in columns if header.count(name) > 1]:
+        raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
+    at = [header.index(name) for name in columns]
+    values = [_numbers(path, line, [row[k] for k in at]) for line, row in rows]
     table = np.array(values, dtype=np.float64).reshape(-1, len(at))
     if which is not None:
         table = table[(table[:, -1] >= which.least) & (table[:, -1] <= which.most)]
@@ -96,11 +85,44 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
     }
 
 
+def is_mcap(path: Path) -> bool:
+    """True for a log whose rows are the messages of a topic."""
+    return path.suffix == ".mcap"
+
+
+def _rows(path: Path) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
+    """Names of a CSV's columns, and its rows with their line. Raises LogError, also while rows are
+    read."""
+
+    def lines() -> Iterator[tuple[int, list[str]]]:
+        rows = None
+        try:
+            with open_text(path, newline="") as stream:
+                rows = csv.reader(stream)
+                yield from enumerate(rows, start=1)
+        except csv.Error as error:
+            at = rows.line_num if rows else 1
+            raise LogError(f"{path}:{at}: is not CSV: {error}") from error
+        except (OSError, UnicodeDecodeError) as error:
+            raise LogError(f"cannot read {path}: {error}") from error
+
+    def whole() -> Iterator[tuple[int, list[str]]]:
+        for line, row in rest:
+            if len(row) != len(header):
+                raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
+                               f"{len(header)}: is the file cut off?")  # fmt: skip
+            yield line, row
+
+    rest = lines()
+    header = [name.strip() for name in next(rest, (1, []))[1]]
+    return header, whole()
+
+
 def _places(
     path: Path,
     joints: Sequence[str],
     header: list[str],
-    named: tuple[dict[str, Place], Rows | None] | None,
+    named: NamedLog | None,
 ) -> tuple[dict[str, Place], Rows | None]:
     """Where the quantities of these joints stand, and which rows count: by the file of names, or by
     the columns' own names."""
@@ -109,7 +131,8 @@ def _places(
         if "time" not in header:
             raise LogError(f"{path}: no column time")
         return {name: Place(name) for name in known if name in header}, None
-    places, which = {name: place for name, place in named[0].items() if name in known}, named[1]
+    places = {name: place for name, place in named.places.items() if name in known}
+    which = named.rows
     wanted = {name: place.column for name, place in places.items() if place.column}
     if which is not None:
         wanted["rows"] = which.column
@@ -121,7 +144,7 @@ def _places(
     return places, which
 
 
-def _numbers(path: Path, line: int, row: list[str]) -> list[float]:
+def _numbers(path: Path, line: int, row: Sequence[str | float]) -> list[float]:
     try:
         return [float(field) for field in row]
     except ValueError as error:

@@ -12,8 +12,10 @@ from daemon.config.motion import row
 from daemon.config.schema import Configuration, Levels
 from daemon.identify.measured import Measured
 from daemon.identify.steps import Line, Outcome
+from daemon.identify.swinging import told
 from daemon.tick.arming_checks import RAISED
 from errors import LogError
+from estimator.identification.limit_cycle import LimitCycle, limit_cycles
 from estimator.identification.thresholds import (
     LevelSettings,
     LevelsResult,
@@ -35,7 +37,11 @@ def thresholds_step(
     hidden = _hidden_at_rest(c)
     settings = replace(_level_settings(c, per_hour, hidden), it_was_me=it_was_me)
     log = measured.log
-    levels = identify_levels(log.joints, log.period_s, _motion(measured), settings)
+    levels = _standing(
+        identify_levels(log.joints, log.period_s, _motion(measured), settings),
+        limit_cycles(log, measured.reference),
+        c.control.position_gain,
+    )
     lines, entries, notes = [], dict[str, file.Entry](), list(measured.notes)
     notes += [f"{one.joint}: discarded {'; '.join(str(d) for d in one.discarded)}"
               for one in levels if one.discarded]  # fmt: skip
@@ -54,6 +60,19 @@ def thresholds_step(
         if good:
             entries[one.joint] = _level_entry(one, measured, per_hour, date)
     return Outcome(lines, entries, tuple(notes))
+
+
+def _standing(
+    levels: list[LevelsResult], cycles: list[LimitCycle], gain: float
+) -> list[LevelsResult]:
+    """Levels, without those of joints that swung: they would be those of an arm that swings."""
+    why = {cycle.joint: told([cycle], gain) for cycle in cycles if cycle.spoils}
+    return [
+        replace(one, verdict=LevelVerdict.SWINGS, reason=why[one.joint])
+        if one.joint in why and one.verdict is not LevelVerdict.STILL
+        else one
+        for one in levels
+    ]
 
 
 def _motion(measured: Measured) -> Motion:

@@ -1,5 +1,6 @@
 """Measurements from a live arm: its motions and the person's part in each step."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from arrays import Matrix
+from daemon.config.dynamics import model_of
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
 from daemon.faults.table import Condition
@@ -17,6 +19,8 @@ from daemon.identify.live_strokes import StrokesOfJoint, searched
 from daemon.identify.measured import Measured, read_measured, refuse_incompatible
 from daemon.identify.motions import (
     HAND_S,
+    REPEATS_S,
+    TURNS_S,
     WIDEST_GUESS,
     WIRING_TRAVEL,
     bounds_of,
@@ -28,10 +32,12 @@ from daemon.identify.session import (
     InterruptedStepError,
     Session,
     discarded,
+    load_felt,
     other_joint_touched,
     wiring_spoiled,
 )
 from daemon.identify.show import histogram
+from daemon.identify.swinging import SwingWatch
 from daemon.protocol.messages import State
 from errors import ConfigurationError, ContactdError, ControlError, ShortLogError
 from estimator.identification.gap import identify_gap
@@ -39,7 +45,6 @@ from estimator.identification.gap_result import CROSSINGS, GapResult
 from estimator.identification.gap_search import Strokes
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 from estimator.identification.wiring import OTHER_WAY, follows_both_ways, goes_against
-from estimator.model import Model
 
 REFRESH_S = 0.2
 JUDGE_S = 2.0
@@ -59,7 +64,7 @@ class LiveArm:
     def __init__(self, robot: Robot, session: Session, console: Console) -> None:
         self._session, self._console = session, console
         self._c, self._names = robot.configuration, robot.configuration.joint_names
-        self._model = Model(robot.urdf, self._names)
+        self._model = model_of(self._c, robot.urdf)
         if not samples_alike(session.configuration(), self._c):
             raise ConfigurationError(
                 f"drives, wiring or period in {robot.path} were changed since the daemon began: "
@@ -124,6 +129,24 @@ class LiveArm:
         """Move all joints along an excitation."""
         return self._excite("friction", seconds, seed=1)
 
+    def masses(self, seconds: float) -> Measured:
+        """Move all joints along a third excitation."""
+        return self._excite("masses", seconds, seed=3)
+
+    def payload(self, name: str, seconds: float) -> Measured:
+        """Move all joints along a short one, with the load in the hand."""
+        step = "payload"
+        self._forget(step)  # of another load, perhaps
+        motion = excitation(bounds_of(self._c), self._model, self._c.period_s, 4, seconds)
+        path = motion.path(np.array(self._session.hold().link_position), seconds)
+        text = f"all joints move with {name}, hands off"
+        self._move(step, text, path, warning=load_felt, to_go_on="The same command begins anew")
+        return self._read(step)
+
+    def encoders(self, seconds: float) -> Measured:
+        """Move all joints slowly through most of their range."""
+        return self._excite("encoders", seconds, seed=1, repeats_s=TURNS_S)
+
     def thresholds(self, seconds: float) -> Measured:
         """Move all joints along another excitation, and take the residuals, too."""
         if not residuals_alike(self._session.configuration(), self._c):
@@ -143,7 +166,7 @@ class LiveArm:
         here = np.array(self._session.hold().link_position)
         own = StrokesOfJoint.of(self._c, self._model, i, here)
         self._tell(own.announcement())
-        how = {
+        how: dict[str, Any] = {
             "warning": wiring_spoiled(joint),
             "touch_ends": True,
             "to_go_on": "The same command begins anew",
@@ -195,8 +218,17 @@ class LiveArm:
             self._console.line()  # which `Live` owes a file
         return self._read(step, gap_of=joint)
 
-    def _excite(self, step: str, seconds: float, seed: int, *, residuals: bool = False) -> Measured:
-        motion = excitation(bounds_of(self._c), self._model, self._c.period_s, seed)
+    def _excite(
+        self,
+        step: str,
+        seconds: float,
+        seed: int,
+        *,
+        residuals: bool = False,
+        repeats_s: float = REPEATS_S,
+    ) -> Measured:
+        bounds, period_s = bounds_of(self._c), self._c.period_s
+        motion = excitation(bounds, self._model, period_s, seed, repeats_s)
         already = 0.0
         if (before := self._before(step, residuals=residuals)) is not None:
             # Each began with the way to the excitation, which teaches little and does not count.
@@ -206,7 +238,8 @@ class LiveArm:
             self._tell(f"{already:.0f} s of {seconds:.0f} s are measured already")
         if seconds - already > 1.0:
             path = motion.path(np.array(self._session.hold().link_position), seconds - already)
-            self._move(step, "all joints move, hands off", path, warning=discarded)
+            watch = SwingWatch(self._names, self._c.control.position_gain)
+            self._move(step, "all joints move, hands off", path, watch.saw, warning=discarded)
         return self._read(step)
 
     def _before(self, step: str, *, residuals: bool = False) -> MotionLog | None:
@@ -223,7 +256,15 @@ class LiveArm:
         except ShortLogError:
             return None
 
-    def _move(self, step: str, text: str, path: Matrix, **how: Any) -> None:
+    def _move(
+        self,
+        step: str,
+        text: str,
+        path: Matrix,
+        remark: Callable[[State], str] = lambda _: "",
+        **how: Any,
+    ) -> None:
+        """Run a path with a bar for its progress; what `remark` says of a State is shown."""
         period = self._c.period_s
         columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
         progress = Progress(*columns, console=self._console)
@@ -232,6 +273,8 @@ class LiveArm:
         def each(state: State) -> bool:
             progress.start()  # not before the arm moves, which may be refused
             progress.advance(task, state.interval_s)
+            if said := remark(state):
+                self._session.say(said)
             return False
 
         try:

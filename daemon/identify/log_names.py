@@ -1,4 +1,4 @@
-"""Names and units of somebody else's CSV: a YAML of the same name beside it.
+"""Names and units of somebody else's CSV or MCAP: a YAML of the same name beside it.
 
     # ramps.yaml, beside ramps.csv
     time: {column: TIME, unit: s}
@@ -9,6 +9,7 @@
         motor_position: {column: POSITION, unit: turn, scale: 0.02}
         torque: {column: TORQUE, unit: Nm}
 
+Beside an MCAP it has a `topic`, too, and columns are fields of its messages: `effort[2]`.
 A number in the log becomes number * unit * scale + offset, in SI and at the link. Without such a
 file columns have the names that `csv_log` says, in SI.
 """
@@ -68,8 +69,9 @@ Quantity = Literal["link_position", "motor_position", "motor_velocity", "current
 
 
 class LogNames(Settings, frozen=True, kw_only=True):
-    """Content of the file."""
+    """Content of the file; `topic` for an MCAP alone, whose columns are fields of its messages."""
 
+    topic: str = ""
     joints: dict[str, dict[Quantity, Named]]
     time: Named = Named(column="time")
     rows: Rows | None = None
@@ -83,14 +85,27 @@ class Place(msgspec.Struct, frozen=True):
     offset: float = 0.0
 
 
+class NamedLog(msgspec.Struct, frozen=True):
+    """Places of `time` and of each `QUANTITY.JOINT`, which rows count, and the topic of an MCAP."""
+
+    places: dict[str, Place]
+    rows: Rows | None
+    topic: str
+
+
 def beside(log: Path) -> Path:
     """Path of the names of a log."""
     return log.with_suffix(".yaml")
 
 
-def read_names(log: Path) -> tuple[dict[str, Place], Rows | None] | None:
-    """Places of `time` and of each `QUANTITY.JOINT`, and which rows count; None where no file is
-    beside the log. Raises LogError naming file, field, value and what is allowed."""
+def is_foreign(path: Path) -> bool:
+    """True for a log of another program: a CSV, or an MCAP with a file of names beside it."""
+    return path.suffix == ".csv" or (path.suffix == ".mcap" and beside(path).exists())
+
+
+def read_names(log: Path) -> NamedLog | None:
+    """Names of a log; None where no file is beside it. Raises LogError naming file, field, value
+    and what is allowed."""
     path = beside(log)
     if not path.exists():
         return None
@@ -103,7 +118,11 @@ def read_names(log: Path) -> tuple[dict[str, Place], Rows | None] | None:
         for quantity, named in quantities.items():
             where = f"joints.{joint}.{quantity}"
             places[f"{quantity}.{joint}"] = _place(path, where, quantity, named)
-    return places, names.rows
+    of_mcap = log.suffix == ".mcap"
+    if of_mcap is not bool(names.topic):
+        about = "needed beside an MCAP" if of_mcap else "only an MCAP has any"
+        raise LogError(f"{path}: topic: {names.topic!r}, {about}")
+    return NamedLog(places, names.rows, names.topic)
 
 
 def _place(path: Path, where: str, quantity: str, named: Named) -> Place:

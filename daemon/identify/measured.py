@@ -17,6 +17,7 @@ from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
 from daemon.identify.csv_log import COLUMNS, read_csv
+from daemon.identify.log_names import is_foreign
 from daemon.modes.table import SENSING, Mode
 from daemon.protocol.messages import Snapshot, State
 from daemon.tick.sensing import HARMLESS
@@ -40,6 +41,9 @@ class Measured:
     raised: Matrix | None = None  # (N, n) threshold in force beyond its level at speed [Nm]
     touched: NDArray[np.bool_] | None = None  # (N, n) thresholded residual not zero
     unsure: NDArray[np.bool_] | None = None  # (N,) residual that is old, or begins anew
+    reference: Matrix | None = (
+        None  # (N, n) of the link positions [rad]; None of another controller
+    )
     load: str = ""  # that the model counted, in words
     notes: tuple[str, ...] = ()
     outdated: str = ""  # recording whose residuals use other values than today's, in words
@@ -51,9 +55,10 @@ def read_measured(paths: Sequence[Path], c: Configuration, *, gap_of: str = "") 
 
     Raises LogError, also if they were made with other drives or another wiring than `c` has.
     """
-    if any(path.suffix == ".csv" for path in paths):
+    if any(is_foreign(path) for path in paths):
         if len(paths) > 1:
-            raise LogError(f"{len(paths)} files: give one CSV alone, or recordings (.mcap)")
+            raise LogError(f"{len(paths)} files: give one log of another program alone, or "
+                           "recordings of contactd (.mcap)")  # fmt: skip
         constants = {joint.name: joint.torque_constant for joint in c.joints}
         joints = [gap_of] if gap_of else c.joint_names
         return from_csv(paths[0], joints, constants, of_gap=bool(gap_of))
@@ -189,6 +194,7 @@ def from_states(
         raised=np.array([s.threshold for s in used]),
         touched=thresholded != 0.0,
         unsure=unsure,
+        reference=np.array([s.reference for s in used]),
         load=str(used[-1].payload or ""),
         notes=notes,
     )

@@ -17,6 +17,10 @@ from estimator.model import Model
 
 SHARE = 0.7
 """Share of the range, velocity and acceleration that the limits allow."""
+REPEATS_S = 8.0
+"""Period of an excitation for friction and levels [s]."""
+TURNS_S = 60.0
+"""Of one that takes links through most of their range [s], for what encoders err with a turn."""
 HAND_S = 300.0
 """Time that a hand has for one joint [s]."""
 WIRING_TRAVEL = 0.02
@@ -52,9 +56,13 @@ class Excitation:
         return self.period_s * len(point_to_point(here, start, self.slow, self.period_s))
 
 
-def excitation(bounds: Bounds, model: Model, period_s: float, seed: int) -> Excitation:
-    """Random excitation within the bounds; the same for the same seed."""
-    motion = fourier_within(bounds.shrunk(SHARE), model, np.random.default_rng(seed))
+def excitation(
+    bounds: Bounds, model: Model, period_s: float, seed: int, repeats_s: float = REPEATS_S
+) -> Excitation:
+    """Random excitation within the bounds, that repeats after so long; the same for the same
+    seed."""
+    rng = np.random.default_rng(seed)
+    motion = fourier_within(bounds.shrunk(SHARE), model, rng, period_s=repeats_s)
     return Excitation(motion, slow(bounds), period_s)
 
 

@@ -223,6 +223,11 @@ def discarded(event: Notice) -> str:
     return f"{event.text}: if that was you, hands off; it is discarded"
 
 
+def load_felt(event: Notice) -> str:
+    """No warning while a load is weighed: it is felt until it is told."""
+    return ""
+
+
 def wiring_spoiled(joint: str) -> ContactWarning:
     """Warning for the wiring check, which needs all of its short motion."""
 

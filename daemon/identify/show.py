@@ -38,6 +38,9 @@ def print_overview(console: Console, seen: Overview) -> None:
         cells = [Text(row[step].text, style="green" if row[step].good else "red") for step in STEPS]
         table.add_row(name, *cells)
     console.print(table)
+    for name, cell in seen.payloads.items():
+        style = "green" if cell.good else "red"
+        console.print(Text.assemble(f"payload {name}: ", (cell.text, style)))
     last = f"next: {seen.following}" if seen.following else "nothing is missing"
     console.print(last, markup=False, highlight=False, soft_wrap=True)
 

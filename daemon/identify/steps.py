@@ -1,16 +1,18 @@
 """Steps of the identification: from measurements to entries of `identified.yaml` and to text."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import msgspec
 import numpy as np
 
 from daemon.assembly import build_transmission
 from daemon.config import identified as file
+from daemon.config.dynamics import model_of
 from daemon.config.load import Robot
 from daemon.config.marks import fingerprint, marks
-from daemon.config.schema import Friction, GapSpring, Step
+from daemon.config.schema import AnyStep, Friction, GapSpring
 from daemon.identify.measured import Measured
+from daemon.identify.swinging import told
 from estimator.identification.friction import (
     SHORTEST_S,
     FrictionFit,
@@ -21,9 +23,9 @@ from estimator.identification.friction import (
 from estimator.identification.friction_verdict import Verdict
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_result import GapResult
+from estimator.identification.limit_cycle import LimitCycle, limit_cycles
 from estimator.identification.log_checks import refuse_implausible
 from estimator.identification.wiring import check_wiring, in_Nm
-from estimator.model import Model
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,7 @@ class Outcome:
     notes: tuple[str, ...] = ()
     shown: Reconstruction | None = None
     gaps: list[GapResult] = field(default_factory=list)
+    payloads: dict[str, file.IdentifiedPayload] = field(default_factory=dict)
 
 
 def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> Outcome:
@@ -97,8 +100,12 @@ def friction_step(
     limit = np.array([joint.wiring.max_current_A for joint in c.joints])
     refuse_implausible(measured.log, limit)
     old = build_transmission(c)
-    model = Model(robot.urdf, c.joint_names)
+    model = model_of(c, robot.urdf)
+    cycles = limit_cycles(measured.log, measured.reference)
     fits, shown = identify_friction(measured.log, model, old, c.estimator, limit, shortest_s)
+    gain = None if measured.reference is None else c.control.position_gain
+    if gain is not None:
+        fits = _standing(fits, cycles, gain)
     new = adopt(old, fits)
     lines, entries = [], dict[str, file.Entry]()
     for i, fit in enumerate(fits):
@@ -123,6 +130,8 @@ def friction_step(
                 rotor_inertia=rotor,
             )
     notes = measured.notes
+    if now_and_then := [one for one in cycles if gain is None or not one.spoils]:
+        notes += (told(now_and_then, gain),)
     if shown.touched:
         notes += (f"{shown.discarded_s:.1f} s discarded: {', '.join(shown.touched)} was touched, "
                   "or met something",)  # fmt: skip
@@ -130,6 +139,18 @@ def friction_step(
         notes += ("B is not trusted: the drives do not filter their current "
                   "(estimator.current_delay_ms is 0); the old values stay",)  # fmt: skip
     return Outcome(lines, entries, notes, shown)
+
+
+def _standing(fits: list[FrictionFit], cycles: list[LimitCycle], gain: float) -> list[FrictionFit]:
+    """Fits, without those of joints that swung: what a gap does with each swing looks like friction
+    of its own, and fits well."""
+    why = {cycle.joint: told([cycle], gain) for cycle in cycles if cycle.spoils}
+    return [
+        replace(fit, verdict=Verdict.SWINGS, reason="; ".join(filter(None, (about, fit.reason))))
+        if (about := why.get(fit.joint))
+        else fit
+        for fit in fits
+    ]
 
 
 def _friction_figures(fit: FrictionFit) -> str:
@@ -150,7 +171,7 @@ def _friction_figures(fit: FrictionFit) -> str:
 def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outcome:
     """Check signs and scales of joints that were moved one by one; `measured` has a log of each."""
     c = robot.configuration
-    model = Model(robot.urdf, c.joint_names)
+    model = model_of(c, robot.urdf)
     lines, entries = [], dict[str, file.Entry]()
     for name, one in measured.items():
         i = c.joint_names.index(name)
@@ -170,7 +191,7 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
 
 
 def merged(
-    robot: Robot, step: Step, entries: dict[str, file.Entry], serials: dict[str, int | None]
+    robot: Robot, step: AnyStep, entries: dict[str, file.Entry], serials: dict[str, int | None]
 ) -> file.Identified:
     """Content of the robot's file with the entries of one step in it.
 
@@ -187,10 +208,11 @@ def merged(
             known = file.IdentifiedJoint(serial=serials[name])
         joints[name] = msgspec.structs.replace(known, **{step: entry})
     order = {name: joints[name] for name in robot.configuration.joint_names if name in joints}
-    return file.Identified(joints=order)
+    kept = robot.identified.payloads if robot.identified else {}
+    return file.Identified(joints=order, payloads=kept)
 
 
-def _marked(robot: Robot, of: dict[Step, str]) -> dict[str, file.IdentifiedJoint]:
+def _marked(robot: Robot, of: dict[AnyStep, str]) -> dict[str, file.IdentifiedJoint]:
     """What the file has by joint, each entry with a mark of its own."""
     old = robot.identified or file.Identified()
     valid = old.configuration == fingerprint(robot.configuration, robot.urdf)

@@ -72,9 +72,9 @@ class Arming:
         self._line = None
 
     def _carry_out(self, call: Call) -> Outcome:
-        if not any(call.gid):
-            return False, "a call without an attachment: nobody knows whose it is"
         wish = Wish(call.gid, read_flag(call.request), call.sent_s)
+        if wish.armed and not any(call.gid):
+            return False, "a call without an attachment: nobody knows whose it is"
         verdict = self._hold.judge(wish, self._clock())
         match verdict.step:
             case Step.NOTHING:

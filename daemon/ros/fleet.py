@@ -12,6 +12,8 @@ from daemon.ros.messages import Diagnosis, Level
 from daemon.ros.names import ADMIN, NAME, Kind
 
 MOST_ARMS: Final = 256
+MOST_OF_ONE_NAME: Final = 16
+MOST_NAME: Final = 255  # characters, as of any topic in ROS 2
 MOST_TEXT: Final = 200
 #: Twice the time between two messages of an arm, and some more.
 SILENT_S: Final = 2.5
@@ -23,13 +25,24 @@ class Arm:
     """One arm; times by the supervisor's monotonic clock."""
 
     name: str  # its namespace, without the first slash
-    alive: bool = False
+    nodes: frozenset[str] = frozenset()  # tokens of this name that are there: one, if all is well
     heard_s: float | None = None
     level: Level = Level.STALE
     text: str = ""
     mode: str = ""
     armed: str = ""
     contact: str = ""  # the last one that was heard of
+
+    @property
+    def alive(self) -> bool:
+        """Whether a node of this name is there."""
+        return bool(self.nodes)
+
+    @property
+    def says(self) -> str:
+        """What it said last."""
+        unheard = self.alive and self.heard_s is None
+        return "nothing heard of it yet; is it of another --distro?" if unheard else self.text
 
     def silent_s(self, now_s: float) -> float | None:
         """How long nothing was heard of it; None while it is heard."""
@@ -43,6 +56,8 @@ class Arm:
         silent_s = self.silent_s(now_s)
         if silent_s is not None:
             return f"silent since {silent_s:.0f} s"
+        if len(self.nodes) > 1:
+            return f"alive, {len(self.nodes)} of this name"
         return "alive" if self.alive else "gone"
 
 
@@ -52,26 +67,29 @@ def arm_of_token(token: str, domain: int) -> str:
     if len(parts) != 9 or parts[:2] != [ADMIN, str(domain)]:
         return ""
     namespace = parts[7].replace("%", "/")
-    if parts[5] != Kind.NODE or parts[8] != NODE_NAME or not NAME.fullmatch(namespace):
+    if parts[5] != Kind.NODE or parts[8] != NODE_NAME or not _is_namespace(namespace):
         return ""
     return namespace[1:]
 
 
 class Fleet:
-    """All arms that were ever seen, by name."""
+    """Arms that were seen, by name; of those that are gone as many as there is room for."""
 
     def __init__(self) -> None:
         self.arms: dict[str, Arm] = {}
 
-    def meet(self, name: str, alive: bool) -> None:
+    def meet(self, name: str, alive: bool, token: str) -> None:
         """A token came, or went."""
-        self._put(replace(self._arm(name), alive=alive))
+        arm = self._arm(name)
+        nodes = arm.nodes | {token} if alive else arm.nodes - {token}
+        if len(nodes) <= MOST_OF_ONE_NAME:
+            self._put(replace(arm, nodes=nodes))
 
     def hear(self, diagnoses: list[Diagnosis], now_s: float) -> None:
         """A message on `/diagnostics`; those of other programs are left out."""
         for found in diagnoses:
             prefix, _, name = found.name.partition(": ")
-            if prefix != "contactd" or ":" in name or not NAME.fullmatch(f"/{name}"):
+            if prefix != "contactd" or ":" in name or not _is_namespace(f"/{name}"):
                 continue
             values = dict(found.values)
             self._put(
@@ -87,15 +105,28 @@ class Fleet:
 
     def touch(self, contact: Diagnosis) -> None:
         """A message on an arm's `contact`."""
-        if NAME.fullmatch(f"/{contact.hardware_id}"):
+        if _is_namespace(f"/{contact.hardware_id}"):
             self._put(replace(self._arm(contact.hardware_id), contact=shown(contact.message)))
 
     def _arm(self, name: str) -> Arm:
         return self.arms.get(name, Arm(name))
 
     def _put(self, arm: Arm) -> None:
+        if arm.alive and arm.name not in self.arms and len(self.arms) >= MOST_ARMS:
+            self._make_room()
         if arm.name in self.arms or len(self.arms) < MOST_ARMS:
             self.arms[arm.name] = arm
+
+    def _make_room(self) -> None:
+        """Forget the one of those that are gone that was not heard of for longest, if there is one:
+        an arm that is alive can be stopped, so it comes first."""
+        gone = [arm for arm in self.arms.values() if not arm.alive]
+        if gone:
+            del self.arms[min(gone, key=lambda arm: arm.heard_s or 0.0).name]
+
+
+def _is_namespace(text: str) -> bool:
+    return len(text) <= 1 + MOST_NAME and NAME.fullmatch(text) is not None
 
 
 def shown(text: str) -> str:

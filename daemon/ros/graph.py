@@ -2,7 +2,9 @@
 
 import contextlib
 import itertools
+import json
 import re
+import ssl
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -24,6 +26,7 @@ from daemon.ros.names import (
     gid_of,
     mismatch,
     read_attachment,
+    twin,
 )
 from daemon.ros.services import Offer, Service
 from errors import ConfigurationError
@@ -31,6 +34,13 @@ from errors import ConfigurationError
 MOST_REQUEST_BYTES: Final = 1024
 #: Zenoh itself tries for ever what is none.
 ENDPOINT: Final = re.compile(r"(tcp|tls|quic|udp|ws)/[^\s\"\\/]+:\d{1,5}")
+#: Zenoh ends its errors with a line of its sources, on the machine that built it.
+SOURCES: Final = re.compile(r" at /\S+\.rs:\d+\.?$")
+KEYS: Final = (
+    ("root_ca_certificate",),
+    ("connect_certificate", "connect_private_key"),
+    ("listen_certificate", "listen_private_key"),
+)
 MOST_WARNINGS: Final = 64
 MOST_SAID: Final = 400  # characters of one
 
@@ -168,33 +178,33 @@ class Graph:
         opened.callback(session.declare_queryable(key, take, complete=True).undeclare)
 
     def _meet(self, sample: zenoh.Sample) -> None:
-        """Say so, once, where a newcomer wants one of ours and will never hear it."""
+        """Say so, once, where a newcomer wants one of ours and will never hear it, or has our
+        name."""
         if sample.kind != zenoh.SampleKind.PUT or len(self._said) >= MOST_WARNINGS:
             return
-        for endpoint in self._ours.values():
-            why = printable(mismatch(self._node, endpoint, str(sample.key_expr)))[:MOST_SAID]
+        token = str(sample.key_expr)
+        found = [mismatch(self._node, endpoint, token) for endpoint in self._ours.values()]
+        for why in (printable(text)[:MOST_SAID] for text in (twin(self._node, token), *found)):
             if why and why not in self._said:
                 self._said.add(why)
                 self._say(why)
 
 
 def configuration(
-    connect: tuple[str, ...], file: Path | None, patience_ms: int = -1
+    connect: tuple[str, ...], file: Path | None, patience_ms: int = -1, option: str = "--connect"
 ) -> zenoh.Config:
     """Configuration of a session: the file's, or a client of a router that it waits for, as long as
-    it takes unless told otherwise. A client listens at no port, and asks nobody by multicast.
+    it takes unless told otherwise, of a file that says so, too. Ours listens at no port, and asks
+    nobody by multicast.
 
-    Raises ConfigurationError for a file or an endpoint that is none.
+    Raises ConfigurationError for a file or an endpoint that is none, and for keys that are none.
     """
     if file is not None:
-        try:
-            return zenoh.Config.from_file(file)
-        except zenoh.ZError as error:
-            raise ConfigurationError(f"{file}: Zenoh says: {error}") from error
+        return _of_file(file, patience_ms)
     for where in connect:
         if not ENDPOINT.fullmatch(where):
             raise ConfigurationError(
-                f"--connect {where}: a protocol, a slash, host and port, as tcp/localhost:7447"
+                f"{option} {where}: a protocol, a slash, host and port, as tcp/localhost:7447"
             )
     config = zenoh.Config()
     values: dict[str, Any] = {
@@ -204,6 +214,7 @@ def configuration(
         "connect/exit_on_failure": "false" if patience_ms < 0 else "true",
         "scouting/multicast/enabled": "false",
         "timestamping/enabled": "true",  # what is latched is found by it
+        "transport/shared_memory/enabled": "false",  # a sandbox may refuse it, and nobody is near
         # Beside a machine's other work a link pauses for some ms; what is behind it is not lost.
         "transport/link/tx/queue/size/data": "16",
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": "50000",
@@ -211,6 +222,46 @@ def configuration(
     for key, value in values.items():
         config.insert_json5(key, value)
     return config
+
+
+def reason(error: zenoh.ZError) -> str:
+    """What Zenoh says, without where in its own sources."""
+    return SOURCES.sub("", str(error))
+
+
+def _of_file(file: Path, patience_ms: int) -> zenoh.Config:
+    try:
+        config = zenoh.Config.from_file(file)
+    except zenoh.ZError as error:
+        raise ConfigurationError(f"{file}: Zenoh says: {reason(error)}") from error
+    _refuse_wrong_keys(config, file)
+    if patience_ms >= 0 and json.loads(config.get_json("mode")) == "client":
+        config.insert_json5("connect/timeout_ms", str(patience_ms))
+        config.insert_json5("connect/exit_on_failure", "true")
+    return config
+
+
+def _refuse_wrong_keys(config: zenoh.Config, file: Path) -> None:
+    """Raise ConfigurationError for certificates and keys with which Zenoh would try for ever, and
+    not say why."""
+    for names in KEYS:
+        found = [json.loads(config.get_json(f"transport/link/tls/{name}")) for name in names]
+        paths = [path for path in found if path is not None]
+        try:
+            for path in paths:
+                Path(path).read_bytes()
+            if len(paths) > 1:
+                ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(
+                    paths[0], paths[1], password=""
+                )
+        except ssl.SSLError as error:
+            pair = " and ".join(paths)
+            raise ConfigurationError(
+                f"{file}: {pair} are no certificate and its key: {error.reason or error}"
+            ) from error
+        except OSError as error:
+            where = f"{', '.join(names)}: {error.filename}"
+            raise ConfigurationError(f"{file}: {where}: {error.strerror}") from error
 
 
 @contextlib.contextmanager

@@ -3,8 +3,9 @@ argument.
 
 A caller is heard by nothing but its calls: no other sign of it crosses every path within a second
 (decision 0062). Each call keeps the arm armed for HOLD_S from when it was sent, as far as that can
-be told: from when it would have come by the fastest of this caller's calls. What waited on its way
-is worth less, so a network that holds calls back prolongs nothing.
+be told: from when it would have come by the fastest of this caller's calls since it armed. What
+waited on its way is worth less, so a network that holds calls back prolongs nothing, be it all at
+once or more and more. What even the fastest call waited cannot be told.
 
 Whoever lost the arm, by whatever, has to let go before it arms again, as with an enabling switch:
 calls that are repeated by a timer must not undo somebody else's `disarm`.
@@ -17,7 +18,7 @@ from typing import Final
 
 HOLD_S: Final = 0.8
 LEAST_S: Final = 0.05  # of a lease: less ends before it is served
-READINGS: Final = 64  # of a caller's clock that count: in some seconds no clock drifts
+DRIFT: Final = 1e-3  # of a caller's clock against ours, at most: one that is slewed makes half
 MOST_LOST: Final = 64
 LET_GO: Final = "not armed any more: call with false first, then with true"
 
@@ -55,13 +56,16 @@ class Hold:
 
     _holder: bytes | None = None
     _until_s: float = 0.0
-    _offsets: deque[float] = field(default_factory=lambda: deque(maxlen=READINGS))
+    _offset_s: float = 0.0  # our clock before the holder's, as its fastest call told it
+    _read_s: float = 0.0  # when that was
     _lost: deque[bytes] = field(default_factory=lambda: deque(maxlen=MOST_LOST))
 
     def judge(self, wish: Wish, now_s: float) -> Verdict:
         """What to ask of the daemon for a call that is looked at `now_s`."""
         if not wish.armed:
             return Verdict(Step.DISARM)
+        if wish.caller == self._holder and now_s >= self._until_s:
+            self.lose()
         if wish.caller == self._holder:
             late_s = self._late_s(wish.sent_s, now_s)
             if HOLD_S - late_s < LEAST_S:
@@ -78,7 +82,7 @@ class Hold:
         if wish.caller != self._holder:
             self.lose()
             self._holder = wish.caller
-            self._offsets.append(now_s - wish.sent_s)
+            self._offset_s, self._read_s = now_s - wish.sent_s, now_s
         self._until_s = now_s + lease_s
 
     def lose(self) -> None:
@@ -86,7 +90,6 @@ class Hold:
         if self._holder is not None:
             self._lost.append(self._holder)
         self._holder = None
-        self._offsets.clear()
 
     def let_go(self, caller: bytes) -> None:
         """Take note that this caller said so: it may arm again. Whoever else held it has lost
@@ -98,5 +101,7 @@ class Hold:
             self._lost.remove(caller)
 
     def _late_s(self, sent_s: float, now_s: float) -> float:
-        self._offsets.append(now_s - sent_s)
-        return now_s - sent_s - min(self._offsets)
+        drift_s = DRIFT * (now_s - self._read_s)
+        self._offset_s = min(now_s - sent_s, self._offset_s + drift_s)
+        self._read_s = now_s
+        return now_s - sent_s - self._offset_s

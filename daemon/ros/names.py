@@ -151,6 +151,17 @@ def mismatch(node: Node, ours: Endpoint, token: str) -> str:
     return ""
 
 
+def twin(node: Node, token: str) -> str:
+    """What to say of another node with the name of ours; empty where this token is not of one."""
+    ours, parts = node.token().split("/"), token.split("/")
+    if parts[5:] != ours[5:] or parts[:2] != ours[:2] or parts[2] == node.zid:
+        return ""
+    return (
+        f"another contactd-zenoh has --namespace {node.namespace}: what is sent to one reaches "
+        "both; give each arm its own"
+    )
+
+
 def checked_namespace(text: str) -> str:
     """A namespace from a command line. Raises ConfigurationError for what is none."""
     if text == "/" or NAME.fullmatch(text):

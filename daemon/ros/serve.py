@@ -15,7 +15,7 @@ from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State, Status
 from daemon.ros import diagnoses, topics
 from daemon.ros.arming import Arming
-from daemon.ros.graph import Graph, Say, configuration, session_of
+from daemon.ros.graph import Graph, Say, configuration, reason, session_of
 from daemon.ros.messages import Diagnosis, diagnostic_array
 from daemon.ros.names import Node
 from daemon.ros.services import Offer, actions, trigger
@@ -58,7 +58,7 @@ def serve(settings: Settings, say: Say, ended: threading.Event) -> None:
                 Bridge(settings.view, graph, node, say, ended).run()
     except zenoh.ZError as error:
         what = settings.configuration or ", ".join(settings.connect)
-        raise ConfigurationError(f"{what}: Zenoh says: {error}") from error
+        raise ConfigurationError(f"{what}: Zenoh says: {reason(error)}") from error
 
 
 def offers(settings: Settings) -> dict[str, Offer]:

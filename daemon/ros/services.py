@@ -152,5 +152,14 @@ class Service:
                 for call in calls:
                     call.refuse("the bridge is ending")
                 return
-            for call, payload in zip(calls, self._offer.answer(calls), strict=True):
-                call.answer(payload)
+            self._answer(calls)
+
+    def _answer(self, calls: Sequence[Call]) -> None:
+        try:
+            payloads = self._offer.answer(calls)
+        except OSError as error:  # as without a file descriptor left: `stop` must outlive that
+            for call in calls:
+                call.refuse(f"this machine fails: {error}")
+            return
+        for call, payload in zip(calls, payloads, strict=True):
+            call.answer(payload)

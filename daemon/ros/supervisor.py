@@ -13,7 +13,7 @@ import zenoh
 
 from daemon.ros.cdr import HEADER, CdrError
 from daemon.ros.fleet import Arm, Fleet, arm_of_token, shown
-from daemon.ros.graph import configuration
+from daemon.ros.graph import configuration, reason
 from daemon.ros.messages import read_diagnostic_array, read_diagnostic_status, read_outcome
 from daemon.ros.names import ADMIN, Distro, Endpoint, Kind, Node, Qos, attachment, gid_of
 from daemon.ros.services import TRIGGER
@@ -85,7 +85,14 @@ class Supervisor:
         node = Node(self._domain, f"/{name}", "contactd", self._distro)
         service = Endpoint(Kind.SERVICE, node.absolute("stop"), TRIGGER, Qos.DEFAULT)
         about = attachment(next(self._numbers), time.time_ns(), self._gid)
-        return self._session.get(node.key(service), payload=EMPTY, attachment=about, timeout=STOP_S)
+        return self._session.get(  # every one of this name, and what each of them says
+            node.key(service),
+            payload=EMPTY,
+            attachment=about,
+            timeout=STOP_S,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+        )
 
     @staticmethod
     def _topic(name: str, topic: str) -> Endpoint:
@@ -95,9 +102,10 @@ class Supervisor:
     # --- from Zenoh's threads -------------------------------------------------------------------
 
     def _meet(self, sample: zenoh.Sample) -> None:
-        if name := arm_of_token(str(sample.key_expr), self._domain):
+        token = str(sample.key_expr)
+        if name := arm_of_token(token, self._domain):
             with self._lock:
-                self._fleet.meet(name, sample.kind == zenoh.SampleKind.PUT)
+                self._fleet.meet(name, sample.kind == zenoh.SampleKind.PUT, token)
 
     def _hear(self, sample: zenoh.Sample) -> None:
         with contextlib.suppress(CdrError):
@@ -123,18 +131,27 @@ def supervising(
     try:
         session = zenoh.open(config)
     except zenoh.ZError as error:
-        raise UnreachableError(f"no router at {file or ', '.join(connect)}: {error}") from error
+        where = file or ", ".join(connect)
+        raise UnreachableError(f"no router at {where}: {reason(error)}") from error
     with contextlib.closing(session), Supervisor(session, domain, distro) as supervisor:
         yield supervisor
 
 
 def _outcome(replies: Iterable[zenoh.Reply]) -> tuple[Outcome, str]:
+    """What became of an arm: it stands where whoever has its name says so."""
+    found: tuple[Outcome, str] = ("no answer", "")
     for reply in replies:
-        if reply.ok is None:
-            return "not seen to stand", shown(reply.err.payload.to_string()) if reply.err else ""
-        try:
-            done, text = read_outcome(reply.ok.payload.to_bytes())
-        except CdrError as error:
-            return "not seen to stand", f"its answer is none: {error}"
-        return ("stands" if done else "not seen to stand"), shown(text)
-    return "no answer", ""
+        found = _answer(reply)
+        if found[0] != "stands":
+            break
+    return found
+
+
+def _answer(reply: zenoh.Reply) -> tuple[Outcome, str]:
+    if reply.ok is None:
+        return "not seen to stand", shown(reply.err.payload.to_string()) if reply.err else ""
+    try:
+        done, text = read_outcome(reply.ok.payload.to_bytes())
+    except CdrError as error:
+        return "not seen to stand", f"its answer is none: {error}"
+    return ("stands" if done else "not seen to stand"), shown(text)

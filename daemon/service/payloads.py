@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from daemon.config.dynamics import model_of
 from daemon.config.load import Robot
 from daemon.config.schema import NO_PAYLOAD, Configuration
 from daemon.config.worst_loads import Carrying
 from daemon.protocol.messages import Request
 from errors import ModelError
-from estimator.model import Model
 from estimator.payload import Payload
 
 
@@ -33,7 +33,7 @@ class Payloads:
 
     def __post_init__(self) -> None:
         c = self.robot.configuration
-        model = Model(self.robot.urdf, c.joint_names)
+        model = model_of(c, self.robot.urdf)
         self.hand, self._tool_place = model.hand, model.tool_place.tolist()
         self._carrying = Carrying(c, self.robot.urdf)
         self.named = named_payloads(c, self._tool_place)

@@ -9,7 +9,8 @@ from msgspec.structs import replace
 
 from daemon.assembly import seen_motion
 from daemon.config.load import Robot
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.symptoms import advice_of
+from daemon.faults.table import Condition
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.seen import SeenMotion
 from daemon.protocol.messages import (
@@ -116,7 +117,7 @@ def _advice(tick: Tick, unproved: Sequence[str]) -> str:
     advice = []
     if unproved and tick.controller.faulted:
         not_stopped = Condition.UNPROVED if tick.drives.silenced else Condition.NOT_SEEN_TO_STOP
-        advice.append(TABLE[not_stopped].advice)
+        advice.append(advice_of(not_stopped))
     if finding and not machine.armed:
         advice.append(finding.advice)
     if pressed:

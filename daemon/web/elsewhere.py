@@ -32,7 +32,7 @@ class Router:
         self._file = Path(where) if where.endswith(".json5") else None
         self._connect = () if self._file else (where,)
         self._domain, self._distro = domain, Distro(distro)
-        configuration(self._connect, self._file)
+        configuration(self._connect, self._file, option="--fleet")
         self._supervisor: Supervisor | None = None
         self._why = f"no router yet at {where}"
         self._ended = threading.Event()
@@ -92,6 +92,6 @@ def _other(arm: Arm, now_s: float) -> Other:
         mode=arm.mode,
         armed=arm.armed == "true",
         level=arm.level.name,
-        text=arm.text,
+        text=arm.says,
         contact=arm.contact,
     )

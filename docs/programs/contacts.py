@@ -16,7 +16,10 @@ def connect(path):
     """A connection to the daemon; one packet is one message."""
     door = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     door.settimeout(2)  # the daemon speaks every tick: what is silent for so long is dead
-    door.connect(path)
+    try:
+        door.connect(path)
+    except OSError as error:
+        sys.exit(f"{path}: {error.strerror}")
     return door
 
 
@@ -54,4 +57,9 @@ def main(path, stop=False):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], "--stop" in sys.argv)
+    if len(sys.argv) < 2:
+        sys.exit("usage: contacts.py VIEW_SOCKET [--stop]")
+    try:
+        main(sys.argv[1], "--stop" in sys.argv)
+    except TimeoutError:
+        sys.exit("the daemon fell silent: nothing is known of the arm")

@@ -16,6 +16,8 @@ async def main() -> None:
     """Wait for a contact, and stop the arm."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else None
     async for news in follow(path):
+        if isinstance(news, Lost):
+            print(f"nothing is known of the arm: {news.why}", file=sys.stderr, flush=True)
         if isinstance(news, Joined | Lost):
             continue
         if any("contact" in notice for notice in news["notices"]):

@@ -29,6 +29,7 @@ from estimator.identification.motion_log import MotionLog
 from estimator.identification.regression import (
     COLUMNS,
     GAIN,
+    Regression,
     Solution,
     regression,
     solve_joint,
@@ -42,6 +43,10 @@ from estimator.transmission import Transmission, smooth_sign, stiction_range
 SHORTEST_S = 10.0
 """Least motion [s] unless less is asked for."""
 _ROUNDS = 3
+_MASSES_OFF = 0.03
+"""Least share by which masses of a URDF are believed to be off."""
+_CONSTANT_OFF = 0.015
+"""By which a torque constant is believed to be."""
 _SURE = 6.0
 """Standard errors from zero at which friction seen in the gap is believed: they are those of noise,
 and it was up to four of them off the truth."""
@@ -58,7 +63,8 @@ class FrictionFit:
     values: dict[str, float]
     """Coefficients by names of `COLUMNS`; those that were not fitted are missing."""
     errors: dict[str, float]
-    """Standard errors, from the scatter between blocks of 1 s."""
+    """Standard errors, from the scatter between blocks of 1 s, and from masses and torque constants
+    that may be wrong."""
     r2: float
     """R2 on held-out motion, of the friction alone (14)."""
     condition: float
@@ -133,11 +139,35 @@ def identify_friction(
             for i, one in enumerate(solved)
         ]
         transmission = adopt(transmission, fits)
+    fits = _with_what_is_believed(fits, solved, found, rows)
     fits = _uncoupled(fits, solved, rows, transmission.sign_width)
     shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
     by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
     discarded_s = float(rows.dt @ near(rows, touched))
     return fits, Reconstruction(rows.time_s, found.r_nl, shown, where.phi, by_hand, discarded_s)
+
+
+def _with_what_is_believed(
+    fits: list[FrictionFit], solved: list[Solution], found: Regression, rows: Intervals
+) -> list[FrictionFit]:
+    """Fits whose errors also bear what a log cannot tell: the torque constant's own error, and the
+    URDF's inertial torque, which comes out as rotor and friction, off by as much as gravity is."""
+    scales = np.array([fit.gravity_scale for fit in fits])
+    shown = scales[np.isfinite(scales)]
+    off = max(float(np.sqrt(np.square(shown - 1.0).mean())) if len(shown) else 0.0, _MASSES_OFF)
+    inertial = low_pass(rows.inertial - rows.gravity, rows, GAIN)
+    new = []
+    for i, (fit, one) in enumerate(zip(fits, solved, strict=True)):
+        columns = np.concatenate([found.columns[:, i, :3], found.nuisance[:, i]], axis=1)
+        weighted = one.weight[:, None] * columns
+        bias = np.linalg.lstsq(weighted, one.weight * inertial[:, i], rcond=None)[0]
+        errors = dict(fit.errors)
+        for k, name in enumerate(COLUMNS[:3]):
+            if name in errors:
+                parts = (errors[name], off * bias[k], _CONSTANT_OFF * fit.values[name])
+                errors[name] = float(np.linalg.norm(parts))
+        new.append(replace(fit, errors=errors))
+    return new
 
 
 def _uncoupled(

@@ -33,6 +33,7 @@ class Verdict(StrEnum):
     WRONG_GRAVITY = "current and gravity disagree"
     WRONG_GAP = "the gap is wider"
     COUPLED = "coupled with another joint"
+    SWINGS = "swings by itself"
 
 
 def verdict_on(
@@ -40,15 +41,9 @@ def verdict_on(
 ) -> tuple[Verdict, str]:
     """Verdict and reason for a motion (N,) [rad/s] whose current was `cut` off for a share of the
     time; gravity: as `FrictionFit.gravity_scale`."""
-    speed = np.abs(theta_dot)
-    turns = int(np.count_nonzero(np.diff(np.sign(theta_dot[speed > 0.05]))))
-    if speed.max() < SLOWEST or turns < TURNS:
-        about = (f"fastest {speed.max():.2g} rad/s, turned round {turns} times: allow it more "
-                 "range or speed (`limits`)")  # fmt: skip
+    if about := unexcited(theta_dot):
         return Verdict.NOT_EXCITED, about
-    if cut > _MOST_CUT:
-        about = (f"the current was at its limit {cut:.0%} of the time: less acceleration "
-                 "(`limits`), or more current")  # fmt: skip
+    if about := saturated(cut):
         return Verdict.SATURATED, about
     if not solved.condition < HIGHEST_CONDITION:
         about = (f"condition number {solved.condition:.0f}: a longer motion (`--seconds`), or more "
@@ -56,18 +51,38 @@ def verdict_on(
         return Verdict.ILL_CONDITIONED, about
     if abs(gravity - 1.0) > GRAVITY_TOLERANCE:
         about = (f"the motor gives {gravity:.2f} times the torque that the URDF asks for: check "
-                 "its masses, `torque_constant`, and what the hand carries")  # fmt: skip
+                 "`torque_constant` and what the hand carries; where its masses are wrong, run "
+                 "`contactd identify masses`")  # fmt: skip
         return Verdict.WRONG_GRAVITY, about
     if solved.r2 < LOWEST_R2:
         return Verdict.BAD_FIT, _poor(solved.r2, gravity)
     return Verdict.GOOD, ""
 
 
+def unexcited(theta_dot: Vector) -> str:
+    """Reason why a motion (N,) [rad/s] shows nothing of its joint, or ""."""
+    speed = np.abs(theta_dot)
+    turns = int(np.count_nonzero(np.diff(np.sign(theta_dot[speed > 0.05]))))
+    if speed.max() >= SLOWEST and turns >= TURNS:
+        return ""
+    return (f"fastest {speed.max():.2g} rad/s, turned round {turns} times: allow it more range or "
+            "speed (`limits`)")  # fmt: skip
+
+
+def saturated(cut: float) -> str:
+    """Reason why a current that was `cut` off for a share of the time tells too little, or ""."""
+    if cut <= _MOST_CUT:
+        return ""
+    return (f"the current was at its limit {cut:.0%} of the time: less acceleration (`limits`), or "
+            "more current")  # fmt: skip
+
+
 def _poor(r2: float, gravity: float) -> str:
     """Reason and advice for a friction that explains too little of what is left of the torque."""
     about = f"R2 {r2:.3f} on held-out motion, at least {LOWEST_R2}: "
     if abs(gravity - 1.0) > _GRAVITY_OFF:
-        return f"{about}gravity fits at {gravity:.2f}: check the URDF's masses or `torque_constant`"
+        return (f"{about}gravity fits at {gravity:.2f}: check masses or `torque_constant`, or run "
+                "`contactd identify masses`")  # fmt: skip
     return (
         f"{about}hands off, and nothing in its way? Else the URDF's masses and inertias, or a "
         "friction that is none (a spring, a hose): friction.png shows what is left"

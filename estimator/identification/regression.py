@@ -121,7 +121,7 @@ def solve_joint(
     """
     y, A, N = found.r_nl[:, i], found.columns[:, i], found.nuisance[:, i]
     gap = where.gap[:, i]
-    clean = _weights(rows, i, where, cut[:, i], resting(rows.theta_dot[:, i]))
+    clean = weights_of(rows, i, where, cut[:, i], resting(rows.theta_dot[:, i]))
     weight = clean * ~spoilt
     train = np.arange(len(y)) < (1.0 - HELD_OUT) * len(y)
     used = np.zeros(len(COLUMNS), dtype=np.bool_)
@@ -146,7 +146,7 @@ def solve_joint(
     stiction, stiction_error = sticking_share(
         y - A @ coefficients - N[:, :2] @ nuisance[:2],
         coefficients[0] * N[:, 2],
-        _weights(rows, i, where, cut[:, i], unknown[:, i]) * ~spoilt,
+        weights_of(rows, i, where, cut[:, i], unknown[:, i]) * ~spoilt,
         rows.time_s,
     )
     return Solution(
@@ -154,7 +154,7 @@ def solve_joint(
     )
 
 
-def _weights(rows: Intervals, i: int, where: Located, cut: Mask, rest: Vector) -> Vector:
+def weights_of(rows: Intervals, i: int, where: Located, cut: Mask, rest: Vector) -> Vector:
     """Weight of each row (N,), 0 to 1: less by `rest` (N,), where Coulomb friction may have any
     value; not around a meeting of rotor and link; not while the current is cut off; not while the
     filter remembers any of these."""
@@ -183,7 +183,8 @@ def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> tuple[V
     kept = values > 1e-12 * values[-1]
     R = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
     b = vectors[:, kept].T @ ((X / scale).T @ (y * weight)) / np.sqrt(values[kept])
-    solution = lsq_linear(R, b, (lower, np.inf)).x / scale
+    with np.errstate(invalid="ignore"):  # of a joint that stood, whose columns are next to nothing
+        solution = lsq_linear(R, b, (lower, np.inf)).x / scale
     full = np.zeros(A.shape[1])
     full[used] = solution[: used.sum()]
     return full, solution[used.sum() :]

@@ -36,6 +36,7 @@ class LevelVerdict(StrEnum):
     TOUCHED = "touched too often"
     SHORT = "too little motion"
     STILL = "did not move"
+    SWINGS = "swings by itself"
     UNLESS_YOU = "not good unless you say it was you"
 
 

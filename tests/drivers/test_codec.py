@@ -17,7 +17,7 @@ from drivers.codec import (
     type_limits,
 )
 from drivers.drive import Drive
-from drivers.settings import DriveProfile, JointWiring, Quantity
+from drivers.settings import DriveProfile, Harmonic, JointWiring, Quantity
 from errors import ConfigurationError
 
 INT16 = st.integers(-(2**15), 2**15 - 1)
@@ -95,6 +95,27 @@ def test_counts_arrive_as_si_values_at_the_link(
     np.testing.assert_allclose(
         decoder.link_position, link_sign * sign * (offset + 2e-5 * link) + link_offset, **close
     )
+
+
+@given(link=st.integers(-157080, 157080), link_sign=SIGN, link_offset=st.floats(-3, 3))
+def test_what_an_encoder_errs_with_its_turn_is_taken_off(link, link_sign, link_offset):
+    """Of its joint alone, by the angle of the encoder itself."""
+    harmonics = [Harmonic(order=1, cosine=0.0004, sine=-0.0003), Harmonic(order=3, sine=0.002)]
+    about = {"link_sign": link_sign, "link_offset": link_offset}
+    right, off = (
+        drive(plain_profile(), "a", node=1),
+        drive(plain_profile(), "b", node=2, link_correction=harmonics, **about),
+    )
+    decoder = SampleDecoder([right, off])
+    for cob_id in (0x281, 0x282):
+        _, start, _, _ = decoder.slots[cob_id]
+        decoder.raw[start] = link
+    decoder.decode()
+    angle = link_sign * 2e-5 * link
+    error = 0.0004 * np.cos(angle) - 0.0003 * np.sin(angle) + 0.002 * np.sin(3.0 * angle)
+    expected = [2e-5 * link, angle + link_offset - error]
+    np.testing.assert_allclose(decoder.link_position, expected, rtol=0, atol=1e-12)
+    assert not decoder.link_position.flags.writeable
 
 
 def test_nothing_is_known_before_the_first_frame(joint_drives):

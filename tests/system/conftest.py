@@ -27,19 +27,35 @@ from tests.system.stand import (
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--system", action="store_true", help="use this machine's systemd and can0")
+    parser.addoption("--package", help="install this Debian package on a machine that has none")
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     return None if config.getoption("--system", default=False) else True
 
 
+def file_of(request: pytest.FixtureRequest, option: str) -> Path:
+    given = request.config.getoption(option)
+    if not given:
+        pytest.skip(f"needs {option} FILE.deb")
+    return Path(given).resolve(strict=True)
+
+
+@pytest.fixture(scope="session")
+def package(request: pytest.FixtureRequest) -> Path:
+    """The package to install on this machine, which keeps nothing of what it had."""
+    return file_of(request, "--package")
+
+
 @pytest.fixture(scope="session", autouse=True)
-def _machine() -> None:
+def _machine(request: pytest.FixtureRequest) -> None:
     """Skip all where this cannot be, or must not be, tried."""
     if os.getuid() != 0:
         pytest.skip("needs root")
     if not Path("/run/systemd/system").exists():
         pytest.skip("needs systemd as the machine's service manager")
+    if request.config.getoption("--package"):
+        return
     if run("systemctl", "cat", SERVICE).returncode != 0:
         pytest.skip("needs an installed contactd: make install")
     state = run("systemctl", "is-active", SERVICE).stdout.strip()

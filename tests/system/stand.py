@@ -13,6 +13,7 @@ from typing import Any, Self
 import yaml
 
 from daemon.clients.client import Client
+from daemon.commands.simulated_robot import write_truth
 from daemon.config import identified, marks
 from daemon.config.load import load_robot
 from daemon.protocol.messages import Command, Reply, Status
@@ -71,6 +72,7 @@ def write_robot(folder: Path, bus: dict[str, Any]) -> None:
     }
     (folder / "config.yaml").write_text(yaml.safe_dump(c, sort_keys=False))
     robot = load_robot(folder)
+    write_truth(robot)
     wired = identified.IdentifiedJoint(
         serial=1,
         wiring=identified.WiringEntry(date="2026-01-02T03:04:05+00:00", log="0", follows=1.0),
@@ -232,4 +234,10 @@ class Simulator:
 
     def wait_for(self, kind: str, words: str) -> float:
         """When the first such event happened [s, monotonic]."""
-        return float(wait_for(lambda: self.told(words, kind), f"{kind}: ...{words}...")[0])
+
+        def happened() -> list[float]:
+            found = self.told(words, kind)
+            assert found or self._process.poll() is None, "the simulator ended"
+            return found
+
+        return float(wait_for(happened, f"{kind}: ...{words}...")[0])

@@ -6,6 +6,7 @@ import grp
 import json
 import os
 import pwd
+import socket
 import subprocess
 import sys
 import urllib.request
@@ -152,3 +153,15 @@ def test_who_looks_may_stop_and_does_not_reach_the_control_socket(page: Service)
     # Others reach neither.
     for path in (CONTROL, VIEW):
         assert asked(path, "status", group="nogroup")["status"][0] is None
+
+
+def test_with_its_port_taken_it_is_never_given_up_and_no_start_is_one_too_many() -> None:
+    with socket.create_server(("127.0.0.1", 8420), reuse_port=False) as taken:
+        for _ in range(7):
+            run("systemctl", "restart", PAGE)
+            wait_for(lambda: show("SubState") == "auto-restart", "the next try")
+            assert show("Result") != "start-limit-hit"
+        taken.close()
+    wait_for(served, "the page, by itself")
+    run("systemctl", "stop", PAGE, check=True)
+    run("systemctl", "reset-failed", PAGE)

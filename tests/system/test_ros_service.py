@@ -57,10 +57,12 @@ def ros(service: Service, simulator: Simulator) -> Iterator[Service]:
 
 def test_it_looks_through_one_door_and_has_next_to_nothing(ros: Service) -> None:
     pid = int(show("MainPID"))
+    uid = pwd.getpwnam("contactd-zenoh").pw_uid
+    wait_for(lambda: Path(f"/proc/{pid}").stat().st_uid == uid, "its own user")
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     about = {name: value.split() for name, value in (line.split(":", 1) for line in lines)}
     look = grp.getgrnam("contact-view").gr_gid
-    assert int(about["Uid"][0]) == pwd.getpwnam("contactd-zenoh").pw_uid
+    assert int(about["Uid"][0]) == uid
     assert {int(each) for each in (about["Gid"][0], *about["Groups"])} == {look}
     assert int(about["CapEff"][0], 16) == int(about["CapBnd"][0], 16) == 0
     assert (about["NoNewPrivs"], about["Seccomp"]) == (["1"], ["2"])

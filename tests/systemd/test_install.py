@@ -88,6 +88,9 @@ def test_an_edited_configuration_is_never_touched(installed: Path) -> None:
 def test_uninstall_leaves_the_configuration_and_nothing_else(installed: Path) -> None:
     before = files(installed / "etc/contactd")
     assert before
+    half_made = installed / "opt/contactd.new/pyvenv.cfg"  # by an install that failed
+    half_made.parent.mkdir()
+    half_made.touch()
     done = make("uninstall", installed)
     assert done.returncode == 0, done.stderr
     assert files(installed) == {f"etc/contactd/{name}" for name in before}

@@ -113,6 +113,28 @@ def test_standard_library(fake_daemon: Any, view: Path, start: Any) -> None:
     assert program.end() == (1, "the daemon ended\n")
 
 
+def test_without_a_daemon_they_say_so(start: Any) -> None:
+    program = start(sys.executable, PROGRAMS / "contacts.py", "/nowhere")
+    assert program.end() == (1, "/nowhere: No such file or directory\n")
+    usage = "usage: contacts.py VIEW_SOCKET [--stop]\n"
+    assert start(sys.executable, PROGRAMS / "contacts.py").end() == (1, usage)
+    program = start(sys.executable, "-u", PROGRAMS / "contacts_asyncio.py", "/nowhere")
+    assert program.process.stderr is not None
+    said = program.process.stderr.readline()
+    assert said.startswith("nothing is known of the arm: no contactd serves /nowhere")
+
+
+def test_a_daemon_that_hangs_is_told(start: Any, tmp_path: Path) -> None:
+    """It takes connections, and answers nobody."""
+    where = tmp_path / "hangs"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as door:
+        door.bind(str(where))
+        door.listen()
+        program = start(sys.executable, PROGRAMS / "contacts.py", where)
+        said = "the daemon fell silent: nothing is known of the arm\n"
+        assert program.end() == (1, said)
+
+
 def test_standard_library_stops_at_a_collision(fake_daemon: Any, view: Path, start: Any) -> None:
     start(sys.executable, "-I", PROGRAMS / "contacts.py", view, "--stop")
     seen(fake_daemon, "stop")

@@ -9,6 +9,7 @@ import pytest
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.assembly import check_parameters
+from daemon.config.evidence import objections
 from daemon.config.identified import (
     Entry,
     FrictionEntry,
@@ -18,7 +19,6 @@ from daemon.config.identified import (
     ThresholdsEntry,
     WiringEntry,
     identified_keys,
-    objections,
     write_identified,
 )
 from daemon.config.load import Robot, load_robot
@@ -112,7 +112,7 @@ def test_nothing_known_otherwise(tmp_path: Path) -> None:
     ("known", "words"),
     [
         ("{gap: ''}", "joints[0] (joint).known"),
-        ("{speed: measured}", "(allowed: friction, gap, thresholds, wiring)"),
+        ("{speed: measured}", "(allowed: friction, gap, masses, thresholds, wiring)"),
         ("[gap]", "joints[0] (joint).known: must be a group of fields, not a list"),
         ("{gap: true}", "must be text, not true"),
     ],

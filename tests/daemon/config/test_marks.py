@@ -7,26 +7,29 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.lockstep import ROMEO
+from daemon.config.evidence import outdated, parameters_missing
 from daemon.config.identified import (
     Entry,
     FrictionEntry,
     GapEntry,
     Identified,
+    MassesEntry,
     ThresholdsEntry,
     WiringEntry,
-    outdated,
-    parameters_missing,
     write_identified,
 )
 from daemon.config.load import Robot, load_robot
 from daemon.config.marks import fingerprint
 from daemon.config.schema import Friction, Levels, Step
 from daemon.identify.steps import merged
+from estimator.body_inertia import BodyInertia
 
 DAY = {"date": "2026-01-02T03:04:05+00:00", "log": "0"}
+BODY = BodyInertia(mass=1.1, com=(0.0, 0.0, -0.2), inertia=(0.02, 0.0, 0.0, 0.02, 0.0, 0.001))
 ENTRIES: dict[Step, Entry] = {
     "wiring": WiringEntry(**DAY, follows=1.0),
     "gap": GapEntry(**DAY, half_gap=0.1, confidence=0.001),
+    "masses": MassesEntry(**DAY, body=BODY, by_urdf=0.3, by_this=0.1),
     "friction": FrictionEntry(
         **DAY, friction=Friction(motor_coulomb=0.3), errors={}, r2=1.0, condition=1.0
     ),
@@ -69,7 +72,8 @@ def edit(path: Path, pattern: str, new: str) -> None:
         ("config.yaml", r"(period_ms: )[\d.]+", r"\g<1>20", ALL),
         ("config.yaml", r"torque_constant: [\d.]+", "torque_constant: 3.1", ALL - {"gap"}),
         ("config.yaml", r"admittance_gain: [\d.]+", "admittance_gain: 0.05", set()),
-        ("arm.urdf", r'(<mass value=")[\d.]+', r"\g<1>1.05", {"friction", "thresholds"}),
+        ("arm.urdf", r'(<mass value=")[\d.]+', r"\g<1>1.05", {"masses", "friction", "thresholds"}),
+        ("identified.yaml", r"(mass: )[\d.]+", r"\g<1>1.05", {"friction", "thresholds"}),
         ("arm.urdf", r'(<axis xyz=")[^"]+', r"\g<1>1 0 0", ALL),
         ("arm.urdf", r"(<robot[^>]*>)", r"\g<1><!-- no more than a word -->", set()),
     ],
@@ -87,7 +91,8 @@ def test_what_is_void_is_asked_for_again_and_comes_back(place: Path) -> None:
     before = (place / "arm.urdf").read_text()
     edit(place / "arm.urdf", r'(<mass value=")[\d.]+', r"\g<1>1.05")
     robot = load_robot(place)
-    friction, levels = parameters_missing(robot.identified, robot.configuration, robot.urdf)
+    masses, friction, levels = parameters_missing(robot.identified, robot.configuration, robot.urdf)
+    assert "the masses of joint identified before" in masses
     assert "the friction of joint identified before" in friction
     assert "`contactd identify thresholds` again" in levels
     found = merged(robot, "gap", {"joint": ENTRIES["gap"]}, {"joint": 1})

@@ -1,13 +1,16 @@
 """Logs of anybody's arm: only the columns that a step needs, at times that are not even."""
 
 import gzip
+import json
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from mcap.writer import Writer
 
 from bench.rigs.lockstep import SINGLE_JOINT
 from daemon.commands.contactd import main
@@ -179,3 +182,97 @@ def test_a_file_of_names_that_is_wrong_is_told_where(
     path = renamed(tmp_path, NAMES.replace(old, new))
     with pytest.raises(LogError, match=says):
         read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
+
+
+OF_A_TOPIC = """
+topic: /arm
+time: {column: stamp, unit: ms}
+joints:
+  joint:
+    link_position: {column: "position[0]"}
+    motor_position: {column: motor.angle, unit: mrad}
+    torque: {column: "effort[0]"}
+"""
+
+
+def mcap(path: Path, messages: list[dict[str, object]], encoding: str = "json") -> Path:
+    """An MCAP of another program: a topic /arm, and another of which nothing is needed."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "somebody")
+        arm = writer.register_channel("/arm", encoding, 0)
+        other = writer.register_channel("/weather", "cdr", 0)
+        for k, message in enumerate(messages):
+            writer.add_message(other, k, b"\x00\x01", k)
+            writer.add_message(arm, k, json.dumps(message).encode(), k)
+        writer.finish()
+    return path
+
+
+def messages_of(columns: dict[str, np.ndarray]) -> list[dict[str, object]]:
+    rows = zip(*(columns[name].tolist() for name in list(columns)[:4]), strict=True)
+    return [
+        {"stamp": 1e3 * t, "position": [q, 7.0], "motor": {"angle": 1e3 * theta}, "effort": [tau]}
+        for t, q, theta, tau in rows
+    ]
+
+
+def test_an_mcap_of_another_program_with_names_beside_it(tmp_path: Path) -> None:
+    path = mcap(tmp_path / "log.mcap", messages_of(pressed(0.02)))
+    given = ["identify", "gap", "joint", "--config", str(SINGLE_JOINT), "--log", str(path)]
+    unnamed = CliRunner().invoke(main, [*given, "--dry-run"])
+    assert "not a recording of contactd" in unnamed.output
+    (tmp_path / "log.yaml").write_text(OF_A_TOPIC)
+    result = CliRunner().invoke(main, [*given, "--dry-run"])
+    assert result.exit_code == 0, result.output
+    assert "alpha 20.00 mrad" in result.output
+
+
+def without_effort(messages: list[dict[str, object]]) -> None:
+    del messages[9]["effort"]
+
+
+@pytest.mark.parametrize(
+    ("names", "change", "encoding", "says"),
+    [
+        (
+            OF_A_TOPIC.replace("/arm", "/leg"),
+            None,
+            "json",
+            "no topic /leg; there are /arm",
+        ),
+        (OF_A_TOPIC.replace("topic: /arm", ""), None, "json", "topic: '', needed beside an MCAP"),
+        (OF_A_TOPIC, None, "cdr", "/arm is encoded as cdr; only json can be read"),
+        (OF_A_TOPIC, without_effort, "json", r"message 10 of /arm has no number effort\[0\]"),
+        (OF_A_TOPIC.replace("motor.angle", "motor"), None, "json", "no column motor in"),
+    ],
+)
+def test_what_is_wrong_with_an_mcap_is_named(
+    tmp_path: Path,
+    names: str,
+    change: Callable[[list[dict[str, object]]], None] | None,
+    encoding: str,
+    says: str,
+) -> None:
+    messages = messages_of(pressed(0.02))
+    if change:
+        change(messages)
+    path = mcap(tmp_path / "log.mcap", messages, encoding)
+    (tmp_path / "log.yaml").write_text(names)
+    with pytest.raises(LogError, match=says):
+        read_csv(path, ["joint"], {"joint": 3.0}, of_gap=True)
+
+
+def test_an_mcap_that_ends_in_the_middle_is_refused(tmp_path: Path) -> None:
+    path = mcap(tmp_path / "log.mcap", messages_of(pressed(0.02)))
+    path.write_bytes(path.read_bytes()[:5000])
+    (tmp_path / "log.yaml").write_text(OF_A_TOPIC)
+    with pytest.raises(LogError, match=r"log\.mcap ends in the middle"):
+        read_csv(path, ["joint"], {"joint": 3.0}, of_gap=True)
+
+
+def test_a_csv_has_no_topic(tmp_path: Path) -> None:
+    path = save(tmp_path / "log.csv", pressed(0.02))
+    (tmp_path / "log.yaml").write_text(OF_A_TOPIC)
+    with pytest.raises(LogError, match="topic: '/arm', only an MCAP has any"):
+        read_csv(path, ["joint"], {"joint": 3.0}, of_gap=True)

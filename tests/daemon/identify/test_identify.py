@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.commands.contactd import main
+from daemon.config import evidence
 from daemon.config import identified as file
 from daemon.config.load import load_robot, parse_configuration
 from daemon.identify.levels import thresholds_step
@@ -257,24 +258,24 @@ WIRED = file.WiringEntry(date=DAY, log="0", follows=1.0)
 def test_arming_needs_wiring_these_drives_and_this_configuration(folder):
     robot = load_robot(folder)
     c, urdf = robot.configuration, robot.urdf
-    (never,) = file.objections(None, c, urdf, {"joint": 7})
+    (never,) = evidence.objections(None, c, urdf, {"joint": 7})
     assert "never checked" in never
     passed = merged(robot, "wiring", {"joint": WIRED}, {"joint": 7})
-    assert file.objections(passed, c, urdf, {"joint": 7}) == []
-    (other_drive,) = file.objections(passed, c, urdf, {"joint": 8})
+    assert evidence.objections(passed, c, urdf, {"joint": 7}) == []
+    (other_drive,) = evidence.objections(passed, c, urdf, {"joint": 8})
     assert "drive 7, this is drive 8" in other_drive
     joint = c.joints[0]
     geared = msgspec.structs.replace(
         joint, wiring=msgspec.structs.replace(joint.wiring, gear=joint.wiring.gear * 1.1)
     )
     changed = msgspec.structs.replace(c, joints=[geared])
-    (other,) = file.objections(passed, changed, urdf, {"joint": 7})
+    (other,) = evidence.objections(passed, changed, urdf, {"joint": 7})
     assert "another configuration" in other
     # Limits and gains change nothing of what was measured.
     gentler = msgspec.structs.replace(
         c, joints=[msgspec.structs.replace(joint, admittance_gain=0.1)]
     )
-    assert file.objections(passed, gentler, urdf, {"joint": 7}) == []
+    assert evidence.objections(passed, gentler, urdf, {"joint": 7}) == []
 
 
 @pytest.mark.parametrize("folder", [ROMEO, SINGLE_JOINT, DESK_ARM])
@@ -283,7 +284,7 @@ def test_the_simulated_arms_come_wired(folder):
     `contactd identify wiring`, and commit the identified.yaml that this writes."""
     robot = load_robot(folder)
     serials = {name: i for i, name in enumerate(robot.configuration.joint_names, start=1)}
-    assert file.objections(robot.identified, robot.configuration, robot.urdf, serials) == []
+    assert evidence.objections(robot.identified, robot.configuration, robot.urdf, serials) == []
     assert robot.by_hand == robot.configuration  # and nothing else was identified
 
 

@@ -101,6 +101,35 @@ def test_a_level_is_one_that_arm_accepts_at_rest(make_state) -> None:
     assert note.startswith(f"joint: its friction hides {hidden:.2g} Nm at rest")
 
 
+def test_a_joint_that_swings_gets_no_level(make_state) -> None:
+    """By 10 mrad at 2.5 Hz, which nobody asked for; a reference that does it is another matter."""
+    robot = load_robot(SINGLE_JOINT)
+    c = robot.configuration
+
+    def verdict(*, asked: bool) -> str:
+        states = []
+        for s in raised(moved(make_state(0), 60.0, c, 0.0), c):
+            w = 2.0 * np.pi * 2.5
+            more, faster = 0.01 * np.sin(w * s.time_s), 0.01 * w * np.cos(w * s.time_s)
+            states.append(
+                msgspec.structs.replace(
+                    s,
+                    reference=[s.link_position[0] + (more if asked else 0.0)],
+                    link_position=[s.link_position[0] + more],
+                    motor_velocity=[s.motor_velocity[0] + faster],
+                )
+            )
+        outcome = thresholds_step(robot, from_states(states, ["joint"]), 1.0, "2026-01-02")
+        (line,) = outcome.lines
+        assert bool(outcome.entries) is line.good
+        return f"{line.verdict}: {line.reason}"
+
+    assert verdict(asked=True) == "good: "
+    swings = verdict(asked=False)
+    assert swings.startswith("swings by itself: joint swings by itself at 2.5 Hz, by +-10 mrad")
+    assert "control.position_gain to 2 (it is 8)" in swings
+
+
 def test_what_was_discarded_is_told(make_state) -> None:
     robot = load_robot(SINGLE_JOINT)
     c = robot.configuration

@@ -112,12 +112,12 @@ def test_a_csv_needs_a_configuration_and_a_recording_has_its_own(tmp_path, state
     path = saved(tmp_path / "log.csv", states[:200])
     result = CliRunner().invoke(main, ["replay", str(path)])
     assert result.exit_code == 2
-    assert "a CSV needs --config" in result.output
+    assert "a log of another program needs --config" in result.output
     other = tmp_path / "log.mcap"
     other.write_bytes(b"")
     result = replayed(other)
     assert result.exit_code == 2
-    assert "--config is for a CSV" in result.output
+    assert "--config is for a log of another program" in result.output
 
 
 def test_motor_positions_that_the_estimator_takes_are_asked_for():

@@ -177,6 +177,9 @@ def test_a_daemon_that_refuses_or_is_gone(ros: Ros) -> None:
 def test_whose_call_it_is_must_be_known(ros: Ros) -> None:
     assert ros.say(gid=bytes(16))[1].startswith("a call without an attachment")
     assert not ros.armed
+    ros.say()
+    assert ros.say(FALSE, gid=bytes(16))[0]  # to disarm is for everybody
+    assert not ros.armed
 
 
 def test_the_end_of_the_service_ends_it(ros: Ros) -> None:

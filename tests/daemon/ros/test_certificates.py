@@ -3,16 +3,19 @@
 import contextlib
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import zenoh
+from click.testing import CliRunner
 from zenoh import ext
 
 from bench.rigs.bridge import Bridge, until
 from bench.rigs.zenoh_router import free_port
+from daemon.commands import contactd
 from daemon.ros.arming import SET_BOOL
 from daemon.ros.names import Distro, Endpoint, Kind, Node, Qos, attachment
 from daemon.ros.services import TRIGGER, endpoint
@@ -172,3 +175,38 @@ def test_who_is_not_known_is_not_let_in(folder: Path, secured: int, how: str) ->
         text = text.replace("tls/localhost", "tcp/localhost")
     with pytest.raises(zenoh.ZError):
         zenoh.open(zenoh.Config.from_json5(text)).close()
+
+
+KEYS = [
+    ("screen.key", "planner.key", "are no certificate and its key: KEY_VALUES_MISMATCH"),
+    ("screen.key", "ca.pem", "are no certificate and its key: "),
+    ("screen.key", "missing.key", "missing.key: No such file or directory"),
+    ("ca.pem", "missing.pem", "root_ca_certificate: "),
+]
+
+
+@pytest.mark.parametrize(("right", "wrong", "words"), KEYS)
+def test_keys_that_are_none_are_named(
+    folder: Path, tmp_path: Path, right: str, wrong: str, words: str
+) -> None:
+    text = example("zenoh-arm.json5", folder, 1, "screen")
+    file = tmp_path / "wrong.json5"
+    file.write_text(text.replace(f"/{right}", f"/{wrong}"))
+    done = CliRunner().invoke(contactd.main, ["fleet", "--config", str(file), "--stop", "--all"])
+    assert done.exit_code == 78
+    assert f"contactd: {file}: " in done.output
+    assert f"{folder}/{wrong}" in done.output
+    assert words in done.output
+
+
+def test_a_fleet_waits_for_no_router(folder: Path, tmp_path: Path, port: int) -> None:
+    """The example says that the arm waits for ever; a person who stops does not."""
+    file = tmp_path / "screen.json5"
+    file.write_text(example("zenoh-arm.json5", folder, port, "screen"))
+    command = [sys.executable, "-m", "daemon.commands.contactd", "fleet", "--config", str(file)]
+    done = subprocess.run(
+        [*command, "--stop", "--all"], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 69
+    assert done.stderr.startswith(f"contactd: no router at {file}: Unable to connect to any of ")
+    assert ".rs" not in done.stderr

@@ -7,7 +7,8 @@ import pytest
 from msgspec.structs import replace
 
 from bench.rigs.bridge import until
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.symptoms import advice_of
+from daemon.faults.table import Condition
 from daemon.protocol.messages import State, Status
 from daemon.ros import diagnoses
 
@@ -24,8 +25,8 @@ def advice(found: list[Any]) -> str | None:
         ("start", None, None),
         ("start", "start", "asked"),
         ("start", FAULT, None),  # what was asked for is of before
-        (FAULT, None, TABLE[Condition.HEARTBEAT_LOST].advice),
-        (FAULT, "start", TABLE[Condition.HEARTBEAT_LOST].advice),
+        (FAULT, None, advice_of(Condition.HEARTBEAT_LOST)),
+        (FAULT, "start", advice_of(Condition.HEARTBEAT_LOST)),
         (FAULT, FAULT, "asked"),
     ],
 )

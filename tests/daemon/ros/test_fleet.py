@@ -17,7 +17,16 @@ from bench.rigs.bridge import Bridge, until
 from bench.rigs.zenoh_router import session_at
 from daemon.commands import contactd
 from daemon.commands.fleet import table
-from daemon.ros.fleet import MOST_ARMS, MOST_TEXT, SILENT_S, Arm, Fleet, arm_of_token
+from daemon.ros.fleet import (
+    MOST_ARMS,
+    MOST_NAME,
+    MOST_OF_ONE_NAME,
+    MOST_TEXT,
+    SILENT_S,
+    Arm,
+    Fleet,
+    arm_of_token,
+)
 from daemon.ros.messages import Diagnosis, Level, diagnostic_array, outcome
 from daemon.ros.names import Distro, Endpoint, Kind, Node, Qos
 from daemon.ros.services import TRIGGER
@@ -49,7 +58,7 @@ def said(name: str = "contactd: left_arm", text: str = "holding: start") -> Diag
 
 def test_what_an_arm_says_and_since_when_it_is_silent() -> None:
     fleet = Fleet()
-    fleet.meet("left_arm", True)
+    fleet.meet("left_arm", True, "abc")
     assert fleet.arms["left_arm"].silent_s(5.0) is None  # it has just come
     fleet.hear([said(), said("contactd: left_arm: LElbowRoll"), said("battery: left_arm")], 10.0)
     assert set(fleet.arms) == {"left_arm"}
@@ -57,27 +66,64 @@ def test_what_an_arm_says_and_since_when_it_is_silent() -> None:
     assert (arm.mode, arm.armed, arm.text) == ("holding", "true", "holding: start")
     assert arm.silent_s(10.0 + SILENT_S) is None
     assert arm.silent_s(10.1 + SILENT_S) == pytest.approx(SILENT_S + 0.1)
-    fleet.meet("left_arm", False)
+    fleet.meet("left_arm", False, "abc")
     assert fleet.arms["left_arm"].silent_s(10.5) == pytest.approx(0.5)
+
+
+def test_an_arm_is_alive_as_long_as_one_node_of_its_name_is() -> None:
+    """One that begins anew is met before the router has noticed that the one before is gone."""
+    fleet = Fleet()
+    for zid in ("old", "new"):
+        fleet.meet("left_arm", True, zid)
+    fleet.hear([said()], 1.0)
+    assert fleet.arms["left_arm"].state(1.0) == "alive, 2 of this name"
+    fleet.meet("left_arm", False, "old")
+    fleet.meet("left_arm", False, "old")
+    assert fleet.arms["left_arm"].state(1.0) == "alive"
+    fleet.meet("left_arm", False, "new")
+    assert fleet.arms["left_arm"].state(2.0) == "silent since 1 s"
 
 
 def test_a_stranger_fills_neither_memory_nor_terminal() -> None:
     fleet = Fleet()
     for i in range(2 * MOST_ARMS):
-        fleet.meet(f"arm_{i}", True)
+        fleet.meet(f"arm_{i}", True, "abc")
         fleet.hear([said(f"contactd: other_{i}")], 1.0)
     assert len(fleet.arms) == MOST_ARMS
+    for i in range(2 * MOST_OF_ONE_NAME):
+        fleet.meet("arm_0", True, f"node {i}")
+    assert len(fleet.arms["arm_0"].nodes) == MOST_OF_ONE_NAME
     fleet.hear([said("contactd: arm_0", "\x1b[2J" + "x" * 10_000), said("contactd: a*b")], 1.0)
     assert "a*b" not in fleet.arms
     assert fleet.arms["arm_0"].text == "?[2J" + "x" * (MOST_TEXT - 4)
     fleet.touch(Diagnosis(Level.WARN, "j", "contact\n", "arm_1"))
     fleet.touch(Diagnosis(Level.WARN, "j", "contact", "*"))
+    known = set(fleet.arms)
+    fleet.arms.pop("arm_2")  # so that there is room
+    long = "a" * (MOST_NAME + 1)
+    assert arm_of_token(Node(0, f"/{long}", "contactd", Distro.JAZZY, "abc").token(), 0) == ""
+    fleet.hear([said(f"contactd: {long}")], 1.0)
+    fleet.touch(Diagnosis(Level.WARN, "j", "contact", long))
+    assert set(fleet.arms) == known - {"arm_2"}
     assert fleet.arms["arm_1"].contact == "contact?"
+
+
+def test_an_arm_that_is_alive_finds_room_among_names_that_came_and_went() -> None:
+    fleet = Fleet()
+    fleet.meet("left_arm", True, "node")
+    for i in range(2 * MOST_ARMS):
+        fleet.meet(f"ghost_{i}", True, "node")
+        fleet.meet(f"ghost_{i}", False, "node")
+    fleet.meet("right_arm", True, "node")
+    assert len(fleet.arms) == MOST_ARMS
+    assert {arm.name for arm in fleet.arms.values() if arm.alive} == {"left_arm", "right_arm"}
 
 
 def test_the_table_shows_text_as_text() -> None:
     console = Console(width=120, record=True, file=None, quiet=False)
-    arm = Arm("left_arm", True, 1.0, Level.ERROR, "[red]faulted[/red]", "faulted", "false")
+    arm = Arm(
+        "left_arm", frozenset({"abc"}), 1.0, Level.ERROR, "[red]faulted[/red]", "faulted", "false"
+    )
     with console.capture() as captured:
         console.print(table([arm], 10.0))
     assert "[red]faulted[/red]" in captured.get()
@@ -147,6 +193,35 @@ def test_one_arm_is_stopped(
     assert (stops(fake_daemon), stops(second)) == (0, 1)
 
 
+def test_two_of_one_name_stand_only_if_both_do(
+    fake_daemon: Any,
+    second: Any,
+    routed: int,
+    start: Callable[..., Bridge],
+    fleet: Callable[..., Result],
+) -> None:
+    bridges = [start(daemon.path, routed, "left") for daemon in (fake_daemon, second)]
+    for bridge in bridges:
+        bridge.joined()
+    until(
+        lambda: any(
+            bridge.heard("another contactd-zenoh has --namespace /left:") for bridge in bridges
+        )
+    )
+    until(lambda: "alive, 2 of this name" in fleet("--json").output)
+    fleet("--stop", "left")
+    until(lambda: fleet("--stop", "left").exit_code == 0)
+    assert stops(fake_daemon) == stops(second) > 0
+    for one, both in ((second, "left"), (fake_daemon, "--all")):
+        one.unproved = ["LElbowRoll"]
+        done = fleet("--stop", both)
+        assert done.exit_code == 1
+        assert (
+            "left                     not seen to stand (not seen to stand: LElbow" in done.output
+        )
+        one.unproved = []
+
+
 def test_all_arms_are_stopped_and_each_says_what_became_of_it(
     arms: list[Bridge], fleet: Callable[..., Result], fake_daemon: Any, second: Any
 ) -> None:
@@ -193,6 +268,19 @@ def test_what_means_nothing_is_refused(words: tuple[str, ...]) -> None:
     result = CliRunner().invoke(contactd.main, ["fleet", *words])
     assert result.exit_code == 2
     assert "nothing, or --watch, or --stop ARM..., or --stop --all" in result.output
+
+
+def test_arms_of_another_distribution_are_there_and_not_heard(
+    arms: list[Bridge], fleet: Callable[..., Result]
+) -> None:
+    def rows() -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = json.loads(fleet("--json", "--distro", "humble").output)
+        return found
+
+    until(lambda: [row["arm"] for row in rows()] == ["left", "right"])
+    assert {row["text"] for row in rows()} == {
+        "nothing heard of it yet; is it of another --distro?"
+    }
 
 
 def test_a_router_that_dies_leaves_arms_silent_and_comes_back(
@@ -254,3 +342,31 @@ def test_without_the_extra_it_says_which(monkeypatch: pytest.MonkeyPatch) -> Non
     assert result.output == (
         "contactd: it needs the extra `ros` (zenoh): pip install 'contactd[ros]'\n"
     )
+
+
+def test_two_arms_of_one_name_are_both_stopped(routed: int) -> None:
+    """As where nobody gave them namespaces; what one says does not count for the other."""
+    node = Node(0, "/left", "contactd", Distro.JAZZY)
+    key = node.key(Endpoint(Kind.SERVICE, node.absolute("stop"), TRIGGER, Qos.DEFAULT))
+    asked: set[bool] = set()
+
+    def answers(stands: bool) -> Callable[[zenoh.Query], None]:
+        def take(query: zenoh.Query) -> None:
+            asked.add(stands)
+            query.reply(query.key_expr, outcome(stands, "what it says"))
+            query.drop()
+
+        return take
+
+    with contextlib.ExitStack() as opened:
+        at = f"tcp/127.0.0.1:{routed}"
+        for stands in (True, False):
+            session = opened.enter_context(contextlib.closing(session_at(at, "client")))
+            session.declare_queryable(key, answers(stands), complete=True)
+        session = opened.enter_context(contextlib.closing(session_at(at, "client")))
+        fleet = opened.enter_context(Supervisor(session, 0, Distro.JAZZY))
+        until(lambda: list(session.get(key, target=zenoh.QueryTarget.ALL)) and len(asked) == 2)
+        for _ in range(3):
+            asked.clear()
+            assert fleet.stop(["left"]) == {"left": ("not seen to stand", "what it says")}
+            assert asked == {True, False}

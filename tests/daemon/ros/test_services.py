@@ -87,6 +87,24 @@ def test_what_waits_at_the_end_is_told() -> None:
     assert late.answers == [BUSY]
 
 
+def test_an_action_that_fails_is_answered_and_the_next_call_is_carried_out() -> None:
+    failures = [OSError(24, "Too many open files")]
+
+    def act(_who: str) -> Outcome:
+        if failures:
+            raise failures.pop()
+        return True, "done"
+
+    service = Service("stop", trigger(act))
+    first, second = Call(), Call()
+    for call in (first, second):
+        service.put(call)
+        assert call.answered.wait(10.0)
+    service.close()
+    assert first.answers == ["this machine fails: [Errno 24] Too many open files"]
+    assert second.answers == [outcome(True, "done")]
+
+
 @pytest.mark.parametrize("request_", [b"", b"\0\1\0", b"\0" * 9, b"\xff" * 5])
 def test_what_is_no_request_does_nothing(request_: bytes) -> None:
     gate = Gate()

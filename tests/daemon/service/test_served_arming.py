@@ -9,7 +9,8 @@ import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.clients.client import Client
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.symptoms import advice_of
+from daemon.faults.table import Condition
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Request
 from daemon.protocol.socket_path import Peer
@@ -261,7 +262,7 @@ def test_status_says_what_to_do_about_a_fault_until_it_is_reset(
     assert advice() == ""
     served.rig.arm.drives[0].fault(0x2310, "injected by the test")
     served.run(0.1)
-    assert advice() == TABLE[Condition.EMERGENCY].advice
+    assert advice() == advice_of(Condition.EMERGENCY)
     served.ask(client, "reset")
     assert advice() == ""
 

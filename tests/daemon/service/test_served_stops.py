@@ -10,7 +10,8 @@ from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.commands import replies
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.symptoms import advice_of
+from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Reply, Request
 from daemon.protocol.socket_path import Peer
@@ -109,7 +110,7 @@ def test_the_advice_is_of_the_first_cause_and_of_what_is_not_seen_to_stand(
         return asked(romeo, "status").status.advice.splitlines()
 
     stale, doubted, lost = (
-        TABLE[condition].advice
+        advice_of(condition)
         for condition in (Condition.STALE, Condition.NOT_SEEN_TO_STOP, Condition.UNPROVED)
     )
     assert advice() == []

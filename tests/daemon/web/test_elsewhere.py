@@ -179,6 +179,7 @@ def test_a_router_that_is_none(where: str, tmp_path: Path) -> None:
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 78
     assert "contactd-web: " in result.output
+    assert "--connect" not in result.output
 
 
 # --- in a browser --------------------------------------------------------------------------------
@@ -199,6 +200,9 @@ def test_a_tab_a_line_and_a_stop(
             assert screen.text("#elsewhere tbody th") == "hall/left"
             assert "armed" in screen.text("#elsewhere tbody tr")
             screen.until("document.documentElement.scrollWidth <= innerWidth")
+            screen.until(  # its word in one line
+                "(b => b.offsetWidth > b.offsetHeight)(document.querySelector('#elsewhere button'))"
+            )
             screen.page.click("#elsewhere tbody button")
             screen.until(
                 "document.querySelector('#elsewhere-note').innerText === 'hall/left: it stands.'"

@@ -14,7 +14,8 @@ import pytest
 from bench.rigs.network import Network, network
 from bench.rigs.page import Page, page_of
 from bench.rigs.screens import PATIENCE_MS, PHONE, Screens
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.symptoms import advice_of
+from daemon.faults.table import Condition
 from daemon.modes.table import Mode
 
 FakeDaemon = Any  # of tests/daemon/conftest.py, which nothing imports
@@ -91,7 +92,7 @@ def test_a_fault_that_ended_the_daemon_says_what_to_do(
     with gone(arm):
         screen.old()
         assert screen.text("#fault-cause") == "It was a fault: bus off: can0"
-        advice = TABLE[Condition.BUS_OFF].advice.replace("`", "")
+        advice = advice_of(Condition.BUS_OFF).replace("`", "")
         assert advice in screen.text("#fault-advice")
         screen.picture("ended")
 

@@ -10,7 +10,8 @@ import pytest
 from msgspec.structs import replace
 
 from daemon.faults.finding import Finding
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.symptoms import advice_of
+from daemon.faults.table import Condition
 from daemon.protocol.messages import Permit, State
 from daemon.web.words import Load, load, owner, words
 
@@ -41,7 +42,7 @@ def test_what_to_do_about_a_fault_needs_no_answer_of_its_daemon(
 ) -> None:
     for finding in (Finding(condition), Finding(condition, "LElbowRoll (left)", "3: 4 Nm")):
         state = replace(make_state(5), cause=str(finding))
-        assert words(0, state).advice == TABLE[condition].advice
+        assert words(0, state).advice == advice_of(condition)
     for cause in ("", "started", f"not {condition}", f"{condition}er"):
         assert words(0, replace(make_state(5), cause=cause)).advice == ""
 

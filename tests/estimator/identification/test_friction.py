@@ -272,3 +272,12 @@ def test_motors_that_turn_each_others_joints_are_found(moved, identify):
     assert [fit.verdict for fit in fits[:4]] == [Verdict.GOOD] * 4
     assert [fit.verdict for fit in fits[4:6]] == [Verdict.COUPLED] * 2
     assert "follows the motion of LWristYaw" in fits[4].reason
+
+
+def test_what_is_stated_holds_with_wrong_masses_and_torque_constants(fitted, moved):
+    """Every truth lies within one and a half of its interval of 95 %."""
+    for (fits, _), true in zip(fitted, moved.arms, strict=True):
+        for name in ("K_theta_s", "K_theta_v", "B"):
+            stated = np.array([1.96 * fit.errors[name] / fit.values[name] for fit in fits])
+            assert (np.abs(errors(fits, true, name)) < 1.5 * stated).all(), name
+            assert (stated > 0.029).all()  # no torque constant is known better

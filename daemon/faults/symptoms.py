@@ -1,0 +1,53 @@
+"""Symptoms of faults: which section of docs/troubleshooting.md a person is sent to, and the advice
+that sends them there.
+
+A fault says what was found; a section of that page begins with what a person sees, and orders its
+causes by how often they are it. Many conditions share one.
+"""
+
+from typing import Final
+
+from daemon.faults.table import TABLE, Condition
+
+PAGE: Final = "docs/troubleshooting.md"
+_C = Condition
+
+SECTION_OF: Final[dict[Condition, str]] = {
+    _C.SAMPLE_MISSING: "a-drive-falls-silent",
+    _C.STALE: "a-drive-falls-silent",
+    _C.HEARTBEAT_LOST: "a-drive-falls-silent",
+    _C.BUS_DISTURBED: "a-drive-falls-silent",
+    _C.BUS_TROUBLE: "a-drive-falls-silent",
+    _C.ERROR_PASSIVE: "a-drive-falls-silent",
+    _C.BUS_OFF: "a-drive-falls-silent",
+    _C.ADAPTER_GONE: "a-drive-falls-silent",
+    _C.DEAF: "it-does-not-feel-me",
+    _C.TORQUE_STUCK: "it-does-not-feel-me",
+    _C.STARVED: "it-is-late",
+    _C.LATE: "it-is-late",
+    _C.OVERRUN: "it-is-late",
+    _C.ABSENT: "it-is-late",
+    _C.EMERGENCY: "a-drive-gives-up",
+    _C.DRIVE_FAULT: "a-drive-gives-up",
+    _C.DRIVE_DROPPED: "a-drive-gives-up",
+    _C.REBOOTED: "a-drive-gives-up",
+    _C.NOT_FOLLOWING: "a-drive-does-what-it-likes",
+    _C.IGNORES_SETPOINT: "a-drive-does-what-it-likes",
+    _C.FOREIGN_MASTER: "a-drive-does-what-it-likes",
+    _C.OVERSPEED: "a-drive-does-what-it-likes",
+    _C.NOT_SEEN_TO_STOP: "it-is-not-seen-to-stop",
+    _C.UNPROVED: "it-is-not-seen-to-stop",
+    _C.JUMP: "motor-and-link-apart",
+    _C.FROZEN: "motor-and-link-apart",
+    _C.APART: "motor-and-link-apart",
+    _C.TORQUE_SATURATED: "it-presses",
+    _C.JOINT_LIMIT: "it-presses",
+    _C.RESIDUAL_LIMIT: "it-yields-when-nobody-touches-it",
+    _C.NOT_FINITE: "the-program-fails",
+    _C.PROGRAM_ERROR: "the-program-fails",
+}
+
+
+def advice_of(condition: Condition) -> str:
+    """What a person at the arm does about a condition, and where there is more."""
+    return f"{TABLE[condition].advice}; more: {PAGE}#{SECTION_OF[condition]}"

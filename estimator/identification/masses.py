@@ -1,0 +1,257 @@
+"""Masses, centres and inertias of what the joints move, by least squares on the residual.
+
+Motion tells only some combinations of the parameters (the base parameters); the others stay as
+near to the URDF as bodies that can exist allow: `possible_bodies`. All joints are fitted at once,
+and the friction of each anew: `body_motion`.
+"""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arrays import Matrix, Vector
+from estimator.body_inertia import BodyInertia
+from estimator.identification.body_motion import (
+    BodyMotion,
+    body_motion,
+    rows_of_joints,
+    with_friction,
+)
+from estimator.identification.body_rows import BodiesFit, JointRows, fitted, without_bodies
+from estimator.identification.coupling import coupled
+from estimator.identification.friction_verdict import saturated, unexcited, wider
+from estimator.identification.log_intervals import play
+from estimator.identification.motion_log import MotionLog
+from estimator.identification.possible_bodies import possible, prior
+from estimator.identification.regression import GAIN, HELD_OUT
+from estimator.identification.touches import near
+from estimator.model import Model
+from estimator.settings import EstimatorSettings
+from estimator.transmission import Transmission
+
+SHORTEST_S = 20.0
+"""Least motion [s] unless less is asked for."""
+_ROUNDS = 3
+_WORSE = 1.1  # times |r| by the URDF, held out, that is no fit
+_WORTH = 0.9  # times the same, of some joint, for which other masses are worth it
+_UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
+_MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
+_POSES = 200
+
+
+class MassesVerdict(StrEnum):
+    """Verdict on one joint; unless all are `good`, all keep their masses."""
+
+    GOOD = "good"
+    AS_GOOD = "the URDF is as good"
+    NOT_EXCITED = "not excited"
+    SATURATED = "current saturated"
+    WRONG_GAP = "the gap is wider"
+    COUPLED = "coupled with another joint"
+    WORSE = "worse on held-out motion"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MassesFit:
+    """What was found of one joint: rms of |r| [Nm] on motion that was not fitted, by the URDF's
+    bodies and by those found, with friction fitted alike."""
+
+    joint: str
+    verdict: MassesVerdict
+    reason: str
+    """Explanation with the figures; empty where it is good."""
+    body: BodyInertia | None
+    """None where the URDF has no mass between this joint and the next"""
+    by_urdf: float
+    by_this: float
+
+
+@dataclass(frozen=True, slots=True)
+class Masses:
+    """Fits of all joints, which are used together or not at all."""
+
+    fits: list[MassesFit]
+    told: int
+    """Combinations of the `parameters` that the motion tells better than the URDF does"""
+    parameters: int
+    touched: tuple[str, ...]
+    """Joints that a person touched"""
+    discarded_s: float
+    """discarded because of these touches [s]"""
+
+    @property
+    def usable(self) -> bool:
+        """True if every joint is good."""
+        return all(fit.verdict is MassesVerdict.GOOD for fit in self.fits)
+
+
+@dataclass(frozen=True, slots=True)
+class _Arm:
+    """Nominal parameters (k, 10) of the bodies that have a mass, and their joints (k,)."""
+
+    nominal: Matrix
+    massive: NDArray[np.int64]
+    lower: Vector
+    upper: Vector
+    """(n,) limits of the joints [rad]"""
+
+
+def identify_masses(
+    log: MotionLog,
+    model: Model,
+    transmission: Transmission,
+    settings: EstimatorSettings,
+    max_current: Vector,
+    limits: tuple[Vector, Vector],
+    shortest_s: float = SHORTEST_S,
+) -> Masses:
+    """Bodies of all joints from contact-free motion.
+
+    model: by the URDF alone; transmission: half-gaps as identified, and friction to begin with;
+    max_current (n,) [A]; limits: lower and upper (n,) [rad], between which gravity is to be known.
+    Raises LogError for a log of less than `shortest_s`.
+    """
+    width = transmission.sign_width
+    motion = body_motion(log, model, settings, max_current, width, shortest_s)
+    by_urdf = model.parameters()
+    massive = np.flatnonzero(by_urdf[:, 0] > 0.0)  # what has no mass in the URDF gets none
+    arm = _Arm(np.array([possible(row) for row in by_urdf[massive]]), massive, *limits)
+    bodies = motion.regressor[:, :, massive].reshape(len(motion.rows.dt), log.n, -1)
+    made_possible = bodies @ (arm.nominal - by_urdf[massive]).ravel()
+    whole, touched = np.ones(len(bodies), dtype=np.bool_), np.zeros_like(motion.cut)
+    # Each round sees the gap with the friction of the one before, and what it could not explain.
+    for _ in range(_ROUNDS):
+        joints = rows_of_joints(motion, bodies, transmission, settings, touched)
+        joints = [
+            replace(one, torque=one.torque - made_possible[:, i]) for i, one in enumerate(joints)
+        ]
+        fit = fitted(joints, whole, arm.nominal, motion.rows.period_s)
+        touched = motion.touched(joints, fit.difference, fit.friction)
+        transmission = with_friction(transmission, fit.friction)
+    reasons = _reasons(log, motion, joints, fit, transmission, _gravity_unknown(model, arm, fit))
+    return Masses(
+        _judged(log.joints, joints, arm, motion.rows.period_s, fit, reasons),
+        _told(arm.nominal, fit),
+        arm.nominal.size,
+        tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0))),
+        float(motion.rows.dt @ near(motion.rows, touched)),
+    )
+
+
+Reason = tuple[MassesVerdict, str]
+
+
+def _reasons(
+    log: MotionLog,
+    motion: BodyMotion,
+    joints: list[JointRows],
+    fit: BodiesFit,
+    t: Transmission,
+    unknown: tuple[Vector, Vector],
+) -> list[Reason]:
+    """Why joints cannot be judged by how well they fit; `good` where nothing is against it."""
+    left = np.stack(
+        [one.left(fit.difference, x) for one, x in zip(joints, fit.friction, strict=True)], axis=1
+    )
+    weight = np.stack([one.weight for one in joints], axis=1)
+    coulomb, moved = t.engaged_coulomb, play(motion.rows)
+    pairs = coupled(left, weight, coulomb, motion.rows, t.sign_width, GAIN)
+    found: list[Reason] = []
+    for i in range(log.n):
+        share, before = float(unknown[0][i]), float(unknown[1][i])
+        if about := unexcited(motion.rows.theta_dot[:, i]):
+            found.append((MassesVerdict.NOT_EXCITED, about))
+        elif about := saturated(float(motion.cut[:, i].mean())):
+            found.append((MassesVerdict.SATURATED, about))
+        elif about := wider(float(moved[i]), float(t.half_gap[i])):
+            found.append((MassesVerdict.WRONG_GAP, about))
+        elif i in pairs:
+            about = (f"what is left follows the motion of {log.joints[pairs[i]]}, and the other "
+                     "way round: give what the joints do, not the motors")  # fmt: skip
+            found.append((MassesVerdict.COUPLED, about))
+        elif share > _UNKNOWN and before > _MATTERS * coulomb[i]:
+            about = (f"the motion leaves {share:.0%} of what gravity may be off within the limits, "
+                     f"{before:.2g} Nm: let it and those behind it move further")  # fmt: skip
+            found.append((MassesVerdict.NOT_EXCITED, about))
+        else:
+            found.append((MassesVerdict.GOOD, ""))
+    return found
+
+
+def _judged(
+    names: tuple[str, ...],
+    joints: list[JointRows],
+    arm: _Arm,
+    period_s: float,
+    fit: BodiesFit,
+    reasons: list[Reason],
+) -> list[MassesFit]:
+    """Fits with their verdicts: by what the end of the motion leaves that was not fitted, and by
+    what its beginning does."""
+    by_urdf, by_this = _held_out(joints, arm.nominal, period_s)
+    worth = bool((_rms(by_this) < _WORTH * _rms(by_urdf)).any())
+    place = {int(joint): k for k, joint in enumerate(arm.massive)}
+    fits = []
+    for i, against in enumerate(reasons):
+        verdict, reason = against
+        worse = ~(by_this[:, i] <= _WORSE * by_urdf[:, i])  # NaN, too: too little counted
+        if verdict is MassesVerdict.GOOD and worse.any():
+            k, verdict = int(np.argmax(worse)), MassesVerdict.WORSE
+            reason = (f"|r| {by_this[k, i]:.3g} Nm, by the URDF {by_urdf[k, i]:.3g}, on the "
+                      f"{('last', 'first')[k]} third of the motion by a fit to the rest: a longer "
+                      "motion (`--seconds`) that leads everywhere")  # fmt: skip
+        elif verdict is MassesVerdict.GOOD and not worth:
+            verdict = MassesVerdict.AS_GOOD
+        body = BodyInertia.of(fit.parameters[place[i]]) if i in place else None
+        fits.append(
+            MassesFit(
+                joint=names[i], verdict=verdict, reason=reason, body=body,
+                by_urdf=float(_rms(by_urdf)[i]), by_this=float(_rms(by_this)[i]),
+            )
+        )  # fmt: skip
+    return fits
+
+
+def _rms(parts: Matrix) -> Vector:
+    return np.asarray(np.sqrt(np.square(parts).mean(axis=0)))
+
+
+def _held_out(joints: list[JointRows], nominal: Matrix, period_s: float) -> tuple[Matrix, Matrix]:
+    """rms [Nm] of what is left by nominal bodies and by found ones, (2, n): of the end of the
+    motion by a fit to the rest, and of its beginning."""
+    size = len(joints[0].torque)
+    place = np.arange(size) / size
+    by_nominal, by_found = [], []
+    for tested in (place >= 1.0 - HELD_OUT, place < HELD_OUT):
+        fit = fitted(joints, ~tested, nominal, period_s)
+        none = np.zeros_like(fit.difference)
+        usual = without_bodies(joints, ~tested)
+        pairs = zip(joints, usual, strict=True)
+        by_nominal.append([one.rms(none, x, tested) for one, x in pairs])
+        pairs = zip(joints, fit.friction, strict=True)
+        by_found.append([one.rms(fit.difference, x, tested) for one, x in pairs])
+    return np.array(by_nominal), np.array(by_found)
+
+
+def _gravity_unknown(model: Model, arm: _Arm, fit: BodiesFit) -> tuple[Vector, Vector]:
+    """Standard deviation of gravity at each joint (n,) over poses within the limits: after the fit,
+    as a share of before; and before [Nm]."""
+    drawn = np.random.default_rng(0).uniform(arm.lower, arm.upper, (_POSES, model.n))
+    none = np.zeros(model.n)
+    Y = np.array([model.regressor(q, none, none)[:, arm.massive] for q in drawn])
+    Y = Y.reshape(_POSES, model.n, -1)
+
+    def deviation(information: Matrix) -> Vector:
+        covariance = np.linalg.inv(information)
+        return np.asarray(np.sqrt(np.einsum("kij,jl,kil->i", Y, covariance, Y) / _POSES))
+
+    before, after = deviation(prior(arm.nominal)), deviation(fit.information)
+    return after / np.maximum(before, 1e-12), before
+
+
+def _told(nominal: Matrix, fit: BodiesFit) -> int:
+    """How many directions of the parameters the motion knows better than the pull does."""
+    root = np.linalg.cholesky(np.linalg.inv(prior(nominal)))
+    return int(np.count_nonzero(np.linalg.eigvalsh(root.T @ fit.of_motion @ root) > 1.0))

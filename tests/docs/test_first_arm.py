@@ -1,0 +1,104 @@
+"""The page "Your first arm": its commands, typed in their order at an arm in lockstep."""
+
+import shlex
+import shutil
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, closing
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from daemon.commands.contactd import main as contactd
+from daemon.commands.simulated_robot import true_arm
+from daemon.modes.table import Mode
+from daemon.protocol.socket_path import default_hand_path
+from simulator.hand_door import HandDoor
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "first_arm.md"
+IDLE_S = 0.01  # between ticks while a step computes
+
+
+def commands() -> list[list[str]]:
+    """The indented lines of the page, as words."""
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
+    return [shlex.split(line) for line in lines if line.startswith("    contact")]
+
+
+class Terminals:
+    """Three terminals of a person: what is typed, in lockstep with the simulated arm."""
+
+    def __init__(self, folder: Path, open_: ExitStack) -> None:
+        self._folder, self._open = folder, open_
+        self.served: ServedDaemon | None = None
+
+    def type(self, words: list[str]) -> Result:
+        """One command; a daemon that is started ends the one before."""
+        match words:
+            case ["contactd", "simulate", _]:
+                return Result(CliRunner(), b"", b"", b"", None, 0, None)  # it is there with `run`
+            case ["contactd", "run", folder]:
+                self._open.close()
+                self.served = self._open.enter_context(
+                    served_daemon(
+                        self._folder, Path(folder), described=lambda robot, _: true_arm(robot)[0]
+                    )
+                )
+                self.served.idle_s = IDLE_S
+                return Result(CliRunner(), b"", b"", b"", None, 0, None)
+            case ["contactd", "identify", *more]:
+                assert self.served is not None
+                result = self.served.contactd("identify", *more)
+            case ["contactd", *more]:
+                return CliRunner().invoke(contactd, more)
+            case ["contactctl", *more]:
+                assert self.served is not None
+                result = self._with_hand(self.served, more)
+            case _:
+                raise AssertionError(f"not a command of ours: {words}")
+        self.served.run(1.0)
+        return result
+
+    @staticmethod
+    def _with_hand(served: ServedDaemon, words: list[str]) -> Result:
+        """A command while the simulator's hand listens, as `contactd simulate` lets it."""
+        over = threading.Event()
+
+        def listen() -> None:
+            while not over.wait(0.005):
+                door.serve(served.rig.arm.hand.take)
+
+        with closing(HandDoor(default_hand_path())) as door:
+            listener = threading.Thread(target=listen)
+            listener.start()
+            try:
+                return served.contactctl(*words)
+            finally:
+                over.set()
+                listener.join()
+
+
+@pytest.fixture
+def terminals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminals]:
+    shutil.copytree(ROOT / "configs" / "desk_arm", tmp_path / "configs" / "desk_arm")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with ExitStack() as open_:
+        yield Terminals(tmp_path, open_)
+
+
+def test_the_page_leads_to_an_armed_arm_that_yields(terminals: Terminals) -> None:
+    typed = commands()
+    for words in typed:
+        result = terminals.type(words)
+        assert result.exit_code == 0, f"{shlex.join(words)}\n{result.output}"
+        assert terminals.served is None or terminals.served.rig.mode is not Mode.FAULTED, words
+        if words[:3] == ["contactctl", "hand", "lean"]:
+            assert terminals.served is not None
+            assert terminals.served.rig.mode is Mode.ADMITTANCE
+    assert ["contactctl", "hand", "lean"] in [words[:3] for words in typed]
+    assert terminals.served is not None
+    assert terminals.served.rig.mode is Mode.OFF

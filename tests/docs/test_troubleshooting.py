@@ -1,0 +1,53 @@
+"""docs/troubleshooting.md: reached from every fault, and says only what the program says."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from daemon.faults.finding import Finding, advice_on
+from daemon.faults.symptoms import PAGE, SECTION_OF, advice_of
+from daemon.faults.table import TABLE, Condition
+
+ROOT = Path(__file__).resolve().parents[2]
+TEXT = (ROOT / PAGE).read_text(encoding="utf-8")
+SECTIONS = {
+    title.lower().replace(",", "").replace(" ", "-"): text
+    for title, text in re.findall(r"^## (.+?)\n(.+?)(?=^## |\Z)", TEXT, re.MULTILINE | re.DOTALL)
+}
+SOURCES = "\n".join(
+    path.read_text(encoding="utf-8")
+    for folder in ("daemon", "drivers", "estimator")
+    for path in sorted((ROOT / folder).rglob("*.py"))
+)
+
+
+def said_as(text: str) -> list[str]:
+    line = text.partition("*Said as*")[2].partition("\n\n")[0]
+    return re.findall(r"`([^`]+)`", line)
+
+
+@pytest.mark.parametrize("condition", list(Condition))
+def test_a_faults_advice_leads_to_a_section_that_names_it(condition: Condition) -> None:
+    anchor = SECTION_OF[condition]
+    assert advice_of(condition) == f"{TABLE[condition].advice}; more: {PAGE}#{anchor}"
+    assert str(condition) in said_as(SECTIONS[anchor])
+
+
+def test_every_way_to_advice_leads_there() -> None:
+    """Status, and the page's banner, which goes by the cause alone."""
+    finding = Finding(Condition.APART, "LElbowRoll", "0.1 rad")
+    assert f"more: {PAGE}#motor-and-link-apart" in finding.advice
+    assert advice_on(str(finding)) == finding.advice
+
+
+@pytest.mark.parametrize("anchor", SECTIONS)
+def test_what_is_said_is_what_the_program_says(anchor: str) -> None:
+    words = said_as(SECTIONS[anchor])
+    assert words or "*Said as* nothing" in SECTIONS[anchor]
+    assert [text for text in words if text not in SOURCES] == []
+
+
+def test_signs_come_before_the_gap() -> None:
+    text = SECTIONS["motor-and-link-apart"]
+    assert text.index("**Signs") < text.index("**The encoder.") < text.index("**The gap.")

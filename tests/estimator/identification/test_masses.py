@@ -1,0 +1,217 @@
+"""Masses and loads from motion: of an arm whose URDF is wrong, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from msgspec.structs import replace as replace_
+
+from bench.study.masses import Subjects, carrying, true_bodies
+from daemon.assembly import build_transmission
+from errors import LogError
+from estimator.identification.masses import Masses, MassesVerdict, identify_masses
+from estimator.identification.motion_log import MotionLog
+from estimator.identification.payload_fit import PayloadFit, PayloadVerdict, identify_payload
+from estimator.model import Model
+from estimator.payload import Payload
+
+LOAD = Payload.of(0.4, [0.03, 0.02, -0.06])
+
+
+@pytest.fixture(scope="module")
+def subjects() -> Subjects:
+    """One arm whose masses are 20 % and whose centres are 20 mm off."""
+    return Subjects(1, (7, 0))
+
+
+@pytest.fixture(scope="module")
+def log(subjects: Subjects) -> MotionLog:
+    return subjects.moved(subjects.arms, 24.0, seed=3)[0]
+
+
+@pytest.fixture(scope="module")
+def masses(subjects: Subjects, log: MotionLog) -> Masses:
+    return identified(subjects, log)
+
+
+def identified(
+    subjects: Subjects, log: MotionLog, model: Model | None = None, shortest_s: float = 20.0
+) -> Masses:
+    c = subjects.c
+    return identify_masses(
+        log, model or subjects.model, build_transmission(c), c.estimator, subjects.max_current,
+        subjects.limits, shortest_s,
+    )  # fmt: skip
+
+
+def true_model(subjects: Subjects) -> Model:
+    robot = subjects.robot
+    return Model(robot.urdf, subjects.c.joint_names, true_bodies(subjects.arms[0]))
+
+
+def verdicts(masses: Masses) -> list[MassesVerdict]:
+    return [fit.verdict for fit in masses.fits]
+
+
+def test_the_residual_is_that_of_exact_masses(subjects, masses) -> None:
+    """Held out, of the estimator, with friction identified by either."""
+    assert masses.usable, masses
+    for_friction = subjects.moved(subjects.arms, 24.0, seed=1)[0]
+    tested = subjects.moved(subjects.arms, 16.0, seed=2)[0]
+
+    def rms(bodies) -> np.ndarray:
+        return subjects.residual(subjects.friction_with(bodies, for_friction), tested)
+
+    exact = rms(true_bodies(subjects.arms[0]))
+    assert (rms({fit.joint: fit.body for fit in masses.fits}) / exact).max() < 1.1
+    assert (rms({}) / exact).max() > 2.0
+
+
+def test_gravity_is_that_of_the_true_arm_in_poses_that_were_not_seen(subjects, masses) -> None:
+    names = subjects.c.joint_names
+    found = Model(subjects.robot.urdf, names, {f.joint: f.body for f in masses.fits})
+    true, rng = true_model(subjects), np.random.default_rng(0)
+    poses = rng.uniform(*subjects.limits, (100, len(names)))
+
+    def off(model: Model) -> np.ndarray:
+        return np.abs([model.gravity(q) - true.gravity(q) for q in poses]).max(axis=0)
+
+    assert (off(found) < 0.05 * off(subjects.model)).all()
+
+
+def test_what_is_shown_says_how_much_better_it_is(masses) -> None:
+    for fit in masses.fits:
+        assert fit.reason == ""
+        assert fit.by_this < 0.9 * fit.by_urdf
+    assert min(fit.by_this / fit.by_urdf for fit in masses.fits) < 0.1
+    assert 20 < masses.told < masses.parameters == 70
+    assert masses.touched == ()
+
+
+def test_right_masses_stay(subjects, log) -> None:
+    again = identified(subjects, log, true_model(subjects))
+    assert not again.usable
+    assert set(verdicts(again)) == {MassesVerdict.AS_GOOD}
+
+
+def test_a_short_log_is_refused(subjects, log) -> None:
+    with pytest.raises(LogError, match=r"too short: 15\.0 s, at least 20 s of motion"):
+        identified(subjects, log.select(slice(0, 1500)))
+    assert identified(subjects, log.select(slice(0, 1500)), shortest_s=10.0).usable
+
+
+def standing(log: MotionLog, joints: list[int]) -> MotionLog:
+    """The log, in which these joints stood at their first position."""
+    changed = {}
+    for name in ("current", "link_position", "motor_velocity", "motor_position"):
+        values = getattr(log, name).copy()
+        values[:, joints] = 0.0 if name == "motor_velocity" else values[0, joints]
+        changed[name] = values
+    return replace(log, **changed)
+
+
+@pytest.mark.parametrize("joints", [[4], [1, 2, 3, 4, 5, 6]])
+def test_a_joint_that_stands_is_named_and_no_mass_is_used(subjects, log, joints) -> None:
+    found = identified(subjects, standing(log, joints))
+    assert not found.usable
+    for i in joints:
+        assert found.fits[i].verdict is MassesVerdict.NOT_EXCITED
+        assert "turned round 0 times" in found.fits[i].reason
+
+
+def test_a_motion_to_and_fro_about_one_pose_does_not_tell_gravity(subjects) -> None:
+    """Every joint moves and turns, but the arm hardly changes its pose."""
+    small = subjects.moved(subjects.arms, 24.0, seed=3)[0]
+    middle = small.link_position.mean(axis=0)
+    squeezed = replace(
+        small,
+        link_position=middle + 0.02 * (small.link_position - middle),
+        motor_position=middle + 0.02 * (small.motor_position - middle),
+    )
+    found = identified(subjects, squeezed)
+    assert not found.usable
+
+
+def test_a_touch_is_found_and_left_out(subjects, log, masses) -> None:
+    touched = log.current.copy()
+    touched[900:1000, 2] += 6.0 / subjects.c.joints[2].torque_constant
+    found = identified(subjects, replace(log, current=touched))
+    assert "LElbowRoll" in found.touched
+    assert 0.9 < found.discarded_s < 4.0
+    assert found.usable
+    for fit, before in zip(found.fits, masses.fits, strict=True):
+        assert fit.body.mass == pytest.approx(before.body.mass, rel=0.05)
+
+
+# --- loads ----------------------------------------------------------------------------------------
+
+
+def weighed(subjects: Subjects, log: MotionLog, model: Model, unsure: float = 0.01) -> PayloadFit:
+    c = subjects.c
+    return identify_payload(
+        log, model, build_transmission(c), c.estimator, subjects.max_current, unsure
+    )
+
+
+@pytest.fixture(scope="module")
+def carried(subjects: Subjects) -> MotionLog:
+    arm = carrying(subjects.arms[0], subjects.model, LOAD)
+    return subjects.moved([arm], 10.0, seed=4, turn_s=10.0)[0]
+
+
+def test_ten_seconds_tell_mass_and_centre_of_a_load(subjects, carried) -> None:
+    fit = weighed(subjects, carried, true_model(subjects))
+    assert fit.verdict is PayloadVerdict.GOOD, fit
+    assert fit.mass == pytest.approx(LOAD.mass, rel=0.01)
+    assert fit.com == pytest.approx(np.array(LOAD.com), abs=0.001)
+    assert fit.mass_error < 0.01
+    assert fit.com_error < 0.003
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_arm_whose_masses_may_be_off_widens_the_errors_by_as_much(
+    subjects, carried, seed
+) -> None:
+    """Bodies some per cent off, and torque constants 2 %."""
+    rng, true = np.random.default_rng(seed), true_bodies(subjects.arms[0])
+    off = {
+        name: replace_(body, mass=body.mass * (1.0 + 0.04 * rng.choice((-1.0, 1.0))))
+        for name, body in true.items()
+    }
+    model = Model(subjects.robot.urdf, subjects.c.joint_names, off)
+    current = carried.current * (1.0 + 0.02 * rng.choice((-1.0, 1.0), 7))
+    fit = weighed(subjects, replace(carried, current=current), model, 0.05)
+    sure = weighed(subjects, carried, true_model(subjects))
+    assert fit.mass_error > 2.0 * sure.mass_error
+    assert abs(fit.mass - LOAD.mass) < 3.0 * fit.mass_error, fit
+    assert np.linalg.norm(fit.com - np.array(LOAD.com)) < 3.0 * fit.com_error, fit
+
+
+@pytest.mark.parametrize(
+    ("change", "verdict", "says"),
+    [
+        (lambda log: log, PayloadVerdict.NOTHING, "the hand is empty"),
+        (lambda log: standing(log, list(range(7))), PayloadVerdict.NOT_EXCITED, "hardly moved"),
+    ],
+)
+def test_what_shows_no_load_is_refused(subjects, change, verdict, says) -> None:
+    empty = subjects.moved(subjects.arms, 10.0, seed=4, turn_s=10.0)[0]
+    fit = weighed(subjects, change(empty), true_model(subjects))
+    assert fit.verdict is verdict, fit
+    assert says in fit.reason
+
+
+def test_an_arm_lighter_than_its_model_is_no_load(subjects) -> None:
+    """With the load in the model, and none in the hand."""
+    true = true_bodies(subjects.arms[0])
+    loaded = true | true_bodies(carrying(subjects.arms[0], subjects.model, LOAD))
+    model = Model(subjects.robot.urdf, subjects.c.joint_names, loaded)
+    empty = subjects.moved(subjects.arms, 10.0, seed=4, turn_s=10.0)[0]
+    fit = weighed(subjects, empty, model)
+    assert fit.verdict is PayloadVerdict.NOT_EXCITED
+    assert "lighter than its model" in fit.reason
+
+
+def test_a_look_at_a_load_that_is_too_short_is_refused(subjects, carried) -> None:
+    with pytest.raises(LogError, match=r"too short: 5\.0 s, at least 8 s"):
+        weighed(subjects, carried.select(slice(0, 500)), subjects.model)

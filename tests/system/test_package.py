@@ -1,0 +1,85 @@
+"""From the package to an identified arm, as docs/installing.md says, on a machine that had neither.
+
+With `--package FILE.deb`, each test the next step; the machine is booted again afterwards, for
+test_package_rebooted.py.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from tests.system.owner import (
+    INSTALLED,
+    MINE,
+    NAME,
+    Owner,
+    content,
+    move_in,
+    pid,
+    put_up_the_arm,
+    reach_the_bus_by_tcp,
+)
+from tests.system.stand import run, wait_for
+
+PAGE = "installing.md"
+
+
+@pytest.fixture(scope="module")
+def owner(package: Path) -> Owner:
+    names = {"./contactd_0.1.0_amd64.deb": str(package), "my_arm": str(MINE), "NAME": NAME}
+    return Owner(**names)
+
+
+def test_it_is_installed_and_nothing_of_it_runs(owner: Owner, vcan: bool) -> None:
+    move_in(vcan)
+    said = owner.types(PAGE, "sudo apt install ./contactd_0.1.0_amd64.deb").stdout
+    assert "Bring your arm's folder: sudo cp -rT my_arm /etc/contactd" in said
+    units = ("contactd.service", "contactd-web.service", "contactd-zenoh.service")
+    for unit in units:
+        assert run("systemctl", "is-active", unit).stdout == "inactive\n"
+        assert run("systemctl", "is-enabled", unit).stdout == "disabled\n"
+    assert not INSTALLED.exists()
+    for name in ("contactd", "contactctl", "contactd-web", "contactd-zenoh"):
+        owner.shell(f"{name} --help >/dev/null")
+    for name in ("man/man1/contactctl.1", "bash-completion/completions/contactctl"):
+        owner.shell(f"test -r /usr/share/{name}")
+    put_up_the_arm(vcan)
+
+
+def test_the_owners_arm_is_brought_whatever_roots_umask_is(owner: Owner) -> None:
+    owner.shell(f"sudo sh -c 'umask 077; cp -rT {MINE} {INSTALLED}'")
+    owner.types(PAGE, "sudo chmod -R a+rX /etc/contactd")
+    assert content(INSTALLED) == content(MINE)
+    assert "good" in owner.types(PAGE, "contactd check /etc/contactd").stdout
+
+
+def test_it_is_started_and_the_owner_may_command_it_and_read_its_log(
+    owner: Owner, vcan: bool
+) -> None:
+    if not vcan:
+        reach_the_bus_by_tcp()
+    owner.types(PAGE, "sudo usermod -aG contact,systemd-journal NAME")
+    assert "sudo systemctl start contactd" in owner.shell("contactctl status", fails=True).stderr
+    owner.types(PAGE, "sudo systemctl enable --now contactd")
+    wait_for(pid, "the service")
+    owner.sees("off")
+    assert "ready, off" in owner.shell("journalctl -u contactd --no-pager").stdout
+
+
+def test_it_is_identified(owner: Owner) -> None:
+    owner.enables()
+    # Again where a machine that stood still for a moment ended it: the arm holds.
+    assert any(owner.tries(PAGE, "sudo contactd identify wiring") for _ in range(5))
+    assert "wiring" in (INSTALLED / "identified.yaml").read_text()
+    before = pid()
+    owner.types(PAGE, "sudo systemctl restart contactd")
+    wait_for(lambda: pid() not in (0, before), "another daemon")
+    owner.sees("off")
+
+
+def test_it_may_be_armed(owner: Owner) -> None:
+    owner.enables()
+    owner.arms()
+    assert owner.status()["armed"]
+    owner.shell("contactctl disable")
+    owner.sees("off")
