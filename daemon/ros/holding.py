@@ -8,7 +8,8 @@ waited on its way is worth less, so a network that holds calls back prolongs not
 once or more and more. What even the fastest call waited cannot be told.
 
 Whoever lost the arm, by whatever, has to let go before it arms again, as with an enabling switch:
-calls that are repeated by a timer must not undo somebody else's `disarm`.
+calls that are repeated by a timer must not undo somebody else's `disarm`. And nobody arms by one
+call: how old it is nothing tells.
 """
 
 from collections import deque
@@ -20,7 +21,11 @@ HOLD_S: Final = 0.8
 LEAST_S: Final = 0.05  # of a lease: less ends before it is served
 DRIFT: Final = 1e-3  # of a caller's clock against ours, at most: one that is slewed makes half
 MOST_LOST: Final = 64
+MOST_KNOCKS: Final = 64
+KNOCK_S: Final = 0.3  # a first call that arms nothing, and the call that does, are so far apart
+WOBBLE_S: Final = 0.05  # by which their ways may differ
 LET_GO: Final = "not armed any more: call with false first, then with true"
+ONCE: Final = f"a single call may be an old one: go on calling, at least every {HOLD_S:g} s"
 
 
 class Step(Enum):
@@ -59,6 +64,8 @@ class Hold:
     _offset_s: float = 0.0  # our clock before the holder's, as its fastest call told it
     _read_s: float = 0.0  # when that was
     _lost: deque[bytes] = field(default_factory=lambda: deque(maxlen=MOST_LOST))
+    # When the first calls of those that are not heard yet were sent and came.
+    _knocks: dict[bytes, tuple[float, float]] = field(default_factory=dict)
 
     def judge(self, wish: Wish, now_s: float) -> Verdict:
         """What to ask of the daemon for a call that is looked at `now_s`."""
@@ -71,17 +78,37 @@ class Hold:
             if HOLD_S - late_s < LEAST_S:
                 return Verdict(Step.NOTHING, why=f"{late_s:.1f} s later than its fastest call")
             return Verdict(Step.RENEW, HOLD_S - late_s)
+        return self._of_another(wish, now_s)
+
+    def _of_another(self, wish: Wish, now_s: float) -> Verdict:
+        """What to ask of the daemon for an armed wish of one that does not hold it."""
         if wish.caller in self._lost:
             return Verdict(Step.NOTHING, why=LET_GO)
         if self._holder is not None and now_s < self._until_s:
             return Verdict(Step.NOTHING, why="another client keeps it armed")
+        if not self._lives(wish, now_s):
+            return Verdict(Step.NOTHING, why=ONCE)
         return Verdict(Step.ARM, HOLD_S)
+
+    def _lives(self, wish: Wish, now_s: float) -> bool:
+        """Whether a call comes as much later than one before as it was sent: what a router that
+        hung kept, of a caller that may be gone, comes at once."""
+        sent_s, came_s = self._knocks.get(wish.caller, (wish.sent_s, now_s - 2.0 * HOLD_S))
+        apart_s = now_s - came_s
+        if apart_s > HOLD_S or abs(apart_s - (wish.sent_s - sent_s)) > WOBBLE_S:
+            self._knocks.pop(wish.caller, None)
+            if len(self._knocks) >= MOST_KNOCKS:
+                del self._knocks[next(iter(self._knocks))]
+            self._knocks[wish.caller] = (wish.sent_s, now_s)
+            return False
+        return apart_s >= KNOCK_S
 
     def granted(self, wish: Wish, lease_s: float, now_s: float) -> None:
         """Take note that the daemon did what `judge` said of an armed wish."""
         if wish.caller != self._holder:
             self.lose()
             self._holder = wish.caller
+            self._knocks.pop(wish.caller, None)
             self._offset_s, self._read_s = now_s - wish.sent_s, now_s
         self._until_s = now_s + lease_s
 

@@ -9,7 +9,7 @@ from bench.rigs.served_daemon import ServedDaemon
 from daemon.protocol.messages import Reply, Request
 from daemon.protocol.socket_path import Peer
 from daemon.ros.arming import Arming
-from daemon.ros.holding import HOLD_S, LET_GO
+from daemon.ros.holding import HOLD_S, KNOCK_S, LET_GO, ONCE
 from daemon.ros.messages import read_outcome
 from daemon.ros.names import Distro, Node
 from daemon.ros.serve import Settings, offers
@@ -77,6 +77,12 @@ class Ros:
         (answer,) = self.arming.answer([Call(request, gid, self.served.rig.time_s - late_s)])
         return read_outcome(answer)
 
+    def arm(self, gid: bytes = A) -> tuple[bool, str]:
+        """The call that does not arm yet, and the one that does."""
+        assert self.say(gid=gid) == (False, ONCE)
+        self.served.run(KNOCK_S + 0.01)
+        return self.say(gid=gid)
+
     @property
     def armed(self) -> bool:
         return self.served.rig.tick.controller.machine.armed
@@ -97,7 +103,7 @@ def ros(served: ServedDaemon) -> Ros:
 
 
 def test_a_caller_that_calls_keeps_it_armed_and_its_silence_ends_it(ros: Ros) -> None:
-    assert ros.say() == (True, "arm: holding, armed for 0.8 s")
+    assert ros.arm() == (True, "arm: holding, armed for 0.8 s")
     for _ in range(20):
         ros.served.run(0.2)
         assert ros.say() == (True, "renew: holding, armed for 0.8 s")
@@ -109,15 +115,15 @@ def test_a_caller_that_calls_keeps_it_armed_and_its_silence_ends_it(ros: Ros) ->
 
 
 def test_false_disarms_and_true_arms_again(ros: Ros) -> None:
-    ros.say()
+    ros.arm()
     assert ros.say(FALSE)[0]
     assert not ros.armed
-    assert ros.say()[0]
+    assert ros.arm()[0]
     assert ros.armed
 
 
 def test_nobody_else_renews_and_everybody_may_disarm(ros: Ros) -> None:
-    ros.say()
+    ros.arm()
     assert ros.say(gid=B) == (False, "another client keeps it armed")
     assert ros.say(FALSE, gid=B)[0]
     assert not ros.armed
@@ -126,7 +132,7 @@ def test_nobody_else_renews_and_everybody_may_disarm(ros: Ros) -> None:
 
 @pytest.mark.parametrize("command", ["disarm", "stop"])
 def test_calls_that_go_on_do_not_undo_what_a_person_does(ros: Ros, command: Any) -> None:
-    ros.say()
+    ros.arm()
     ros.served.service.handle(Request(command), Peer(2, 9, 101))
     ros.served.run(0.5)
     assert ros.say() == (
@@ -138,12 +144,12 @@ def test_calls_that_go_on_do_not_undo_what_a_person_does(ros: Ros, command: Any)
         assert ros.say() == (False, LET_GO)
         assert not ros.armed
     ros.say(FALSE)
-    assert ros.say()[0]
+    assert ros.arm()[0]
 
 
 def test_calls_that_were_held_up_prolong_nothing(ros: Ros) -> None:
     """A router that hangs and goes on delivers what it kept, of a caller that may be gone."""
-    ros.say()
+    ros.arm()
     ros.served.run(0.6)
     for late_s in (0.6, 0.4, 0.2):
         ros.say(late_s=late_s)
@@ -154,6 +160,8 @@ def test_calls_that_were_held_up_prolong_nothing(ros: Ros) -> None:
 
 
 def test_a_crowd_of_calls_is_a_few_commands_and_each_is_answered(ros: Ros) -> None:
+    ros.say()
+    ros.served.run(KNOCK_S + 0.01)
     now_s = ros.served.rig.time_s
     calls = [Call(TRUE, A, now_s) for _ in range(30)]
     calls += [Call(TRUE, bytes([i] * 16), now_s) for i in range(1, 30)]
@@ -164,26 +172,26 @@ def test_a_crowd_of_calls_is_a_few_commands_and_each_is_answered(ros: Ros) -> No
 
 
 def test_a_daemon_that_refuses_or_is_gone(ros: Ros) -> None:
-    ros.say()
+    ros.arm()
     ros.lines[-1].reachable = False
     assert ros.say() == (False, "not reached: the daemon does not answer")
     assert ros.armed_for_s() == pytest.approx(0.0)  # it hung up
     assert ros.say() == (False, LET_GO)
     ros.say(FALSE)
     ros.served.service.ending = True
-    assert ros.say() == (False, "arm: refused; the daemon is ending")
+    assert ros.arm() == (False, "arm: refused; the daemon is ending")
 
 
 def test_whose_call_it_is_must_be_known(ros: Ros) -> None:
     assert ros.say(gid=bytes(16))[1].startswith("a call without an attachment")
     assert not ros.armed
-    ros.say()
+    ros.arm()
     assert ros.say(FALSE, gid=bytes(16))[0]  # to disarm is for everybody
     assert not ros.armed
 
 
 def test_the_end_of_the_service_ends_it(ros: Ros) -> None:
-    ros.say()
+    ros.arm()
     ros.arming.offer().close()
     assert not ros.armed
 
