@@ -7,7 +7,7 @@ is done in threads: the page goes on without.
 import asyncio
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
@@ -50,8 +50,7 @@ class Router:
         supervisor = self._supervisor
         if supervisor is None:
             return Elsewhere(self._why, [])
-        now_s = time.monotonic()
-        return Elsewhere("", [_other(arm, now_s) for arm in supervisor.arms()[:MOST_SHOWN]])
+        return shown_of(supervisor.arms(), time.monotonic())
 
     async def stop(self, name: str) -> Mapping[str, Outcome] | None:
         """Stop the arm of this name, or with an empty one all that are alive: what became of each.
@@ -82,6 +81,13 @@ class Router:
                 self._why = str(error)
             self._supervisor = None
             self._ended.wait(RETRY_S)
+
+
+def shown_of(arms: Sequence[Arm], now_s: float) -> Elsewhere:
+    """These arms, and how many there are beyond those that have room."""
+    more = len(arms) - MOST_SHOWN
+    why = f"{more} more are known, and stopped with all of them: `contactd fleet` shows them."
+    return Elsewhere(why if more > 0 else "", [_other(arm, now_s) for arm in arms[:MOST_SHOWN]])
 
 
 def _other(arm: Arm, now_s: float) -> Other:

@@ -77,7 +77,7 @@ class Other(msgspec.Struct, frozen=True):
 
 
 class Elsewhere(msgspec.Struct, frozen=True, tag="elsewhere", tag_field="kind"):
-    """Arms of other machines; `why` there are none to show."""
+    """Arms of other machines; `why` there are none to show, or not all."""
 
     why: str
     arms: list[Other]

@@ -43,8 +43,8 @@ export class Elsewhere {
   draw({ arms, why }) {
     show(at("elsewhere-section"), true);
     show(at("elsewhere"), arms.length > 0);
-    if (why || arms.length === 0) this.#say("", why || "No arm is known there.");
-    else if (["", "old"].includes(at("elsewhere-note").dataset.kind ?? "")) this.#say("", "");
+    if (arms.length === 0) this.#say("", why || "No arm is known there.");
+    else if (["", "old"].includes(at("elsewhere-note").dataset.kind ?? "")) this.#say("", why);
     const body = at("elsewhere").tBodies[0];
     for (const other of arms) {
       if (!this.#rows.has(other.arm)) {

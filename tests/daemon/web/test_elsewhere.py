@@ -18,7 +18,8 @@ from bench.rigs.visitor import PATIENCE_S, visiting
 from bench.rigs.zenoh_router import free_port, router_of
 from contactd_client.paths import view_socket_path
 from daemon.commands.contactd_web import main
-from daemon.web.elsewhere import MOST_STOPS, Router
+from daemon.ros.fleet import Arm
+from daemon.web.elsewhere import MOST_SHOWN, MOST_STOPS, Router, shown_of
 from daemon.web.guard import COMMAND_HEADER
 from daemon.web.words import Elsewhere, Other, Outcome
 
@@ -157,6 +158,15 @@ def test_a_router_that_comes_and_dies(arm_elsewhere: tuple[int, FakeDaemon]) -> 
         assert "silent since" in others.shown().arms[0].state
         assert asyncio.run(others.stop("hall/left")) == {"hall/left": Outcome("no answer", "")}
     assert "stop" in [command for command, _ in daemon.seen]
+
+
+@pytest.mark.parametrize(("more", "words"), [(0, ""), (3, "3 more are known")])
+def test_who_has_no_room_is_said(more: int, words: str) -> None:
+    arms = [Arm(f"arm_{i:03}", frozenset({"node"})) for i in range(MOST_SHOWN + more)]
+    shown = shown_of(arms, 0.0)
+    assert len(shown.arms) == MOST_SHOWN
+    assert shown.why.startswith(words)
+    assert bool(shown.why) == bool(words)
 
 
 def test_stops_that_wait_are_bounded() -> None:
