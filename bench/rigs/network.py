@@ -1,5 +1,5 @@
-"""Network between a browser and the page's server that may be bad: it loses every connection that
-is open, as when a phone goes from one access point to another, or lets little through."""
+"""Network that may be bad, as between a browser and the page's server: it loses every connection
+that is open, as when a phone goes from one access point to another, or lets little through."""
 
 import contextlib
 import select

@@ -3,14 +3,13 @@
 import contextlib
 import signal
 import subprocess
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from bench.rigs.bridge import bridge_of
-from bench.rigs.network import Network
+from bench.rigs.network import Network, network
 from bench.rigs.ros_caller import caller_of
 from bench.rigs.zenoh_router import free_port, router_of
 
@@ -49,24 +48,11 @@ SILENCES: Final[dict[str, Callable[[Way], None]]] = {
 @contextlib.contextmanager
 def way_to(control: Path) -> Iterator[Way]:
     """A caller that has armed the daemon at this control socket, and keeps it armed."""
-    with router_of(free_port()) as router, network_to(router.port) as network:
+    with router_of(free_port()) as router, network(router.port) as between:
         options = ["--namespace", NAMESPACE, "--control-socket", str(control), "--allow-arm"]
-        where = f"tcp/127.0.0.1:{network.port}"
+        where = f"tcp/127.0.0.1:{between.port}"
         with (
             bridge_of(control, router.endpoint, *options) as bridge,
             caller_of(where, NAMESPACE) as caller,
         ):
-            yield Way(caller, network, router.process, bridge)
-
-
-@contextlib.contextmanager
-def network_to(port: int) -> Iterator[Network]:
-    """A network to a port of this machine while the context lasts."""
-    network = Network(port)
-    thread = threading.Thread(target=network.run)
-    thread.start()
-    try:
-        yield network
-    finally:
-        network.ended.set()
-        thread.join()
+            yield Way(caller, between, router.process, bridge)
