@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from click.testing import CliRunner, Result
 
@@ -116,11 +116,12 @@ class ServedDaemon:
         assert isinstance(result, Result)
         return result
 
-    def contactd(self, *arguments: str) -> Result:
-        """Run a command of `contactd` that talks to the daemon, as a person would type it."""
+    def contactd(self, *arguments: str, answers: IO[bytes] | None = None) -> Result:
+        """Run a command of `contactd` that talks to the daemon, as a person would type it, with
+        `answers` to what it asks."""
         words = [*arguments, "--socket", str(self.path)]
         result = self.until(
-            lambda: CliRunner().invoke(contactd.main, words, catch_exceptions=False)
+            lambda: CliRunner().invoke(contactd.main, words, answers, catch_exceptions=False)
         )
         assert isinstance(result, Result)
         return result
