@@ -34,7 +34,7 @@ def departure(seen: Vector, period_s: float) -> tuple[float, float]:
     few = resting_samples(period_s)
     rest = float(np.median(seen[:few]))
     away = seen[-few:] - rest
-    held = len(seen) >= 2 * few and (np.all(away > MOVED) or np.all(away < -MOVED))
+    held = np.all(away > MOVED) or np.all(away < -MOVED)
     return rest, float(np.median(away)) if held else 0.0
 
 
