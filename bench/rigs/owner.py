@@ -34,6 +34,8 @@ SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
 SEEN_TO_MOVE = 0.002  # [rad]
 TOLD = re.compile(r"Set\s+control\.position_gain\s+to\s+(\S+)")
 TRIES = 8  # of the wiring: a wrong sign may end it before the next is seen
+MASSES = "contactd identify masses"
+REPEATS = 3  # of a step that says what to change
 PRESSES = (0.03, 0.012, 0.005)  # of a hand at a link, shares of the motor's torque
 IDLE_S = 0.01  # between ticks while a step computes
 
@@ -82,8 +84,7 @@ class Owner:
             self._wiring()
             with closing(Session(self)) as holds:
                 self._gaps(holds)
-                friction = holds.identify("friction")
-            self._masses_if_asked(*friction)
+            self._identified("friction")
             self._identified("thresholds")
             self._arm_and_lead()
         except (GivenUpError, ContactdError, AssertionError) as error:
@@ -175,24 +176,19 @@ class Owner:
             if not good:
                 raise GivenUpError(f"gap: {output}")
 
-    def _masses_if_asked(self, good: bool, output: str) -> None:
-        """Where friction names masses as the cause: these, and friction once more."""
-        if not good and "identify masses" in output:
-            self._identified("masses")
-            self._identified("friction")
-        elif not good:
-            raise GivenUpError(f"friction: {output}")
-
     def _identified(self, step: str) -> None:
-        """A step, once more where it tells another gain."""
-        for _ in range(2):
+        """A step; where it tells another gain, or asks for masses, that and the step once more."""
+        for _ in range(REPEATS):
             with closing(Session(self)) as holds:
                 good, output = holds.identify(step)
             if good:
                 return
-            if (told := TOLD.search(output)) is None:
+            if told := TOLD.search(output):
+                self._edit(partial(self._slower, float(told[1])))
+            elif "identify masses" in output and MASSES not in self.story.commands:
+                self._identified("masses")
+            else:
                 break
-            self._edit(partial(self._slower, float(told[1])))
         raise GivenUpError(f"{step}: {output}")
 
     def _slower(self, gain: float, written: dict[str, Any]) -> None:
@@ -310,9 +306,6 @@ class Session:
             hand.start()
         self.served.idle_s = IDLE_S
         result = self.served.contactd("identify", *words)
-        if "does not answer" in result.output or "fell silent" in result.output:  # a busy machine
-            self._owner.note(f"contactd identify {' '.join(words)}")
-            result = self.served.contactd("identify", *words)
         if press:
             hand.join()
         self._owner.show(result.output)
