@@ -51,6 +51,8 @@ def show_health(directory: Path | None, plot: Path | None, *, as_json: bool) -> 
     else:
         for name in arms:
             _print(arms[name], found[name])
+    if not all(days.days for days in arms.values()):  # nothing is known of one of them
+        return LogError.exit_code
     return int(any(joint.words for joints in found.values() for joint in joints))
 
 
