@@ -5,6 +5,8 @@ pushed, and at which angle it stands. All else is learned from what the commands
 as the user's, the daemon and the simulated arm in lockstep.
 """
 
+import io
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -12,7 +14,7 @@ from contextlib import AbstractContextManager, ExitStack, closing
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
 import numpy as np
 import yaml
@@ -22,13 +24,18 @@ from bench.rigs.generated_arms import EDS, PROFILE, URDF, GeneratedArm, in_yaml
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.commands import contactd
 from daemon.commands.simulated_robot import true_arm
+from daemon.faults.table import Condition
 from daemon.modes.table import Mode
 from errors import ContactdError
 from simulator.hand import Gap, Lean, Release
 
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
 SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
+SEEN_TO_MOVE = 0.002  # [rad]
+TOLD = re.compile(r"Set\s+control\.position_gain\s+to\s+(\S+)")
 TRIES = 8  # of the wiring: a wrong sign may end it before the next is seen
+MASSES = "contactd identify masses"
+REPEATS = 3  # of a step that says what to change
 PRESSES = (0.03, 0.012, 0.005)  # of a hand at a link, shares of the motor's torque
 IDLE_S = 0.01  # between ticks while a step computes
 
@@ -73,12 +80,11 @@ class Owner:
         begin = time.process_time()
         try:
             self.begin()
-            self.look_at_links()
+            self.zeros()
             self._wiring()
             with closing(Session(self)) as holds:
                 self._gaps(holds)
-                friction = holds.identify("friction")
-            self._masses_if_asked(*friction)
+            self._identified("friction")
             self._identified("thresholds")
             self._arm_and_lead()
         except (GivenUpError, ContactdError, AssertionError) as error:
@@ -110,57 +116,38 @@ class Owner:
                 joint["wiring"][name] = sheet["wiring"][name]
             joint["torque_constant"] = sheet["torque_constant"]
 
-    def look_at_links(self) -> None:
-        """Push each link by hand while the drives are off, and look: signs and zeros of the link
-        encoders."""
-        signs, zeros = [], []
+    def zeros(self) -> None:
+        """Say where the links stand while the drives are off, push each, and say which way it went:
+        signs and zeros of the link encoders."""
         with self.running() as served:
-            self.note("contactctl watch")
-            for i, joint in enumerate(served.rig.robot.configuration.joints):
-                shown, stood, moved, went = self._pushed(served, i)
-                turned = moved * went < 0.0
-                wiring = joint.wiring
-                raw = (shown - wiring.link_offset) * wiring.link_sign
-                signs.append(-wiring.link_sign if turned else wiring.link_sign)
-                zeros.append(round(round(stood / SEEN) * SEEN - signs[-1] * raw, 4))
-
-        def correct(written: dict[str, Any]) -> None:
-            for joint, sign, zero in zip(written["joints"], signs, zeros, strict=True):
-                if sign != joint["wiring"].get("link_sign", 1):
-                    joint["wiring"]["link_sign"] = sign
-                    self.story.seen.append(f"{joint['name']}.link_sign")
-                if abs(zero) > SEEN:
-                    joint["wiring"]["link_offset"] = zero
-                    self.story.seen.append(f"{joint['name']}.link_offset")
-
-        self._edit(correct)
-
-    def _pushed(self, served: ServedDaemon, i: int) -> tuple[float, float, float, float]:
-        """Position shown and seen of a link at rest, and how far each went when it was pushed."""
-        rig, plant, joint = served.rig, served.rig.arm.plant, self.arm.joints[i]
-        served.run(0.3)
-        shown, stood = float(rig.samples.link_position[i]), float(plant.q[i])
-        torque = 0.5 * joint["torque_constant"] * joint["wiring"]["max_current_A"]
-        moved = went = 0.0
-        for way in (1.0, -1.0):
-            rig.arm.hand.take(Lean(at_s=0.0, joint=joint["name"], torque=way * torque))
-            served.run(1.0)
-            moved, went = float(rig.samples.link_position[i]) - shown, float(plant.q[i]) - stood
-            rig.arm.hand.take(Release(at_s=0.0))
             served.run(0.3)
-            if abs(went) > 1e-3:
-                break
-        return shown, stood, moved, went
+            stood = zip(self.arm.names, served.rig.arm.plant.q.tolist(), strict=True)
+            stated = [f"{name}={round(q / SEEN) * SEEN:.2f}" for name, q in stood]
+            self.note("contactd identify zero")
+            with io.BufferedReader(Pushes(served, self.arm)) as pushes:
+                answers = cast(IO[bytes], pushes)
+                result = served.contactd("identify", "zero", *stated, answers=answers)
+            self.show(result.output)
+            if result.exit_code:
+                raise GivenUpError(f"zero: {result.output}")
 
     def _wiring(self) -> None:
         """Check it, and turn the motors' signs that are said to be wrong, until all is good."""
         for _ in range(TRIES):
-            with closing(Session(self)) as holds:
-                good, output = holds.identify("wiring")
+            try:
+                with closing(Session(self)) as holds:
+                    good, output = holds.identify("wiring")
+            except GivenUpError as error:  # it came apart before it held
+                good, output = False, str(error)
             if good:
                 return
             said = " ".join(output.split())
-            wrong = [name for name in self.arm.names if f"{name}: the link goes the other" in said]
+            wrong = [
+                name
+                for name in self.arm.names
+                if f"{name}: the link goes the other" in said
+                or f"{Condition.APART}: {name}" in said
+            ]
             if not wrong:
                 break
             self._edit(partial(self._turn, wrong))
@@ -189,19 +176,24 @@ class Owner:
             if not good:
                 raise GivenUpError(f"gap: {output}")
 
-    def _masses_if_asked(self, good: bool, output: str) -> None:
-        """Where friction names masses as the cause: these, and friction once more."""
-        if not good and "identify masses" in output:
-            self._identified("masses")
-            self._identified("friction")
-        elif not good:
-            raise GivenUpError(f"friction: {output}")
-
     def _identified(self, step: str) -> None:
-        with closing(Session(self)) as holds:
-            good, output = holds.identify(step)
-        if not good:
-            raise GivenUpError(f"{step}: {output}")
+        """A step; where it tells another gain, or asks for masses, that and the step once more."""
+        for _ in range(REPEATS):
+            with closing(Session(self)) as holds:
+                good, output = holds.identify(step)
+            if good:
+                return
+            if told := TOLD.search(output):
+                self._edit(partial(self._slower, float(told[1])))
+            elif "identify masses" in output and MASSES not in self.story.commands:
+                self._identified("masses")
+            else:
+                break
+        raise GivenUpError(f"{step}: {output}")
+
+    def _slower(self, gain: float, written: dict[str, Any]) -> None:
+        written.setdefault("control", {})["position_gain"] = gain
+        self.story.seen.append("control.position_gain")
 
     def _arm_and_lead(self) -> None:
         """Arm, lean on the shoulder with twice what is felt, and see whether the arm yields."""
@@ -247,6 +239,43 @@ class Owner:
         path.write_text(in_yaml(written))
 
 
+class Pushes(io.RawIOBase):
+    """What a person types who is asked which way a link went, joint by joint: pushes it first."""
+
+    def __init__(self, served: ServedDaemon, arm: GeneratedArm) -> None:
+        self._rig, self._joints = served.rig, iter(enumerate(arm.joints))
+
+    def close(self) -> None:
+        """Let go."""
+        self._rig.arm.hand.take(Release(at_s=0.0))
+        super().close()
+
+    def readable(self) -> bool:
+        """True."""
+        return True
+
+    def readinto(self, into: Any) -> int:
+        """Push the next link for a second, the other way if it does not move."""
+        i, joint = next(self._joints)
+        hand, plant = self._rig.arm.hand, self._rig.arm.plant
+        stood = float(plant.q[i])
+        torque = 0.5 * joint["torque_constant"] * joint["wiring"]["max_current_A"]
+        for way in (1.0, -1.0):
+            hand.take(Release(at_s=0.0))
+            hand.take(Lean(at_s=0.0, joint=joint["name"], torque=way * torque))
+            self._let_pass(1.0)
+            went = float(plant.q[i]) - stood
+            if abs(went) > SEEN_TO_MOVE:
+                break
+        into[:2] = b"+\n" if went > 0.0 else b"-\n"
+        return 2
+
+    def _let_pass(self, seconds: float) -> None:
+        until = self._rig.time_s + seconds
+        while self._rig.time_s < until:
+            time.sleep(0.001)
+
+
 class Session:
     """One start of the daemon, at an arm that holds."""
 
@@ -277,9 +306,6 @@ class Session:
             hand.start()
         self.served.idle_s = IDLE_S
         result = self.served.contactd("identify", *words)
-        if "does not answer" in result.output or "fell silent" in result.output:  # a busy machine
-            self._owner.note(f"contactd identify {' '.join(words)}")
-            result = self.served.contactd("identify", *words)
         if press:
             hand.join()
         self._owner.show(result.output)
