@@ -53,11 +53,12 @@ def _swapped(i: int, j: int) -> Callable[[list[Written]], None]:
 
 
 _SIGNS, _GEAR = "link_sign or motor_sign", "gear, or a scale"
+_OTHER = "another joint than this one moved"
 OF_ROMEO: Final = (
     Mistake("swapped sign", "LElbowRoll", _turned(2, "motor_sign"), _SIGNS),
     Mistake("gear wrong by 10 %", "LElbowYaw", _geared(3), _GEAR),
     Mistake("swapped pair of joints", "LShoulderPitch", _swapped(0, 1), ""),
-    Mistake("swapped pair with drives alike", "LWristPitch", _swapped(5, 6), "are they swapped"),
+    Mistake("swapped pair with drives alike", "LWristPitch", _swapped(5, 6), _OTHER),
 )
 OF_UPRIGHT: Final = (
     Mistake("motor_sign of the loaded shoulder", "shoulder", _turned(1, "motor_sign"), _SIGNS),
