@@ -32,7 +32,7 @@ from simulator.hand import Gap, Lean, Release
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
 SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
 SEEN_TO_MOVE = 0.002  # [rad]
-TOLD = re.compile(r"Set\s+control\.position_gain\s+to\s+(\S+)")
+TOLD = re.compile(r"[Ss]et\s+(control|supervisor)\.(\w+)\s+to\s+(\S+)")
 TRIES = 8  # of the wiring: a wrong sign may end it before the next is seen
 MASSES = "contactd identify masses"
 REPEATS = 3  # of a step that says what to change
@@ -184,16 +184,16 @@ class Owner:
             if good:
                 return
             if told := TOLD.search(output):
-                self._edit(partial(self._slower, float(told[1])))
+                self._edit(partial(self._set, told[1], told[2], float(told[3])))
             elif "identify masses" in output and MASSES not in self.story.commands:
                 self._identified("masses")
             else:
                 break
         raise GivenUpError(f"{step}: {output}")
 
-    def _slower(self, gain: float, written: dict[str, Any]) -> None:
-        written.setdefault("control", {})["position_gain"] = gain
-        self.story.seen.append("control.position_gain")
+    def _set(self, part: str, name: str, value: float, written: dict[str, Any]) -> None:
+        written.setdefault(part, {})[name] = value
+        self.story.seen.append(f"{part}.{name}")
 
     def _arm_and_lead(self) -> None:
         """Arm, lean on the shoulder with twice what is felt, and see whether the arm yields."""

@@ -1,5 +1,6 @@
 """Measurements from a live arm: its motions and the person's part in each step."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -37,6 +38,7 @@ from daemon.identify.session import (
     wiring_spoiled,
 )
 from daemon.identify.show import histogram
+from daemon.identify.soft_loop import REMEMBERED, why_not_followed
 from daemon.identify.swinging import SwingWatch
 from daemon.identify.zero import resting_samples, stands
 from daemon.protocol.messages import State
@@ -286,8 +288,10 @@ class LiveArm:
         columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
         progress = Progress(*columns, console=self._console)
         task = progress.add_task(text, total=len(path) * period)
+        last = deque[State](maxlen=REMEMBERED)
 
         def each(state: State) -> bool:
+            last.append(state)
             progress.start()  # not before the arm moves, which may be refused
             progress.advance(task, state.interval_s)
             if said := remark(state):
@@ -297,6 +301,9 @@ class LiveArm:
         try:
             self._session.run(step, path, period, each, **how)
             progress.update(task, completed=len(path) * period)
+        except InterruptedStepError as error:
+            helps = why_not_followed(str(error), tuple(last), self._c)
+            raise InterruptedStepError(f"{error}{helps}") from error
         finally:
             progress.stop()
 
