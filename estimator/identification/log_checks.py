@@ -26,8 +26,8 @@ def refuse_implausible(log: MotionLog, max_current: Vector) -> None:
 
 
 def _flat(log: MotionLog, position: Vector) -> Vector:
-    """Positions (N,) [rad] without the mean of each sitting, between which the link moves unseen, and
-    without its trend, which an unknown bias of the velocity adds."""
+    """Positions (N,) [rad] without the mean of each sitting, between which the link moves unseen,
+    and without its trend, which an unknown bias of the velocity adds."""
     flat = position.copy()
     for rows in log.stretches(PAUSE_S):
         t = log.time_s[rows] - log.time_s[rows.start]
