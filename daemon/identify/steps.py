@@ -103,7 +103,7 @@ def friction_step(
     model = model_of(c, robot.urdf)
     cycles = limit_cycles(measured.log, measured.reference)
     fits, shown = identify_friction(measured.log, model, old, c.estimator, limit, shortest_s)
-    gain = None if measured.reference is None else c.control.position_gain
+    gain = None if measured.reference is None else measured.gain or c.control.position_gain
     if gain is not None:
         fits = _standing(fits, cycles, gain)
     new = adopt(old, fits)
