@@ -18,7 +18,8 @@ def test_an_owner_finds_signs_and_zeros_of_the_links_by_looking(tmp_path: Path) 
     arm = generate(0)
     owner = Owner(arm, tmp_path)
     owner.begin()
-    owner.look_at_links()
+    with owner.running() as served:
+        owner.look_at_links(served)
     found = load_robot(owner.folder).configuration.joints
     assert any(joint["wiring"]["link_sign"] < 0 for joint in arm.joints)
     for joint, true in zip(found, arm.joints, strict=True):
