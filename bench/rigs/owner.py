@@ -5,6 +5,8 @@ pushed, and at which angle it stands. All else is learned from what the commands
 as the user's, the daemon and the simulated arm in lockstep.
 """
 
+import io
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -12,7 +14,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
 import numpy as np
 import yaml
@@ -28,7 +30,11 @@ from simulator.hand import Gap, Lean, Release
 
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
 SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
-TRIES = 3  # of the wiring
+SEEN_TO_MOVE = 0.002  # [rad]
+TOLD = re.compile(r"Set\s+control\.position_gain\s+to\s+(\S+)")
+TRIES = 4  # of the wiring: a joint that sags keeps others from being checked
+MASSES = "contactd identify masses"
+REPEATS = 3  # of a step that says what to change
 PRESSES = (0.01, 0.03, 0.004)  # of a hand at a link, shares of the motor's torque
 BY_HAND = "identify gap-"  # and a joint: the trajectory in which its motor stands for a hand
 IDLE_S = 0.01  # between ticks while a step computes
@@ -75,11 +81,10 @@ class Owner:
         try:
             self.begin()
             with self.running() as served:
-                self.look_at_links(served)
+                self.zeros(served)
                 self._wiring(served)
                 self._gaps(served)
-                friction = self.identify(served, "friction")
-                self._masses_if_asked(served, *friction)
+                self._identified(served, "friction")
                 self._identified(served, "thresholds")
                 self._arm_and_lead(served)
         except (GivenUpError, ContactdError, AssertionError) as error:
@@ -111,46 +116,19 @@ class Owner:
                 joint["wiring"][name] = sheet["wiring"][name]
             joint["torque_constant"] = sheet["torque_constant"]
 
-    def look_at_links(self, served: ServedDaemon) -> None:
-        """Push each link by hand while the drives are off, and look: signs and zeros of the link
-        encoders."""
-        signs, zeros = [], []
-        self.note("contactctl watch")
-        for i, joint in enumerate(served.rig.robot.configuration.joints):
-            shown, stood, moved, went = self._pushed(served, i)
-            turned = moved * went < 0.0
-            wiring = joint.wiring
-            raw = (shown - wiring.link_offset) * wiring.link_sign
-            signs.append(-wiring.link_sign if turned else wiring.link_sign)
-            zeros.append(round(round(stood / SEEN) * SEEN - signs[-1] * raw, 4))
-
-        def correct(written: dict[str, Any]) -> None:
-            for joint, sign, zero in zip(written["joints"], signs, zeros, strict=True):
-                if sign != joint["wiring"].get("link_sign", 1):
-                    joint["wiring"]["link_sign"] = sign
-                    self.story.seen.append(f"{joint['name']}.link_sign")
-                if abs(zero) > SEEN:
-                    joint["wiring"]["link_offset"] = zero
-                    self.story.seen.append(f"{joint['name']}.link_offset")
-
-        self._edit(correct)
-
-    def _pushed(self, served: ServedDaemon, i: int) -> tuple[float, float, float, float]:
-        """Position shown and seen of a link at rest, and how far each went when it was pushed."""
-        rig, plant, joint = served.rig, served.rig.arm.plant, self.arm.joints[i]
+    def zeros(self, served: ServedDaemon) -> None:
+        """Say where the links stand while the drives are off, push each, and say which way it went:
+        signs and zeros of the link encoders."""
         served.run(0.3)
-        shown, stood = float(rig.samples.link_position[i]), float(plant.q[i])
-        torque = 0.5 * joint["torque_constant"] * joint["wiring"]["max_current_A"]
-        moved = went = 0.0
-        for way in (1.0, -1.0):
-            rig.arm.hand.take(Lean(at_s=0.0, joint=joint["name"], torque=way * torque))
-            served.run(1.0)
-            moved, went = float(rig.samples.link_position[i]) - shown, float(plant.q[i]) - stood
-            rig.arm.hand.take(Release(at_s=0.0))
-            served.run(0.3)
-            if abs(went) > 1e-3:
-                break
-        return shown, stood, moved, went
+        stood = zip(self.arm.names, served.rig.arm.plant.q.tolist(), strict=True)
+        stated = [f"{name}={round(q / SEEN) * SEEN:.2f}" for name, q in stood]
+        self.note("contactd identify zero")
+        with io.BufferedReader(Pushes(served, self.arm)) as pushes:
+            answers = cast(IO[bytes], pushes)
+            result = served.contactd("identify", "zero", *stated, answers=answers)
+        self.show(result.output)
+        if result.exit_code:
+            raise GivenUpError(f"zero: {result.output}")
 
     def _wiring(self, served: ServedDaemon) -> None:
         """Check it, and turn the motors' signs that are said to be wrong, until all is good."""
@@ -185,18 +163,23 @@ class Owner:
         if not good:
             raise GivenUpError(f"gap: {output}")
 
-    def _masses_if_asked(self, served: ServedDaemon, good: bool, output: str) -> None:
-        """Where friction names masses as the cause: these, and friction once more."""
-        if not good and "identify masses" in output:
-            self._identified(served, "masses")
-            self._identified(served, "friction")
-        elif not good:
-            raise GivenUpError(f"friction: {output}")
-
     def _identified(self, served: ServedDaemon, step: str) -> None:
-        good, output = self.identify(served, step)
-        if not good:
-            raise GivenUpError(f"{step}: {output}")
+        """A step; where it tells another gain, or asks for masses, that and the step once more."""
+        for _ in range(REPEATS):
+            good, output = self.identify(served, step)
+            if good:
+                return
+            if told := TOLD.search(output):
+                self._edit(partial(self._slower, float(told[1])))
+            elif "identify masses" in output and MASSES not in self.story.commands:
+                self._identified(served, "masses")
+            else:
+                break
+        raise GivenUpError(f"{step}: {output}")
+
+    def _slower(self, gain: float, written: dict[str, Any]) -> None:
+        written.setdefault("control", {})["position_gain"] = gain
+        self.story.seen.append("control.position_gain")
 
     def _arm_and_lead(self, served: ServedDaemon) -> None:
         """Arm, lean on the shoulder with twice what is felt, and see whether the arm yields."""
@@ -259,9 +242,6 @@ class Owner:
             hand.start()
         served.idle_s = IDLE_S
         result = served.contactd("identify", *words, "--yes")
-        if "does not answer" in result.output or "fell silent" in result.output:  # a busy machine
-            self.note(f"contactd identify {' '.join(words)}")
-            result = served.contactd("identify", *words, "--yes")
         over.set()
         if press:
             hand.join()
@@ -284,3 +264,40 @@ class Owner:
                 torque = press * joint.torque_constant * joint.wiring.max_current_A
                 rig.arm.hand.take(Gap(at_s=0.0, joint=joint.name, torque=torque, times=200))
         served.rig.arm.hand.take(Release(at_s=0.0))
+
+
+class Pushes(io.RawIOBase):
+    """What a person types who is asked which way a link went, joint by joint: pushes it first."""
+
+    def __init__(self, served: ServedDaemon, arm: GeneratedArm) -> None:
+        self._rig, self._joints = served.rig, iter(enumerate(arm.joints))
+
+    def close(self) -> None:
+        """Let go."""
+        self._rig.arm.hand.take(Release(at_s=0.0))
+        super().close()
+
+    def readable(self) -> bool:
+        """True."""
+        return True
+
+    def readinto(self, into: Any) -> int:
+        """Push the next link for a second, the other way if it does not move."""
+        i, joint = next(self._joints)
+        hand, plant = self._rig.arm.hand, self._rig.arm.plant
+        stood = float(plant.q[i])
+        torque = 0.5 * joint["torque_constant"] * joint["wiring"]["max_current_A"]
+        for way in (1.0, -1.0):
+            hand.take(Release(at_s=0.0))
+            hand.take(Lean(at_s=0.0, joint=joint["name"], torque=way * torque))
+            self._let_pass(1.0)
+            went = float(plant.q[i]) - stood
+            if abs(went) > SEEN_TO_MOVE:
+                break
+        into[:2] = b"+\n" if went > 0.0 else b"-\n"
+        return 2
+
+    def _let_pass(self, seconds: float) -> None:
+        until = self._rig.time_s + seconds
+        while self._rig.time_s < until:
+            time.sleep(0.001)

@@ -12,11 +12,13 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
+from unittest import mock
 
 from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from contactd_client.connection import Connection
 from daemon.assembly import check_identification
 from daemon.clients.client import Client
 from daemon.commands import contactctl, contactd
@@ -48,6 +50,18 @@ class PatientSocket(ControlSocket):
         super().publish(state)
 
 
+class PatientConnection(Connection):
+    """A client's connection that waits for the answer as long as a busy machine takes for it."""
+
+    def __init__(self, path: Path, timeout_s: float) -> None:
+        super().__init__(path, max(timeout_s, ANSWERED_S))
+
+    def exchange(self, request: bytes, timeout_s: float) -> bytes:
+        """As usual, but for the patience."""
+        return super().exchange(request, max(timeout_s, ANSWERED_S))
+
+
+ANSWERED_S = 300.0
 READING_S = 0.005
 TYPING_S = 0.03  # some ticks: in the same one, a request may be older than the stop before it
 
@@ -134,11 +148,12 @@ class ServedDaemon:
         assert isinstance(result, Result)
         return result
 
-    def contactd(self, *arguments: str) -> Result:
-        """Run a command of `contactd` that talks to the daemon, as a person would type it."""
+    def contactd(self, *arguments: str, answers: IO[bytes] | None = None) -> Result:
+        """Run a command of `contactd` that talks to the daemon, as a person would type it, with
+        `answers` to what it asks."""
         words = [*arguments, "--socket", str(self.path)]
         result = self.until(
-            lambda: CliRunner().invoke(contactd.main, words, catch_exceptions=False)
+            lambda: CliRunner().invoke(contactd.main, words, answers, catch_exceptions=False)
         )
         assert isinstance(result, Result)
         return result
@@ -154,6 +169,7 @@ def served_daemon(
         lockstep_rig(robot, identification=check_identification, **both_ends) as rig,
         PatientSocket(folder / "control") as control,
         closing(Notifier()) as notifier,
+        mock.patch("daemon.clients.client.Connection", PatientConnection),
     ):
         yield ServedDaemon(rig, serve(rig, control, notifier))
 

@@ -358,7 +358,7 @@ def health(options: Options, directory: Path | None, plot: Path | None) -> None:
     """Show how the gears age: each joint against the days when it was identified.
 
     From the records that the daemon writes each day; it need not run. Exit status 1 if something is
-    to be said of a joint, 65 if there are no records.
+    to be said of a joint, 65 if there are no records, or none of an arm that can be read.
     """
     from daemon.commands.health import show_health
 

@@ -325,6 +325,27 @@ def _begin(
 
 
 @identify.command()
+@click.argument("angles", nargs=-1, required=True, metavar="JOINT=ANGLE...")
+@click.option("--config", type=PATH, help="Robot's folder; by default that of the running daemon.")
+@click.option("--dry-run", is_flag=True, help="Write no results.")
+@SOCKET
+def zero(angles: tuple[str, ...], config: Path | None, dry_run: bool, socket: Path | None) -> None:
+    """Push links while the drives are off: signs and zeros of their encoders.
+
+    ANGLE is where the link stands by the URDF [rad]. You push each a little, either way, and say
+    which way it went while you hold it. What is found counts in the place of `link_sign` and
+    `link_offset`.
+    """
+    from daemon.commands.go import destination
+
+    pose, stated = destination(angles)
+    if pose:
+        raise click.UsageError(f"{pose!r}: JOINT=ANGLE for each joint whose encoder is to be set")
+    with _begin(config, (), dry_run, False, socket) as identification:
+        sys.exit(0 if identification.zero(stated) else 1)
+
+
+@identify.command()
 @click.argument("joints", nargs=-1, metavar="[JOINT]...")
 @_identification
 def wiring(joints: tuple[str, ...], **asked: Any) -> None:

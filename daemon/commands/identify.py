@@ -14,6 +14,7 @@ from typing import Protocol, Self
 import click
 from rich.console import Console
 
+from arrays import Vector
 from daemon.clients.client import Client
 from daemon.config.identified import Identified, write_identified
 from daemon.config.load import Robot, load_robot
@@ -36,6 +37,7 @@ from daemon.identify.steps import (
     merged,
     wiring_step,
 )
+from daemon.identify.zero import zero_step
 from errors import ConfigurationError, ControlError
 from estimator.identification.gap_result import GapVerdict
 from estimator.identification.thresholds import LevelVerdict
@@ -46,6 +48,10 @@ class Source(Protocol):
 
     def wiring(self, joint: str) -> Measured:
         """Measurements of one joint's motor, moved both ways through its gap."""
+
+    def pushed(self, joint: str, ask: Callable[[], bool]) -> tuple[Vector, bool]:
+        """Positions (N,) [rad] of a link that a person pushes, and whether it went upward, as `ask`
+        returns. Raises ConfigurationError where nobody can be asked."""
 
     def gap(self, joint: str, *, by_hand: bool) -> Measured:
         """Measurements of one joint whose motor turns to and fro, or whose link is moved by hand
@@ -87,6 +93,9 @@ class Recorded:
 
     def wiring(self, joint: str) -> Measured:
         return self._read()
+
+    def pushed(self, joint: str, ask: Callable[[], bool]) -> tuple[Vector, bool]:
+        raise ConfigurationError("a log does not say where the links stood: `identify zero` asks")
 
     def gap(self, joint: str, *, by_hand: bool) -> Measured:
         return read_measured(self._paths, self._configuration, gap_of=joint)
@@ -151,6 +160,20 @@ class Identification:
             if name not in known:
                 raise ConfigurationError(f"no joint {name}; there are: {', '.join(known)}")
         return list(named) or known
+
+    def zero(self, stated: dict[str, float]) -> bool:
+        """Find sign and zero of the link encoders of joints that stand at `stated` [rad]."""
+        outcomes = []
+        for name in self.joints(tuple(stated)):
+            seen, upward = self._source.pushed(name, partial(self._which_way, name))
+            outcome = zero_step(self._robot, name, seen, stated[name], upward=upward, date=now())
+            outcomes.append(self._conclude("zero", "zero", outcome))
+        return all(outcomes)
+
+    def _which_way(self, name: str) -> bool:
+        self._tell(f"{name} stands. Push its link a little, either way, and hold it there.")
+        text = "Which way did it go by the URDF (its axis along the right thumb: + is the fingers')"
+        return str(click.prompt(text, type=click.Choice(["+", "-"]))) == "+"
 
     def wiring(self, named: tuple[str, ...]) -> bool:
         """Check signs and scales, joint by joint."""

@@ -1,6 +1,6 @@
 """Measurements from a live arm: its motions and the person's part in each step."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,7 @@ from daemon.identify.session import (
 )
 from daemon.identify.show import histogram
 from daemon.identify.swinging import SwingWatch
+from daemon.identify.zero import resting_samples, stands
 from daemon.modes.table import Mode
 from daemon.protocol.messages import State
 from errors import ConfigurationError, ContactdError, ControlError, ShortLogError
@@ -89,7 +90,10 @@ class LiveArm:
         stays as it is. Raises ContactdError."""
         try:
             if self._session.here is None:
-                if written:
+                if written and well and self._mode == Mode.OFF:
+                    self._session.reload()
+                    self._tell("taken up")
+                elif written:
                     self._tell("taken up before the drives are enabled the next time")
             elif well:
                 if self._mode != Mode.OFF:
@@ -173,6 +177,22 @@ class LiveArm:
             log = self._read(f"wiring-{joint}").log
             return OTHER_WAY if goes_against(log, self._names.index(joint)) else _TOO_FAR
         return f"{OTHER_WAY}; else {_TOO_FAR}"
+
+    def pushed(self, joint: str, ask: Callable[[], bool]) -> tuple[Vector, bool]:
+        """Positions (N,) [rad] of a link from its rest on, until `ask`, which has a person push it,
+        returns whether it went upward."""
+        i, rest = self._names.index(joint), resting_samples(self._c.period_s)
+
+        def positions(states: Sequence[State]) -> Vector:
+            return np.array([s.link_position[i] for s in states if all(s.fresh)])
+
+        def settled(states: Sequence[State]) -> bool:
+            return stands(positions(states[-rest:]), rest)
+
+        with self._session.watched(settled) as states:
+            begun = len(states) - rest
+            upward = ask()
+        return positions(states[begun:]), upward
 
     def friction(self, seconds: float) -> Measured:
         """Move all joints along an excitation."""

@@ -206,6 +206,44 @@ class Session:
                 raise ControlError(f"the drives are not off: {status.mode}, {status.cause}")
             time.sleep(0.05)
 
+    @contextmanager
+    def watched(self, settled: Callable[[list[State]], bool]) -> Iterator[list[State]]:
+        """Every State while the block runs, which begins once they are `settled`, in a list that
+        grows; the drives are off. Raises ControlError where they are not, UnreachableError."""
+        if (status := self.client.ask_status()).mode != Mode.OFF:
+            raise ControlError(
+                f"the arm is {status.mode}: links are pushed while the drives are off "
+                "(`contactctl disable`; after a fault `contactctl reset`)"
+            )
+        seen: list[State] = []
+        ended = threading.Event()
+        failures: list[ContactdError] = []
+
+        def follow() -> None:
+            try:
+                with Client(self.socket) as reader:
+                    for state in reader.subscribe()[1]:
+                        seen.append(state)
+                        if ended.is_set():
+                            return
+            except ContactdError as error:
+                failures.append(error)
+
+        thread = threading.Thread(target=follow, name="watch")
+        thread.start()
+        try:
+            while thread.is_alive() and not settled(seen):
+                time.sleep(0.01)
+            if not failures:
+                yield seen
+        finally:
+            ended.set()
+            thread.join()
+        if failures:
+            raise failures[0]
+        if any(state.mode != Mode.OFF for state in seen):
+            raise ControlError("the drives did not stay off: push the link again")
+
     def parts(self, step: str) -> list[Path]:
         """Recordings of a step that is not concluded, oldest first."""
         return sorted(self.folder.glob(f"{step}.part*.mcap"))
