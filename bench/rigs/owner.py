@@ -169,6 +169,8 @@ class Owner:
             good, output = self.identify(served, step)
             if good:
                 return
+            if "the arm is faulted" in output:
+                self.control(served, "reset")
             if told := TOLD.search(output):
                 self._edit(partial(self._set, told[1], told[2], float(told[3])))
             elif "identify masses" in output and MASSES not in self.story.commands:
