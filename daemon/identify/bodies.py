@@ -117,7 +117,7 @@ def _masses_notes(found: Masses) -> tuple[str, ...]:
     elif not found.usable:
         notes.append("no joint is better by other masses: the URDF's stay")
     else:
-        notes.append("they count from the next start of the daemon on; friction and thresholds "
+        notes.append("they count once the daemon has taken them up; friction and thresholds "
                      "belong to them: identify both again")  # fmt: skip
     return tuple(notes)
 
@@ -170,7 +170,7 @@ def payload_step(robot: Robot, measured: Measured, name: str, date: str) -> Outc
                 com_error=float(f"{fit.com_error:.3g}"),
             )
             place = " ".join(f"{x:g}" for x in load.com)
-            notes.append(f"`contactctl payload {name}` from the next start of the daemon on; now "
+            notes.append(f"`contactctl payload {name}` once the daemon has taken it up; now "
                          f"`contactctl payload {load.mass:g} --com {place}`")  # fmt: skip
             if not identified:
                 notes.append("the arm's masses are by the URDF, and may be 5 % off: "

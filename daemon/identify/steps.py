@@ -107,7 +107,7 @@ def friction_step(
     fits, shown = identify_friction(
         measured.log, model, old, c.estimator, limit, shortest_s, weighed=weighed
     )
-    gain = None if measured.reference is None else c.control.position_gain
+    gain = None if measured.reference is None else measured.gain or c.control.position_gain
     if gain is not None:
         fits = _standing(fits, cycles, gain)
     new = adopt(old, fits)

@@ -31,7 +31,7 @@ def told(cycles: Sequence[LimitCycle], gain: float | None) -> str:
     about = f"{names} {swing} at {first.frequency_Hz:.1f} Hz, by +-{1e3 * first.amplitude:.2g} mrad"
     if gain is None:
         return f"{about}, unless that was commanded: try a quarter of its position loop's gain"
-    lower = f"{ENDING_SHARE * gain:.2g} (it is {gain:g})"
+    lower = f"{ENDING_SHARE * gain:.2g} (it was {gain:g})"
     return (
         f"{about}: the position loop is too fast for its gap. Set control.position_gain to "
         f"{lower}, start the daemon again, and repeat"

@@ -192,7 +192,9 @@ def test_a_load_is_written_by_its_name_and_told_by_it(folder, motion, carried) -
     assert identify(folder, motion, "masses").exit_code == 0
     result = identify(folder, carried, "payload", "cup")
     assert result.exit_code == 0, result.output
-    assert "`contactctl payload cup` from the next start" in " ".join(result.output.split())
+    assert "`contactctl payload cup` once the daemon has taken it up" in " ".join(
+        result.output.split()
+    )
     robot = load_robot(folder)
     named = Payloads(robot).named["cup"]
     assert named.mass == pytest.approx(LOAD.mass, rel=0.01)

@@ -107,7 +107,7 @@ def test_a_joint_that_swings_gets_no_level(make_state) -> None:
     robot = load_robot(SINGLE_JOINT)
     c = robot.configuration
 
-    def verdict(*, asked: bool = False, apart: float = 0.1) -> str:
+    def verdict(*, asked: bool = False, apart: float = 0.1, gain: float | None = None) -> str:
         states = []
         for s in raised(moved(make_state(0), 60.0, c, 0.0), c):
             w = 2.0 * np.pi * 2.5
@@ -120,7 +120,8 @@ def test_a_joint_that_swings_gets_no_level(make_state) -> None:
                     motor_velocity=[s.motor_velocity[0] + faster],
                 )
             )
-        outcome = thresholds_step(robot, from_states(states, ["joint"]), 1.0, "2026-01-02")
+        measured = replace(from_states(states, ["joint"]), gain=gain)
+        outcome = thresholds_step(robot, measured, 1.0, "2026-01-02")
         (line,) = outcome.lines
         assert bool(outcome.entries) is line.good
         return f"{line.verdict}: {line.reason}"
@@ -129,7 +130,9 @@ def test_a_joint_that_swings_gets_no_level(make_state) -> None:
     assert verdict(apart=0.04) == "good: "
     swings = verdict()
     assert swings.startswith("swings by itself: joint swings by itself at 2.5 Hz, by +-50 mrad")
-    assert "control.position_gain to 2 (it is 8)" in swings
+    assert "control.position_gain to 2 (it was 8)" in swings
+    # Measured before the configuration was changed: what is told follows from the gain of then.
+    assert "control.position_gain to 4 (it was 16)" in verdict(gain=16.0)
 
 
 def test_what_was_discarded_is_told(make_state) -> None:
