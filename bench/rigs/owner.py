@@ -10,7 +10,7 @@ import re
 import threading
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack, closing
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,6 @@ from bench.rigs.generated_arms import EDS, PROFILE, URDF, GeneratedArm, in_yaml
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.commands import contactd
 from daemon.commands.simulated_robot import true_arm
-from daemon.faults.table import Condition
 from daemon.modes.table import Mode
 from errors import ContactdError
 from simulator.hand import Gap, Lean, Release
@@ -32,11 +31,12 @@ from simulator.hand import Gap, Lean, Release
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
 SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
 SEEN_TO_MOVE = 0.002  # [rad]
-TOLD = re.compile(r"Set\s+control\.position_gain\s+to\s+(\S+)")
-TRIES = 8  # of the wiring: a wrong sign may end it before the next is seen
+TOLD = re.compile(r"[Ss]et\s+(control|supervisor)\.(\w+)\s+to\s+(\S+)")
+TRIES = 4  # of the wiring: a joint that sags keeps others from being checked
 MASSES = "contactd identify masses"
 REPEATS = 3  # of a step that says what to change
-PRESSES = (0.03, 0.012, 0.005)  # of a hand at a link, shares of the motor's torque
+PRESSES = (0.01, 0.03, 0.004)  # of a hand at a link, shares of the motor's torque
+BY_HAND = "identify gap-"  # and a joint: the trajectory in which its motor stands for a hand
 IDLE_S = 0.01  # between ticks while a step computes
 
 
@@ -80,13 +80,13 @@ class Owner:
         begin = time.process_time()
         try:
             self.begin()
-            self.zeros()
-            self._wiring()
-            with closing(Session(self)) as holds:
-                self._gaps(holds)
-            self._identified("friction")
-            self._identified("thresholds")
-            self._arm_and_lead()
+            with self.running() as served:
+                self.zeros(served)
+                self._wiring(served)
+                self._gaps(served)
+                self._identified(served, "friction")
+                self._identified(served, "thresholds")
+                self._arm_and_lead(served)
         except (GivenUpError, ContactdError, AssertionError) as error:
             self.story.why = str(error) or repr(error)
         self.story.machine_s = round(time.process_time() - begin, 1)
@@ -116,38 +116,28 @@ class Owner:
                 joint["wiring"][name] = sheet["wiring"][name]
             joint["torque_constant"] = sheet["torque_constant"]
 
-    def zeros(self) -> None:
+    def zeros(self, served: ServedDaemon) -> None:
         """Say where the links stand while the drives are off, push each, and say which way it went:
         signs and zeros of the link encoders."""
-        with self.running() as served:
-            served.run(0.3)
-            stood = zip(self.arm.names, served.rig.arm.plant.q.tolist(), strict=True)
-            stated = [f"{name}={round(q / SEEN) * SEEN:.2f}" for name, q in stood]
-            self.note("contactd identify zero")
-            with io.BufferedReader(Pushes(served, self.arm)) as pushes:
-                answers = cast(IO[bytes], pushes)
-                result = served.contactd("identify", "zero", *stated, answers=answers)
-            self.show(result.output)
-            if result.exit_code:
-                raise GivenUpError(f"zero: {result.output}")
+        served.run(0.3)
+        stood = zip(self.arm.names, served.rig.arm.plant.q.tolist(), strict=True)
+        stated = [f"{name}={round(q / SEEN) * SEEN:.2f}" for name, q in stood]
+        self.note("contactd identify zero")
+        with io.BufferedReader(Pushes(served, self.arm)) as pushes:
+            answers = cast(IO[bytes], pushes)
+            result = served.contactd("identify", "zero", *stated, answers=answers)
+        self.show(result.output)
+        if result.exit_code:
+            raise GivenUpError(f"zero: {result.output}")
 
-    def _wiring(self) -> None:
+    def _wiring(self, served: ServedDaemon) -> None:
         """Check it, and turn the motors' signs that are said to be wrong, until all is good."""
         for _ in range(TRIES):
-            try:
-                with closing(Session(self)) as holds:
-                    good, output = holds.identify("wiring")
-            except GivenUpError as error:  # it came apart before it held
-                good, output = False, str(error)
+            good, output = self.identify(served, "wiring")
             if good:
                 return
             said = " ".join(output.split())
-            wrong = [
-                name
-                for name in self.arm.names
-                if f"{name}: the link goes the other" in said
-                or f"{Condition.APART}: {name}" in said
-            ]
+            wrong = [name for name in self.arm.names if f"{name}: the link goes the other" in said]
             if not wrong:
                 break
             self._edit(partial(self._turn, wrong))
@@ -159,57 +149,55 @@ class Owner:
                 joint["wiring"]["motor_sign"] = -joint["wiring"].get("motor_sign", 1)
                 self.story.seen.append(f"{joint['name']}.motor_sign")
 
-    def _gaps(self, holds: "Session") -> None:
+    def _gaps(self, served: ServedDaemon) -> None:
         """Without a hand, and with one at the joints for which it is asked, softer if too hard."""
-        good, output = holds.identify("gap")
-        if good:
-            return
-        _, found, missed = output.partition("not written: ")
-        if not found:
-            raise GivenUpError(f"gap: {output}")
-        for name in missed.splitlines()[0].split(", "):
-            good, output = holds.identify("gap", name)  # which leaves it where it hangs
-            for press in PRESSES:
-                if good:
-                    break
-                good, output = holds.identify("gap", name, "--by-hand", press=press)
-            if not good:
-                raise GivenUpError(f"gap: {output}")
-
-    def _identified(self, step: str) -> None:
-        """A step; where it tells another gain, or asks for masses, that and the step once more."""
-        for _ in range(REPEATS):
-            with closing(Session(self)) as holds:
-                good, output = holds.identify(step)
+        good, output = self.identify(served, "gap")
+        for press in PRESSES:
             if good:
                 return
+            _, found, missed = output.partition("not written: ")
+            if not found:
+                break
+            names = missed.splitlines()[0].split(", ")
+            good, output = self.identify(served, "gap", *names, "--by-hand", press=press)
+        if not good:
+            raise GivenUpError(f"gap: {output}")
+
+    def _identified(self, served: ServedDaemon, step: str) -> None:
+        """A step; where it tells another gain, or asks for masses, that and the step once more."""
+        for _ in range(REPEATS):
+            good, output = self.identify(served, step)
+            if good:
+                return
+            if "the arm is faulted" in output:
+                self.control(served, "reset")
             if told := TOLD.search(output):
-                self._edit(partial(self._slower, float(told[1])))
+                self._edit(partial(self._set, told[1], told[2], float(told[3])))
             elif "identify masses" in output and MASSES not in self.story.commands:
-                self._identified("masses")
+                self._identified(served, "masses")
             else:
                 break
         raise GivenUpError(f"{step}: {output}")
 
-    def _slower(self, gain: float, written: dict[str, Any]) -> None:
-        written.setdefault("control", {})["position_gain"] = gain
-        self.story.seen.append("control.position_gain")
+    def _set(self, part: str, name: str, value: float, written: dict[str, Any]) -> None:
+        written.setdefault(part, {})[name] = value
+        self.story.seen.append(f"{part}.{name}")
 
-    def _arm_and_lead(self) -> None:
+    def _arm_and_lead(self, served: ServedDaemon) -> None:
         """Arm, lean on the shoulder with twice what is felt, and see whether the arm yields."""
-        with closing(Session(self)) as holds:
-            holds.control("arm")
-            self.story.armed = True
-            rig = holds.served.rig
-            joint = rig.robot.configuration.joints[1]
-            torque = 2.0 * joint.thresholds.contact + joint.friction.motor_coulomb
-            before = float(rig.arm.plant.q[1])
-            rig.arm.hand.take(Lean(at_s=0.0, joint=joint.name, torque=torque))
-            holds.served.run(1.5)
-            yields = rig.mode is Mode.ADMITTANCE
-            self.story.led = yields and float(rig.arm.plant.q[1]) - before > 0.01
-            if not self.story.led:
-                raise GivenUpError(f"the hand was not felt: {rig.mode}")
+        self.control(served, "enable")
+        self.control(served, "arm")
+        self.story.armed = True
+        rig = served.rig
+        joint = rig.robot.configuration.joints[1]
+        torque = 2.0 * joint.thresholds.contact + joint.friction.motor_coulomb
+        before = float(rig.arm.plant.q[1])
+        rig.arm.hand.take(Lean(at_s=0.0, joint=joint.name, torque=torque))
+        served.run(1.5)
+        yields = rig.mode is Mode.ADMITTANCE
+        self.story.led = yields and float(rig.arm.plant.q[1]) - before > 0.01
+        if not self.story.led:
+            raise GivenUpError(f"the hand was not felt: {rig.mode}")
 
     # -- how commands are typed ------------------------------------------------------------------
 
@@ -237,6 +225,47 @@ class Owner:
         written = yaml.safe_load(path.read_text())
         change(written)
         path.write_text(in_yaml(written))
+
+    def control(self, served: ServedDaemon, *words: str) -> None:
+        """`contactctl WORDS`; raises GivenUpError where it is refused."""
+        command = " ".join(words)
+        self.note(f"contactctl {command}")
+        result = served.contactctl(*words)
+        if result.exit_code:
+            raise GivenUpError(f"contactctl {command}: {result.output}")
+
+    def identify(self, served: ServedDaemon, *words: str, press: float = 0.0) -> tuple[bool, str]:
+        """`contactd identify WORDS`: whether all was good, and what it said; a hand at the link
+        that is asked for presses with a share of its motor's torque."""
+        self.note(f"contactd identify {' '.join(words)}")
+        over = threading.Event()
+        hand = threading.Thread(target=self._hand, args=(served, press, over))
+        if press:
+            hand.start()
+        served.idle_s = IDLE_S
+        result = served.contactd("identify", *words, "--yes")
+        over.set()
+        if press:
+            hand.join()
+        self.show(result.output)
+        return result.exit_code == 0, result.output
+
+    def _hand(self, served: ServedDaemon, press: float, over: threading.Event) -> None:
+        """A hand at one link after the other, each once the step is ready for it."""
+        at = ""
+        while not over.wait(0.01):
+            rig = served.rig
+            ready = rig.mode is Mode.TRACKING
+            name = rig.tick.controller.motion.follower.place.path.name if ready else ""
+            if name == at:
+                continue
+            rig.arm.hand.take(Release(at_s=0.0))
+            at = name
+            joints = {f"{BY_HAND}{j.name}": j for j in rig.robot.configuration.joints}
+            if joint := joints.get(name):
+                torque = press * joint.torque_constant * joint.wiring.max_current_A
+                rig.arm.hand.take(Gap(at_s=0.0, joint=joint.name, torque=torque, times=200))
+        served.rig.arm.hand.take(Release(at_s=0.0))
 
 
 class Pushes(io.RawIOBase):
@@ -274,51 +303,3 @@ class Pushes(io.RawIOBase):
         until = self._rig.time_s + seconds
         while self._rig.time_s < until:
             time.sleep(0.001)
-
-
-class Session:
-    """One start of the daemon, at an arm that holds."""
-
-    def __init__(self, owner: Owner) -> None:
-        self._owner, self._open = owner, ExitStack()
-        self.served = self._open.enter_context(owner.running())
-        self.control("enable")
-        self.served.run(0.5)
-
-    def close(self) -> None:
-        """End the daemon."""
-        self._open.close()
-
-    def control(self, *words: str) -> None:
-        """`contactctl WORDS`; raises GivenUpError where it is refused."""
-        command = " ".join(words)
-        self._owner.note(f"contactctl {command}")
-        result = self.served.contactctl(*words)
-        if result.exit_code:
-            raise GivenUpError(f"contactctl {command}: {result.output}")
-
-    def identify(self, *words: str, press: float = 0.0) -> tuple[bool, str]:
-        """`contactd identify WORDS`: whether all was good, and what it said; a hand at the link
-        named presses with a share of its motor's torque."""
-        self._owner.note(f"contactd identify {' '.join(words)}")
-        hand = threading.Thread(target=self._hand, args=(words[-2:][0], press))
-        if press:
-            hand.start()
-        self.served.idle_s = IDLE_S
-        result = self.served.contactd("identify", *words)
-        if press:
-            hand.join()
-        self._owner.show(result.output)
-        return result.exit_code == 0, result.output
-
-    def _hand(self, name: str, press: float) -> None:
-        """A hand at one link, once the step is ready for it."""
-        rig, patience = self.served.rig, time.monotonic() + 60.0
-        while rig.mode is not Mode.TRACKING and time.monotonic() < patience:
-            time.sleep(0.01)
-        joint = next(j for j in rig.robot.configuration.joints if j.name == name)
-        torque = press * joint.torque_constant * joint.wiring.max_current_A
-        rig.arm.hand.take(Gap(at_s=0.0, joint=name, torque=torque, times=200))
-        while rig.mode is Mode.TRACKING:
-            time.sleep(0.01)
-        rig.arm.hand.take(Release(at_s=0.0))

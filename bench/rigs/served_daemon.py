@@ -22,12 +22,15 @@ from contactd_client.connection import Connection
 from daemon.assembly import check_identification
 from daemon.clients.client import Client
 from daemon.commands import contactctl, contactd
+from daemon.config.files import Files
+from daemon.config.load import load_robot
 from daemon.protocol.messages import Reply, State
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
+from errors import ContactdError
 
 _PATIENCE_S = 5.0
 
@@ -87,6 +90,21 @@ class ServedDaemon:
         """Do one tick, and the doors after it."""
         self.rig.step()
         self.service.doors()
+        if self.service.reloading:
+            self._take_up()
+
+    def _take_up(self) -> None:
+        """Begin anew by the files as they are, or if they are bad by those of before, as
+        `contactd run` does."""
+        robot, refused = self.rig.robot, ""
+        try:
+            robot = load_robot(robot.path)
+        except ContactdError as error:
+            refused = str(error)
+        files = self.service.process.files if refused else Files.of(robot)
+        self.service.control.drop_all()
+        self.rig.take_up(robot)
+        self.service = serve(self.rig, self.service.control, self.service.notifier, files, refused)
 
     def run(self, seconds: float) -> None:
         """Tick for so long."""
@@ -153,13 +171,23 @@ def served_daemon(
         closing(Notifier()) as notifier,
         mock.patch("daemon.clients.client.Connection", PatientConnection),
     ):
-        c = rig.robot.configuration
-        loop = Loop(rig.tick, rig.clock(), c.period_s)
-        serials = [identity.serial for identity in rig.boot.identities]
-        rig.run(0.1)
-        process = Process(rig.robot, 1, [], serials)
-        service = Service(process, loop, control, notifier, rig.boot)
-        service.set_up.by_sdo = rig.by_sdo
-        # Here a second may pass while a client is not given a turn.
-        service.attendance.silent_s = math.inf
-        yield ServedDaemon(rig, service)
+        yield ServedDaemon(rig, serve(rig, control, notifier))
+
+
+def serve(
+    rig: Rig,
+    control: ControlSocket,
+    notifier: Notifier,
+    files: Files | None = None,
+    not_taken_up: str = "",
+) -> Service:
+    """The service around a rig's tick, off, with the first samples of its drives."""
+    loop = Loop(rig.tick, rig.clock(), rig.robot.configuration.period_s)
+    serials = [identity.serial for identity in rig.boot.identities]
+    rig.run(0.1)
+    process = Process(rig.robot, 1, [], serials, not_taken_up, files)
+    service = Service(process, loop, control, notifier, rig.boot)
+    service.set_up.by_sdo = rig.by_sdo
+    # Here a second may pass while a client is not given a turn.
+    service.attendance.silent_s = math.inf
+    return service

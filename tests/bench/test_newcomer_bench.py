@@ -18,7 +18,8 @@ def test_an_owner_finds_signs_and_zeros_of_the_links_by_pushing_them(tmp_path: P
     arm = generate(0)
     owner = Owner(arm, tmp_path)
     owner.begin()
-    owner.zeros()
+    with owner.running() as served:
+        owner.zeros(served)
     found = load_robot(owner.folder).configuration.joints
     assert any(joint["wiring"]["link_sign"] < 0 for joint in arm.joints)
     for joint, true in zip(found, arm.joints, strict=True):
