@@ -171,11 +171,13 @@ class Owner:
                 return
             if "the arm is faulted" in output:
                 self.control(served, "reset")
-            if told := TOLD.search(output):
+            told = TOLD.search(output)
+            if told:
                 self._edit(partial(self._set, told[1], told[2], float(told[3])))
-            elif "identify masses" in output and MASSES not in self.story.commands:
+            asked = "identify masses" in output and MASSES not in self.story.commands
+            if asked:
                 self._identified(served, "masses")
-            else:
+            if not told and not asked:
                 break
         raise GivenUpError(f"{step}: {output}")
 
