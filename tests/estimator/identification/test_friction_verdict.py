@@ -1,4 +1,4 @@
-"""What is said of a friction that explains too little: the step that helps, wherever gravity fits."""
+"""What is said of a friction that explains too little: what helps, wherever gravity fits."""
 
 from types import SimpleNamespace
 from typing import cast
