@@ -188,6 +188,7 @@ class Owner:
     def _arm_and_lead(self, served: ServedDaemon) -> None:
         """Arm, lean on the shoulder with twice what is felt, and see whether the arm yields."""
         self.control(served, "enable")
+        served.run(0.5)
         self.control(served, "arm")
         self.story.armed = True
         rig = served.rig
