@@ -9,8 +9,8 @@ import io
 import re
 import threading
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -21,7 +21,7 @@ import yaml
 from click.testing import CliRunner
 
 from bench.rigs.generated_arms import EDS, PROFILE, URDF, GeneratedArm, in_yaml
-from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from bench.rigs.served_daemon import ServedDaemon, served_daemon, unhurried_drives
 from daemon.commands import contactd
 from daemon.commands.simulated_robot import true_arm
 from daemon.modes.table import Mode
@@ -171,11 +171,13 @@ class Owner:
                 return
             if "the arm is faulted" in output:
                 self.control(served, "reset")
-            if told := TOLD.search(output):
+            told = TOLD.search(output)
+            if told:
                 self._edit(partial(self._set, told[1], told[2], float(told[3])))
-            elif "identify masses" in output and MASSES not in self.story.commands:
+            asked = "identify masses" in output and MASSES not in self.story.commands
+            if asked:
                 self._identified(served, "masses")
-            else:
+            if not told and not asked:
                 break
         raise GivenUpError(f"{step}: {output}")
 
@@ -202,12 +204,17 @@ class Owner:
 
     # -- how commands are typed ------------------------------------------------------------------
 
-    def running(self) -> AbstractContextManager[ServedDaemon]:
+    @contextmanager
+    def running(self) -> Iterator[ServedDaemon]:
         """The daemon started anew."""
         self.note("contactd run")
-        return served_daemon(
-            self.folder.parent, self.folder, described=lambda robot, _: true_arm(robot)[0]
-        )
+        with (
+            unhurried_drives(),
+            served_daemon(
+                self.folder.parent, self.folder, described=lambda robot, _: true_arm(robot)[0]
+            ) as served,
+        ):
+            yield served
 
     def note(self, command: str) -> None:
         """Count a command that is typed."""
