@@ -25,6 +25,7 @@ from bench.rigs.served_daemon import ServedDaemon, served_daemon, unhurried_driv
 from daemon.commands import contactd
 from daemon.commands.simulated_robot import true_arm
 from daemon.modes.table import Mode
+from daemon.tick.felt import felt_now
 from errors import ContactdError
 from simulator.hand import Gap, Lean, Release
 
@@ -131,16 +132,16 @@ class Owner:
             raise GivenUpError(f"zero: {result.output}")
 
     def _wiring(self, served: ServedDaemon) -> None:
-        """Check it, and turn the motors' signs that are said to be wrong, until all is good."""
+        """Check it, and turn the motors' signs that are said to be wrong, until all is good; what
+        is as data sheets say is checked once more."""
         for _ in range(TRIES):
             good, output = self.identify(served, "wiring")
             if good:
                 return
             said = " ".join(output.split())
             wrong = [name for name in self.arm.names if f"{name}: the link goes the other" in said]
-            if not wrong:
-                break
-            self._edit(partial(self._turn, wrong))
+            if wrong:
+                self._edit(partial(self._turn, wrong))
         raise GivenUpError(f"wiring: {output}")
 
     def _turn(self, names: list[str], written: dict[str, Any]) -> None:
@@ -186,16 +187,18 @@ class Owner:
         self.story.seen.append(f"{part}.{name}")
 
     def _arm_and_lead(self, served: ServedDaemon) -> None:
-        """Arm, lean on the shoulder with twice what is felt, and see whether the arm yields."""
+        """Arm, lean on the shoulder with twice what `arm` says is felt at rest, and see whether it
+        yields."""
         self.control(served, "enable")
         served.run(0.5)
         self.control(served, "arm")
         self.story.armed = True
         rig = served.rig
-        joint = rig.robot.configuration.joints[1]
-        torque = 2.0 * joint.thresholds.contact + joint.friction.motor_coulomb
+        felt = felt_now(rig.tick)
+        assert felt is not None
         before = float(rig.arm.plant.q[1])
-        rig.arm.hand.take(Lean(at_s=0.0, joint=joint.name, torque=torque))
+        torque = 2.0 * (felt.resting[1] or 0.0)
+        rig.arm.hand.take(Lean(at_s=0.0, joint=felt.joints[1], torque=torque))
         served.run(1.5)
         yields = rig.mode is Mode.ADMITTANCE
         self.story.led = yields and float(rig.arm.plant.q[1]) - before > 0.01

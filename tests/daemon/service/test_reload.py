@@ -3,6 +3,7 @@ by two at once, and while somebody records."""
 
 import shutil
 import threading
+import tracemalloc
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -93,6 +94,27 @@ def test_every_file_counts(served: ServedDaemon, arm: Path, name: str) -> None:
     assert served.service.process.files.changed() == []
     path.unlink()
     assert served.service.process.files.changed() == [changed], "gone is changed"
+
+
+def test_looking_takes_no_more_room_than_the_files(served: ServedDaemon, arm: Path) -> None:
+    """In locked memory each page costs: 64 MB of them would cost the drives their heartbeat."""
+    files = served.service.process.files
+    edit(arm, softer)
+    tracemalloc.start()
+    try:
+        assert files.changed() == ["config.yaml"]
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 1 << 20
+
+
+def test_files_are_not_looked_at_while_the_drives_are_on(served: ServedDaemon, arm: Path) -> None:
+    assert served.contactctl("enable").exit_code == 0
+    edit(arm, softer)
+    assert "changed since" not in served.contactctl("status").stdout
+    assert served.contactctl("disable").exit_code == 0
+    assert "changed since it was read: config.yaml" in served.contactctl("status").stdout
 
 
 def test_never_while_the_drives_are_on(served: ServedDaemon, arm: Path) -> None:
