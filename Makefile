@@ -18,7 +18,7 @@ UNITS   := $(LIB)/systemd/system
 DEVICE  := sys-subsystem-net-devices-can0.device.d
 SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
 # Manual pages and completions, made into $(PREFIX)/share (daemon/commands/manual.py) and linked from here.
-PAGES   := $(foreach p,contactd contactctl contactd-web,man/man1/$(p).1 bash-completion/completions/$(p) \
+PAGES   := $(foreach p,contactd contactctl contactd-web contactd-zenoh,man/man1/$(p).1 bash-completion/completions/$(p) \
   zsh/site-functions/_$(p) fish/vendor_completions.d/$(p).fish)
 # Debian's zsh looks for those of packages elsewhere.
 LINKED  := $(if $(filter /usr,$(LOCAL)),sed 's|zsh/site-functions|zsh/vendor-completions|',cat)

@@ -87,15 +87,23 @@ def check_parameters(robot: Robot) -> Check:
     missing = parameters_missing(robot.identified, robot.configuration, robot.urdf)
     text = parameters_known(robot.identified, robot.configuration)
     if missing:
-        text = "; ".join(missing) + "; what was identified since is used from the next start on"
+        text = (
+            "; ".join(missing) + "; what was identified since is used when the files are read anew"
+        )
     return Check(name="parameters", passed=not missing, text=text)
 
 
-def build_boot(robot: Robot, wire: Wire, ring: FrameRing | None = None) -> DriveBoot:
-    """Boot-up of the drives over the wire of an open bus; `ring` keeps its frames. Raises
-    ConfigurationError."""
+def build_boot(
+    robot: Robot,
+    wire: Wire,
+    ring: FrameRing | None = None,
+    setups: Sequence[DriveSetup] | None = None,
+) -> DriveBoot:
+    """Boot-up of the drives over the wire of an open bus; `ring` keeps its frames; `setups` are
+    read from the files unless given. Raises ConfigurationError."""
     c = robot.configuration
-    return DriveBoot(wire, build_setups(robot), c.period_ms, c.bus.master_node, ring)
+    setups = build_setups(robot) if setups is None else setups
+    return DriveBoot(wire, setups, c.period_ms, c.bus.master_node, ring)
 
 
 def build_setups(robot: Robot) -> list[DriveSetup]:

@@ -4,7 +4,9 @@ import logging
 import os
 import signal
 import time
-from contextlib import closing
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
@@ -12,7 +14,14 @@ import numpy as np
 
 import compiled
 from contactd_client.paths import default_socket_path
-from daemon.assembly import build_boot, build_estimator, build_tick, check_identification
+from daemon.assembly import (
+    build_boot,
+    build_estimator,
+    build_setups,
+    build_tick,
+    check_identification,
+)
+from daemon.config.files import Files
 from daemon.config.load import Robot
 from daemon.ending import bring_to_rest, stop_on_error
 from daemon.modes.table import Mode
@@ -20,25 +29,64 @@ from daemon.protocol.messages import Grant
 from daemon.service.black_box import BlackBox, default_directory, ring_path
 from daemon.service.journal import log_to_stderr
 from daemon.service.notify import Notifier, notifier_of
-from daemon.service.realtime import go_realtime
+from daemon.service.realtime import go_realtime, leave_realtime
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process, context_of
 from daemon.service.trend_line import TrendLine
 from daemon.tick.loop import Clock, Loop
+from daemon.tick.tick import Tick
 from daemon.trends.day import folder_of
+from drivers.boot.boot_up import DriveBoot
+from drivers.boot.required_objects import DriveSetup
 from drivers.can.bus import open_bus
 from drivers.can.bus_load import frame_rate_hz
 from drivers.can.frame_ring import RecordedWire
-from drivers.can.wire import OpenBus
-from errors import BusError, DriveError
+from errors import BusError, ContactdError, DriveError
 
 _log = logging.getLogger("contactd")
 
 
-def run_daemon(robot: Robot, socket: Path | None) -> None:
-    """Run until SIGTERM or SIGINT. Raises ContactdError if it cannot start or a drive does not
-    end as it should."""
+@dataclass(frozen=True, slots=True)
+class Basis:
+    """What a run of the daemon stands on: a robot as its files said, and the set-up of its drives.
+    `not_taken_up` says why files that are newer are not."""
+
+    robot: Robot
+    setups: Sequence[DriveSetup]
+    files: Files
+    not_taken_up: str = ""
+
+
+ReadRobot = Callable[[], Robot]
+
+
+def read_basis(read: ReadRobot) -> Basis:
+    """Basis as the files are now. Raises ContactdError."""
+    robot = read()
+    return Basis(robot, build_setups(robot), Files.of(robot))
+
+
+@dataclass(frozen=True, slots=True)
+class _Arm:
+    """One arm, its drives set up, ready for the loop."""
+
+    basis: Basis
+    boot: DriveBoot
+    tick: Tick
+    loop: Loop
+    service: Service
+    black_box: BlackBox
+
+
+def run_daemon(read: ReadRobot, socket: Path | None) -> None:
+    """Run until SIGTERM or SIGINT; at a `reload` end as at these, and begin anew by what `read`
+    finds then, in the same process and at the same socket.
+
+    What cannot be read, or set up, is not taken up: the daemon goes on with what it ran by, off.
+    Raises ContactdError if it cannot start or a drive does not end as it should.
+    """
+    basis = read_basis(read)
     with log_to_stderr():
         signals = _Signals()
         # The socket comes first: of two daemons for one arm only one gets as far as the bus.
@@ -46,63 +94,94 @@ def run_daemon(robot: Robot, socket: Path | None) -> None:
             ControlSocket(socket or default_socket_path()) as control,
             closing(notifier_of(os.environ, os.getpid())) as notifier,
         ):
-            bus = open_bus(robot.configuration.bus)
-            try:
-                # Both processes start before this one is real-time.
-                with (
-                    _black_box(robot, control) as black_box,
-                    closing(TrendLine(robot, _trends_of(robot))) as trends,
-                ):
-                    _serve(robot, bus, control, notifier, signals, black_box, trends)
-            finally:
-                bus.python_can.shutdown()
+            before: Basis | None = None
+            while True:
+                with ExitStack() as opened:
+                    try:
+                        arm = _set_up(basis, opened, control, notifier)
+                    except ContactdError as error:
+                        if before is None or signals.received:
+                            raise
+                        basis, before = _not_taken_up(before, error), None
+                        continue
+                    if not _serve(arm, control, notifier, signals):
+                        return
+                before, basis = _read_anew(basis, read)
 
 
-def _serve(
-    robot: Robot,
-    bus: OpenBus,
-    control: ControlSocket,
-    notifier: Notifier,
-    signals: "_Signals",
-    black_box: BlackBox,
-    trends: TrendLine,
-) -> None:
-    c = robot.configuration
-    boot = build_boot(robot, bus.wire, black_box.ring)
+def _read_anew(basis: Basis, read: ReadRobot) -> tuple[Basis | None, Basis]:
+    """Basis to go back to, None where it is the same, and that of the next run."""
+    leave_realtime()
+    try:
+        return replace(basis, not_taken_up=""), read_basis(read)
+    except ContactdError as error:
+        return None, _not_taken_up(basis, error)
+
+
+def _not_taken_up(basis: Basis, error: ContactdError) -> Basis:
+    _log.error("not taken up: %s", error)
+    return replace(basis, not_taken_up=str(error))
+
+
+def _set_up(basis: Basis, opened: ExitStack, control: ControlSocket, notifier: Notifier) -> _Arm:
+    """Open the bus, set the drives up, and build everything; `opened` closes it."""
+    robot, c = basis.robot, basis.robot.configuration
+    bus = open_bus(c.bus)
+    opened.callback(bus.python_can.shutdown)
+    # Both processes start before this one is real-time.
+    black_box = opened.enter_context(_black_box(robot, control))
+    trends = opened.enter_context(closing(TrendLine(robot, _trends_of(robot))))
+    boot = build_boot(robot, bus.wire, black_box.ring, basis.setups)
 
     def progress(line: str) -> None:
         _log.info(line)
         notifier.status(f"starting: {line}")
 
     boot.boot_up(progress)
-    if signals.received:
-        return
     serials = [identity.serial for identity in boot.identities]
     identification = check_identification(robot, serials)
     ring = black_box.ring
     wire = RecordedWire(bus.wire, ring) if ring else bus.wire
     tick = build_tick(robot, wire, time.monotonic, identification)
     _warm_up(robot)
-    if not_compiled := compiled.warning():
-        _log.warning(not_compiled)
-    plain = bool(not_compiled)
-    words = "runs as plain Python, a tick takes far longer" if plain else "compiled"
-    realtime = [*go_realtime(), Grant("compiled", not plain, words)]
-    for grant in realtime:
-        _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
-    process = Process(robot, os.getpid(), realtime, serials)
+    process = Process(robot, os.getpid(), _realtime(), serials, basis.not_taken_up, basis.files)
     loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)
     service = Service(process, loop, control, notifier, boot, black_box, trends)
+    return _Arm(basis, boot, tick, loop, service, black_box)
+
+
+def _realtime() -> list[Grant]:
+    """What the machine grants this process from now on; the log says what it does not."""
+    not_compiled = compiled.warning()
+    if not_compiled:
+        _log.warning(not_compiled)
+    words = "runs as plain Python, a tick takes far longer" if not_compiled else "compiled"
+    realtime = [*go_realtime(), Grant("compiled", not not_compiled, words)]
+    for grant in realtime:
+        _log.log(logging.INFO if grant.achieved else logging.WARNING, "real time: %s", grant.text)
+    return realtime
+
+
+def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Signals") -> bool:
+    """Run the loop to its end, and bring the arm to rest; True if it is to begin anew."""
+    robot, c = arm.basis.robot, arm.basis.robot.configuration
+    tick, loop, service = arm.tick, arm.loop, arm.service
+    if signals.received:
+        return False
     # From the first heartbeat on the drives expect the next.
     tick.drives.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)
     notifier.ready(service.summary())
-    black_box.begin()
+    arm.black_box.begin()
     with stop_on_error(tick.drives, c.period_s):
-        loop.run(service.doors, lambda: not (signals.received or tick.fatal))
-        why = signals.received or str(tick.fatal)
+        loop.run(service.doors, lambda: not (signals.received or tick.fatal or service.reloading))
+        why = signals.received or str(tick.fatal or "reload")
         service.ending = True
-        notifier.stopping(f"stopping: {why}")
+        anew = service.reloading and not (signals.received or tick.fatal)
+        if anew:
+            notifier.reloading("reading the files anew", loop.now_s)
+        else:
+            notifier.stopping(f"stopping: {why}")
         stragglers = (
             []
             if tick.fatal
@@ -111,12 +190,24 @@ def _serve(
     if tick.fatal:
         raise BusError(f"{tick.fatal}; the drives stop by themselves")
     if not stragglers and tick.controller.machine.mode is Mode.OFF:
-        # At rest for good, the drives need not miss us.
-        boot.let_go()
+        _let_go(arm.boot, again=anew)
     tick.drives.end()
     if stragglers:
         raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")
     _log.info("ended: %s", _ending(robot))
+    control.drop_all()
+    return anew and not signals.received
+
+
+def _let_go(boot: DriveBoot, *, again: bool) -> None:
+    """At rest for good, the drives need not miss us. Those that are set up `again` are tried there
+    oftener than once."""
+    try:
+        boot.let_go()
+    except DriveError as error:
+        if not again:
+            raise
+        _log.warning("%s", error)
 
 
 def _black_box(robot: Robot, control: ControlSocket) -> BlackBox:

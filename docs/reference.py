@@ -3,8 +3,9 @@
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
 `contactctl.md` from the commands' own help; `schemas/` and `contactd_client/messages.py` from the
 messages of the socket; `concepts/` from `drawings.py`; `daemon/ros/type_hashes.py` from the
-definitions of ROS 2. `faults.md`, `modes.md`, `mistakes.md`, `recording.md` and `rehearsing.md` are
-written by hand but for the parts between two markers, which come from what the program runs on.
+definitions of ROS 2; `page/src/troubleshooting.html` from the document of that name. `faults.md`,
+`modes.md`, `mistakes.md`, `recording.md` and `rehearsing.md` are written by hand but for the parts
+between two markers, which come from what the program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
@@ -35,6 +36,7 @@ sys.path.append(str(DOCS.parent))  # for `docs` itself, which is in no wheel
 from docs.door import SCHEMAS, client_messages, schema  # noqa: E402
 from docs.drawings import drawings  # noqa: E402
 from docs.fields import comments_of, structs_of  # noqa: E402
+from docs.help_page import help_page  # noqa: E402
 from docs.ros_types import type_hashes  # noqa: E402
 
 MADE = "<!-- Made from the code by `make reference`: change it there. -->\n"
@@ -347,6 +349,9 @@ def files() -> dict[Path, str]:
     return made | {
         DOCS.parent / "contactd_client/messages.py": client_messages(),
         DOCS.parent / "daemon/ros/type_hashes.py": type_hashes(),
+        DOCS.parent / "page/src/troubleshooting.html": help_page(
+            (DOCS / "troubleshooting.md").read_text(encoding="utf-8")
+        ),
     }
 
 

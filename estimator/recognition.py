@@ -9,13 +9,13 @@ such pair explains what all joints show, where each second shows the same mass b
 the joints that carry it have moved. What a hand does changes, in force or direction. What cannot
 be told from a load is a pull of constant force, straight down, at the hand, for as long as that.
 So it is confirmed only where the mass stayed as it is, more closely, for two more seconds of motion
-and twice the way.
+and twice the way; the mass is then that of these last seconds, without those of the pick-up.
 
 Ticks in which no joint moves do not count, as friction may hide anything then. Means are taken over
 a quarter of a second of motion, or more where it is slow: a tick adds some vectors, and only the
-last one of each makes a fit of four unknowns. Beside it, the load that the model's errors look like
-while nothing touches is followed, and taken off; of motion older than what is looked at, so that a
-load is not taken for an error while it is looked at.
+last one of each makes a fit of four unknowns. Beside it, what the model's errors look like while
+nothing touches, a load and gains of the motors, is followed, and taken off; of motion older than
+what is looked at, so that a load is not taken for an error while it is looked at.
 
 Nothing here changes a threshold or the model. Time is counted in ticks; no I/O.
 """
@@ -51,9 +51,10 @@ _LEFT, _LEFT_CLEAR, _LEFT_NOISE = 0.3, 0.03, 0.6
 _SPREAD, _SPREAD_KG, _WORST = 0.05, 0.015, 2.0
 # Of its mass must show before the errors below are taken off.
 _SHOWS: Final = 0.5
-# The load that the model's errors look like: fades over so many blocks, weighs so much less, as
-# they are alike, and is expected to be so much [kg, kg m].
-_FADES, _ALIKE, _ERRORS = 480.0, 0.3, (0.05, 0.005, 0.005, 0.005)
+# The load that the model's errors look like, and the share by which each motor's torque is off:
+# fade over so many blocks, weigh so much less, as they are alike, and are expected to be so much
+# [kg, kg m].
+_FADES, _ALIKE, _ERRORS, _GAIN = 480.0, 0.3, (0.05, 0.005, 0.005, 0.005), 0.03
 # It is confirmed where so many more blocks in a row show it, with parts as much alike as this, and
 # joints that carry it having moved so far [rad].
 _CONFIRMS, _ALIKE_SHARE, _CONFIRMED_WAY = 8, 0.04, 0.5
@@ -61,14 +62,15 @@ _CONFIRMS, _ALIKE_SHARE, _CONFIRMED_WAY = 8, 0.04, 0.5
 _FORGOTTEN_S: Final = 0.5
 
 
-def weighed(model: Model, mean: Matrix, gravity: Vector) -> tuple[Matrix, Vector]:
+def weighed(model: Model, mean: Matrix, gravity: Vector) -> tuple[Matrix, Vector, Vector]:
     """What a load shows of itself (n, 4), by mass at the tool point and by mass times distance from
-    it, and what the joints show (n,), both over the standard deviation of each; mean of q, |q_dot|,
-    residual and threshold (4, n), gravity less acceleration (3,) [m/s2]."""
+    it, what motors show whose torque is twice what is believed (n,), and what the joints show (n,),
+    all over the standard deviation of each; mean of q, |q_dot|, residual and threshold (4, n),
+    gravity less acceleration (3,) [m/s2]."""
     by_mass, by_place = model.payload_torques(mean[0], gravity)
     columns = np.column_stack((by_mass + by_place @ model.tool_place, by_place))
     weight = 1.0 / (np.where(mean[1] > _MOVES, _NOISE, _AT_REST) * mean[3])
-    return columns * weight[:, np.newaxis], weight * mean[2]
+    return columns * weight[:, np.newaxis], weight * model.gravity(mean[0]), weight * mean[2]
 
 
 def fitted_load(x: Matrix, y: Vector) -> Vector:
@@ -119,12 +121,12 @@ class Recognition:
         self._before: np.ndarray | None = None  # velocity of the tool at the end of the last block
         # Of the last blocks in motion, the newest last: columns and residuals over their deviation.
         self._columns = np.zeros((_BLOCKS, n, 4))
-        self._shown, self._way = np.zeros((2, _BLOCKS, n))
+        self._motors, self._shown, self._way = np.zeros((3, _BLOCKS, n))
         # Of these, which tell of the model's errors: joints that moved while nothing touched.
         self._free = np.zeros((_BLOCKS, n), dtype=np.bool_)
         self._filled = 0
-        self._prior = np.diag(np.array(_ERRORS) ** -2.0)
-        self._information, self._evidence = np.zeros((4, 4)), np.zeros(4)
+        self._prior = np.diag(np.array([*_ERRORS, *[_GAIN] * n]) ** -2.0)
+        self._information, self._evidence = np.zeros((4 + n, 4 + n)), np.zeros(4 + n)
 
     def begin(self) -> None:
         """Begin anew with another model: what its errors looked like may have been a load, too."""
@@ -183,12 +185,13 @@ class Recognition:
         self._before = velocity
         acceleration = (velocity - before) / (count * self._period_s)
         gravity = self._model.down - acceleration
-        columns, shown = weighed(self._model, mean, gravity)
+        columns, motors, shown = weighed(self._model, mean, gravity)
         if self._filled == _BLOCKS and self.found is None:
-            self._take_errors(self._columns[0], self._shown[0], self._free[0])
+            self._take_errors(self._free[0])
         free = (mean[1] > _MOVES) & (not touched)
         for kept, new in (
             (self._columns, columns),
+            (self._motors, motors),
             (self._shown, shown),
             (self._way, way),
             (self._free, free),
@@ -207,21 +210,22 @@ class Recognition:
                 self.found, self._unexplained, self._again = fit.load, 0, 0
         else:
             self._again = self._again + 1 if fit and fit.confirms else 0
-            self.confirmed = self._again >= _CONFIRMS
+            if fit and self._again >= _CONFIRMS:
+                self.found, self.confirmed = fit.load, True
 
-    def _take_errors(self, columns: Matrix, shown: Vector, free: NDArray[np.bool_]) -> None:
-        """Put a block to those before, as far as it tells of the model's errors."""
+    def _take_errors(self, free: NDArray[np.bool_]) -> None:
+        """Put the oldest block to those before it, as far as it tells of the model's errors."""
         if not free.any():
             return
-        moved = columns[free]
+        moved = np.hstack((self._columns[0], np.diag(self._motors[0])))[free]
         self._information += _ALIKE * (moved.T @ moved) - self._information / _FADES
-        self._evidence += _ALIKE * (moved.T @ shown[free]) - self._evidence / _FADES
+        self._evidence += _ALIKE * (moved.T @ self._shown[0, free]) - self._evidence / _FADES
 
     def _fit(self) -> _Fit | None:
         """The load that the last blocks show, None where they show none."""
         errors = np.linalg.solve(self._prior + self._information, self._evidence)
         x = self._columns.reshape(-1, 4)
-        shown = self._shown - self._columns @ errors
+        shown = self._shown - self._columns @ errors[:4] - self._motors * errors[4:]
         y = shown.reshape(-1)
         power = float(y @ y)
         fitted = fitted_load(x, y)

@@ -88,7 +88,7 @@ class SteadyPull:
 
     def _fitted(self, mean: np.ndarray) -> float:
         """Mass that pulls as these means of a block show (4, n) [kg], NaN where none does."""
-        x, y = weighed(self._model, mean, self._model.down)
+        x, _, y = weighed(self._model, mean, self._model.down)
         fitted = fitted_load(x, y)
         explained = x @ fitted
         left = y - explained

@@ -8,7 +8,7 @@ import { fileURLToPath } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
 const out = join(here, "../daemon/web/built");
-const copied = ["index.html", "enter.html", "icon.svg"];
+const copied = ["index.html", "enter.html", "troubleshooting.html", "icon.svg"];
 
 const bundled = await build({
   absWorkingDir: here,

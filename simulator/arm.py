@@ -67,6 +67,8 @@ class SimulatedArm:
             0.3 * parameters.lightest_link / settings.step_s,
             lambda given: self.plant.carry(given.mass, np.array(given.com)),
             self.plant.weight,
+            parameters.torque_constant
+            * np.array([joint.max_current_A for joint in description.joints]),
         )
         self.external_torque = np.zeros(n)
         """Torque on the links besides the hand's (n,) [Nm], for tests and benches: write to it."""

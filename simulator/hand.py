@@ -80,7 +80,8 @@ class Gap(Act, frozen=True, kw_only=True, tag="gap"):
     beyond one, rest, beyond the other, so many times, carrying the weight that the joint bears."""
 
     joint: str
-    torque: Positive  # pressed with at most [Nm], beside the weight
+    # pressed with at most [Nm], beside the weight; SOFT of what the joint's motor can give if None
+    torque: Positive | None = None
     times: Annotated[int, Meta(ge=1, le=1000)] = 30
     reach: Positive = 0.06  # each way, more than the gap [rad]
 
@@ -97,6 +98,8 @@ AnyAct = Push | Lean | Hold | Clamp | Guide | Gap | Release | Give
 TAKING_S, VISIT_S, WAY_S = 1.5, 0.9, 0.25
 """Of `gap`: while the link's weight is taken up; from one border to the next, and how much of that
 the way takes."""
+SOFT = 0.01
+"""Share of a motor's torque with which a hand presses that is to feel it, and not to turn it."""
 Script = tuple[AnyAct, ...]
 
 
@@ -140,8 +143,10 @@ class Hand:
         damping_limit: Vector,
         give: Callable[[Give], None] = lambda _: None,
         weight: Callable[[Vector], Vector] = np.zeros_like,
+        strongest: Vector | float = 100.0,
     ) -> None:
         """give: puts something into the arm's hand. weight: what holds the links at q (n,) [Nm].
+        strongest: what the motors can give (n,) [Nm].
         Raises ConfigurationError when the script names an unknown joint."""
         self._script = sorted(script, key=lambda act: act.at_s)
         self._index: Mapping[str, int] = {name: i for i, name in enumerate(names)}
@@ -152,7 +157,9 @@ class Hand:
         self._next = 0
         self._began_at: float | None = None
         self._pushes: list[tuple[Push | Lean, float]] = []
-        self._gap: tuple[Gap, float, float] | None = None  # since when, around which position
+        # Pressed with so much, since when, around which position.
+        self._gap: tuple[Gap, float, float, float] | None = None
+        self._soft = SOFT * np.broadcast_to(strongest, n)
         self._asked: list[AnyAct] = []
         self._anchor, self._goal, self._speed, self._rate = np.zeros((4, n))
         self._stiffness, self._damping, self._strongest = np.zeros((3, n))
@@ -216,7 +223,7 @@ class Hand:
             self._push(t, words)
         if self._guiding:
             self._lead(period_s, words)
-        if self._gap is not None and t - self._gap[1] > TAKING_S + VISIT_S * self._gap[0].times:
+        if self._gap is not None and t - self._gap[2] > TAKING_S + VISIT_S * self._gap[0].times:
             words.append(f"end {_describe(self._gap[0])}")
             self._gap = None
         return words
@@ -232,30 +239,32 @@ class Hand:
         out += spring
         out += self._pushing
         if self._gap is not None:
-            act, since, middle = self._gap
+            act, most, since, middle = self._gap
             i = self._index[act.joint]
             t = self._now - since
             taken = min(t / TAKING_S, 1.0)  # a weight taken at once would push the motor away
             out[i] += taken * self._weight(q)[i]
             if t > TAKING_S:
-                out[i] += self._between_borders(act, t - TAKING_S, middle - q[i])
-            out[i] -= min(2.0 * act.torque, self._damping_limit[i]) * q_dot[i]
+                out[i] += self._between_borders(act, most, t - TAKING_S, middle - q[i])
+            out[i] -= min(2.0 * most, self._damping_limit[i]) * q_dot[i]
 
     @staticmethod
-    def _between_borders(act: Gap, t: float, way: float) -> float:
-        """Torque towards beyond one border and the other by turns; way: from the link to the
-        middle [rad]."""
+    def _between_borders(act: Gap, most: float, t: float, way: float) -> float:
+        """Torque towards beyond one border and the other by turns, at most so much [Nm]; way: from
+        the link to the middle [rad]."""
         visit, phase = divmod(t, VISIT_S)
         lead = min(2.0 * phase / WAY_S - 1.0, 1.0) * (1.0 if int(visit) % 2 == 0 else -1.0)
-        spring = 100.0 * act.torque * (way + lead * act.reach)
-        return min(max(spring, -act.torque), act.torque)
+        spring = 100.0 * most * (way + lead * act.reach)
+        return min(max(spring, -most), most)
 
     def _start(self, act: AnyAct, t: float, q: Vector) -> None:
         if isinstance(act, Push | Lean):
             self._pushes.append((act, t))
             return
         if isinstance(act, Gap):
-            self._gap = (act, t, float(q[self._index[act.joint]]))
+            i = self._index[act.joint]
+            most = float(self._soft[i]) if act.torque is None else act.torque
+            self._gap = (act, most, t, float(q[i]))
             return
         if isinstance(act, Give):
             self._give(act)
@@ -320,7 +329,8 @@ def _describe(act: AnyAct) -> str:
         case Lean():
             words = f"lean on {act.joint} with {act.torque:g} Nm"
         case Gap():
-            words = f"move {act.joint} in its gap with {act.torque:g} Nm, {act.times} times"
+            most = "softly" if act.torque is None else f"with {act.torque:g} Nm"
+            words = f"move {act.joint} in its gap {most}, {act.times} times"
         case Clamp():
             words = "clamp " + ", ".join(act.joints)
         case Hold():

@@ -161,4 +161,12 @@ def durand_rig(
         tick.drives.start(0.0)
         arm = DurandArm(drive, c.period_s)
         arm.pump()
-        yield Rig(robot, tick, cast(SimulatedArm, arm), cast(Lockstep, arm), bus, boot)
+        yield Rig(
+            robot,
+            tick,
+            cast(SimulatedArm, arm),
+            cast(Lockstep, arm),
+            bus,
+            boot,
+            lambda _: (boot, tick),
+        )

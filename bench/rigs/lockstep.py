@@ -2,7 +2,7 @@
 deterministic, faster than real time. For tests and benches."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from daemon.tick.tick import Tick
 from drivers.answers import Samples
 from drivers.boot.boot_up import DriveBoot
 from drivers.can.wire import Wire
+from errors import DriveError
 from estimator.estimate import Estimate
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, SimulationSettings
@@ -52,19 +53,38 @@ class Rig:
     lockstep: Lockstep
     line: Line
     boot: DriveBoot
+    build: Callable[[Robot], tuple[DriveBoot, Tick]]
+    """sets the drives up for a robot, and builds its tick"""
     ticks: int = 0
+    before_s: float = 0.0
+    """time of the ticks that were built before this one"""
 
     @property
     def time_s(self) -> float:
         """Time of the next tick [s]."""
         return self.ticks * self.robot.configuration.period_s
 
+    @property
+    def wall_s(self) -> float:
+        """Unix time of the next tick."""
+        return WALL_S + self.before_s + self.time_s
+
+    def take_up(self, robot: Robot) -> None:
+        """End as the daemon does, and begin anew by another robot, at the same arm. Raises
+        ContactdError."""
+        with self.by_sdo(), suppress(DriveError):
+            self.boot.let_go()
+        self.tick.drives.end()
+        self.before_s, self.ticks = self.before_s + self.time_s, 0
+        self.boot, self.tick = self.build(robot)
+        self.robot = robot
+
     def step(self, wall_s: float | None = None) -> None:
         """SYNC, answers of the simulated drives, decision, setpoints; `wall_s` is the Unix time,
         which otherwise passes like the rig's."""
         self.tick.begin(self.time_s)
         self.lockstep.pump()
-        wall_s = WALL_S + self.time_s if wall_s is None else wall_s
+        wall_s = self.wall_s if wall_s is None else wall_s
         self.tick.finish(0.0, Wakeup(wall_s=wall_s))
         self.ticks += 1
 
@@ -160,7 +180,7 @@ class Rig:
 
     def clock(self) -> Clock:
         """For a loop around the tick: time passes by `step` alone."""
-        return Clock(lambda: self.time_s, lambda _: None, lambda: WALL_S + self.time_s)
+        return Clock(lambda: self.time_s, lambda _: None, lambda: self.wall_s)
 
 
 @contextmanager
@@ -194,15 +214,20 @@ def lockstep_rig(
         arm = SimulatedArm(description, settings, bus.far.send, hand_script=hand, on_event=on_event)
         lockstep = Lockstep(arm, bus.far)
         arm.power_on()
-        boot = replace(build_boot(robot, bus.near.wire), listen_s=0.0, sleep=lockstep.let_pass)
-        with lockstep.serving():
-            boot.boot_up()
-        bus.hand_over()
-        checked = identification(robot, [identity.serial for identity in boot.identities])
-        tick = build_tick(robot, between(bus.wire), lambda: 0.0, checked)
-        tick.drives.start(0.0)
-        lockstep.pump()
-        yield Rig(robot, tick, arm, lockstep, bus, boot)
+
+        def build(robot: Robot) -> tuple[DriveBoot, Tick]:
+            boot = replace(build_boot(robot, bus.near.wire), listen_s=0.0, sleep=lockstep.let_pass)
+            with lockstep.serving():
+                boot.boot_up()
+            bus.hand_over()
+            checked = identification(robot, [identity.serial for identity in boot.identities])
+            tick = build_tick(robot, between(bus.wire), lambda: 0.0, checked)
+            tick.drives.start(0.0)
+            lockstep.pump()
+            return boot, tick
+
+        boot, tick = build(robot)
+        yield Rig(robot, tick, arm, lockstep, bus, boot, build)
 
 
 def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:

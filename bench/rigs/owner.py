@@ -5,14 +5,16 @@ pushed, and at which angle it stands. All else is learned from what the commands
 as the user's, the daemon and the simulated arm in lockstep.
 """
 
+import io
+import re
 import threading
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack, closing
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
 import numpy as np
 import yaml
@@ -28,8 +30,13 @@ from simulator.hand import Gap, Lean, Release
 
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
 SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
-TRIES = 8  # of the wiring: a wrong sign may end it before the next is seen
-PRESSES = (0.03, 0.012, 0.005)  # of a hand at a link, shares of the motor's torque
+SEEN_TO_MOVE = 0.002  # [rad]
+TOLD = re.compile(r"[Ss]et\s+(control|supervisor)\.(\w+)\s+to\s+(\S+)")
+TRIES = 4  # of the wiring: a joint that sags keeps others from being checked
+MASSES = "contactd identify masses"
+REPEATS = 3  # of a step that says what to change
+PRESSES = (0.01, 0.03, 0.004)  # of a hand at a link, shares of the motor's torque
+BY_HAND = "identify gap-"  # and a joint: the trajectory in which its motor stands for a hand
 IDLE_S = 0.01  # between ticks while a step computes
 
 
@@ -73,14 +80,13 @@ class Owner:
         begin = time.process_time()
         try:
             self.begin()
-            self.look_at_links()
-            self._wiring()
-            with closing(Session(self)) as holds:
-                self._gaps(holds)
-                friction = holds.identify("friction")
-            self._masses_if_asked(*friction)
-            self._identified("thresholds")
-            self._arm_and_lead()
+            with self.running() as served:
+                self.zeros(served)
+                self._wiring(served)
+                self._gaps(served)
+                self._identified(served, "friction")
+                self._identified(served, "thresholds")
+                self._arm_and_lead(served)
         except (GivenUpError, ContactdError, AssertionError) as error:
             self.story.why = str(error) or repr(error)
         self.story.machine_s = round(time.process_time() - begin, 1)
@@ -110,53 +116,24 @@ class Owner:
                 joint["wiring"][name] = sheet["wiring"][name]
             joint["torque_constant"] = sheet["torque_constant"]
 
-    def look_at_links(self) -> None:
-        """Push each link by hand while the drives are off, and look: signs and zeros of the link
-        encoders."""
-        signs, zeros = [], []
-        with self.running() as served:
-            self.note("contactctl watch")
-            for i, joint in enumerate(served.rig.robot.configuration.joints):
-                shown, stood, moved, went = self._pushed(served, i)
-                turned = moved * went < 0.0
-                wiring = joint.wiring
-                raw = (shown - wiring.link_offset) * wiring.link_sign
-                signs.append(-wiring.link_sign if turned else wiring.link_sign)
-                zeros.append(round(round(stood / SEEN) * SEEN - signs[-1] * raw, 4))
-
-        def correct(written: dict[str, Any]) -> None:
-            for joint, sign, zero in zip(written["joints"], signs, zeros, strict=True):
-                if sign != joint["wiring"].get("link_sign", 1):
-                    joint["wiring"]["link_sign"] = sign
-                    self.story.seen.append(f"{joint['name']}.link_sign")
-                if abs(zero) > SEEN:
-                    joint["wiring"]["link_offset"] = zero
-                    self.story.seen.append(f"{joint['name']}.link_offset")
-
-        self._edit(correct)
-
-    def _pushed(self, served: ServedDaemon, i: int) -> tuple[float, float, float, float]:
-        """Position shown and seen of a link at rest, and how far each went when it was pushed."""
-        rig, plant, joint = served.rig, served.rig.arm.plant, self.arm.joints[i]
+    def zeros(self, served: ServedDaemon) -> None:
+        """Say where the links stand while the drives are off, push each, and say which way it went:
+        signs and zeros of the link encoders."""
         served.run(0.3)
-        shown, stood = float(rig.samples.link_position[i]), float(plant.q[i])
-        torque = 0.5 * joint["torque_constant"] * joint["wiring"]["max_current_A"]
-        moved = went = 0.0
-        for way in (1.0, -1.0):
-            rig.arm.hand.take(Lean(at_s=0.0, joint=joint["name"], torque=way * torque))
-            served.run(1.0)
-            moved, went = float(rig.samples.link_position[i]) - shown, float(plant.q[i]) - stood
-            rig.arm.hand.take(Release(at_s=0.0))
-            served.run(0.3)
-            if abs(went) > 1e-3:
-                break
-        return shown, stood, moved, went
+        stood = zip(self.arm.names, served.rig.arm.plant.q.tolist(), strict=True)
+        stated = [f"{name}={round(q / SEEN) * SEEN:.2f}" for name, q in stood]
+        self.note("contactd identify zero")
+        with io.BufferedReader(Pushes(served, self.arm)) as pushes:
+            answers = cast(IO[bytes], pushes)
+            result = served.contactd("identify", "zero", *stated, answers=answers)
+        self.show(result.output)
+        if result.exit_code:
+            raise GivenUpError(f"zero: {result.output}")
 
-    def _wiring(self) -> None:
+    def _wiring(self, served: ServedDaemon) -> None:
         """Check it, and turn the motors' signs that are said to be wrong, until all is good."""
         for _ in range(TRIES):
-            with closing(Session(self)) as holds:
-                good, output = holds.identify("wiring")
+            good, output = self.identify(served, "wiring")
             if good:
                 return
             said = " ".join(output.split())
@@ -172,52 +149,55 @@ class Owner:
                 joint["wiring"]["motor_sign"] = -joint["wiring"].get("motor_sign", 1)
                 self.story.seen.append(f"{joint['name']}.motor_sign")
 
-    def _gaps(self, holds: "Session") -> None:
+    def _gaps(self, served: ServedDaemon) -> None:
         """Without a hand, and with one at the joints for which it is asked, softer if too hard."""
-        good, output = holds.identify("gap")
-        if good:
-            return
-        _, found, missed = output.partition("not written: ")
-        if not found:
-            raise GivenUpError(f"gap: {output}")
-        for name in missed.splitlines()[0].split(", "):
-            good, output = holds.identify("gap", name)  # which leaves it where it hangs
-            for press in PRESSES:
-                if good:
-                    break
-                good, output = holds.identify("gap", name, "--by-hand", press=press)
-            if not good:
-                raise GivenUpError(f"gap: {output}")
-
-    def _masses_if_asked(self, good: bool, output: str) -> None:
-        """Where friction names masses as the cause: these, and friction once more."""
-        if not good and "identify masses" in output:
-            self._identified("masses")
-            self._identified("friction")
-        elif not good:
-            raise GivenUpError(f"friction: {output}")
-
-    def _identified(self, step: str) -> None:
-        with closing(Session(self)) as holds:
-            good, output = holds.identify(step)
+        good, output = self.identify(served, "gap")
+        for press in PRESSES:
+            if good:
+                return
+            _, found, missed = output.partition("not written: ")
+            if not found:
+                break
+            names = missed.splitlines()[0].split(", ")
+            good, output = self.identify(served, "gap", *names, "--by-hand", press=press)
         if not good:
-            raise GivenUpError(f"{step}: {output}")
+            raise GivenUpError(f"gap: {output}")
 
-    def _arm_and_lead(self) -> None:
+    def _identified(self, served: ServedDaemon, step: str) -> None:
+        """A step; where it tells another gain, or asks for masses, that and the step once more."""
+        for _ in range(REPEATS):
+            good, output = self.identify(served, step)
+            if good:
+                return
+            if "the arm is faulted" in output:
+                self.control(served, "reset")
+            if told := TOLD.search(output):
+                self._edit(partial(self._set, told[1], told[2], float(told[3])))
+            elif "identify masses" in output and MASSES not in self.story.commands:
+                self._identified(served, "masses")
+            else:
+                break
+        raise GivenUpError(f"{step}: {output}")
+
+    def _set(self, part: str, name: str, value: float, written: dict[str, Any]) -> None:
+        written.setdefault(part, {})[name] = value
+        self.story.seen.append(f"{part}.{name}")
+
+    def _arm_and_lead(self, served: ServedDaemon) -> None:
         """Arm, lean on the shoulder with twice what is felt, and see whether the arm yields."""
-        with closing(Session(self)) as holds:
-            holds.control("arm")
-            self.story.armed = True
-            rig = holds.served.rig
-            joint = rig.robot.configuration.joints[1]
-            torque = 2.0 * joint.thresholds.contact + joint.friction.motor_coulomb
-            before = float(rig.arm.plant.q[1])
-            rig.arm.hand.take(Lean(at_s=0.0, joint=joint.name, torque=torque))
-            holds.served.run(1.5)
-            yields = rig.mode is Mode.ADMITTANCE
-            self.story.led = yields and float(rig.arm.plant.q[1]) - before > 0.01
-            if not self.story.led:
-                raise GivenUpError(f"the hand was not felt: {rig.mode}")
+        self.control(served, "enable")
+        self.control(served, "arm")
+        self.story.armed = True
+        rig = served.rig
+        joint = rig.robot.configuration.joints[1]
+        torque = 2.0 * joint.thresholds.contact + joint.friction.motor_coulomb
+        before = float(rig.arm.plant.q[1])
+        rig.arm.hand.take(Lean(at_s=0.0, joint=joint.name, torque=torque))
+        served.run(1.5)
+        yields = rig.mode is Mode.ADMITTANCE
+        self.story.led = yields and float(rig.arm.plant.q[1]) - before > 0.01
+        if not self.story.led:
+            raise GivenUpError(f"the hand was not felt: {rig.mode}")
 
     # -- how commands are typed ------------------------------------------------------------------
 
@@ -246,53 +226,80 @@ class Owner:
         change(written)
         path.write_text(in_yaml(written))
 
-
-class Session:
-    """One start of the daemon, at an arm that holds."""
-
-    def __init__(self, owner: Owner) -> None:
-        self._owner, self._open = owner, ExitStack()
-        self.served = self._open.enter_context(owner.running())
-        self.control("enable")
-        self.served.run(0.5)
-
-    def close(self) -> None:
-        """End the daemon."""
-        self._open.close()
-
-    def control(self, *words: str) -> None:
+    def control(self, served: ServedDaemon, *words: str) -> None:
         """`contactctl WORDS`; raises GivenUpError where it is refused."""
         command = " ".join(words)
-        self._owner.note(f"contactctl {command}")
-        result = self.served.contactctl(*words)
+        self.note(f"contactctl {command}")
+        result = served.contactctl(*words)
         if result.exit_code:
             raise GivenUpError(f"contactctl {command}: {result.output}")
 
-    def identify(self, *words: str, press: float = 0.0) -> tuple[bool, str]:
+    def identify(self, served: ServedDaemon, *words: str, press: float = 0.0) -> tuple[bool, str]:
         """`contactd identify WORDS`: whether all was good, and what it said; a hand at the link
-        named presses with a share of its motor's torque."""
-        self._owner.note(f"contactd identify {' '.join(words)}")
-        hand = threading.Thread(target=self._hand, args=(words[-2:][0], press))
+        that is asked for presses with a share of its motor's torque."""
+        self.note(f"contactd identify {' '.join(words)}")
+        over = threading.Event()
+        hand = threading.Thread(target=self._hand, args=(served, press, over))
         if press:
             hand.start()
-        self.served.idle_s = IDLE_S
-        result = self.served.contactd("identify", *words)
-        if "does not answer" in result.output or "fell silent" in result.output:  # a busy machine
-            self._owner.note(f"contactd identify {' '.join(words)}")
-            result = self.served.contactd("identify", *words)
+        served.idle_s = IDLE_S
+        result = served.contactd("identify", *words, "--yes")
+        over.set()
         if press:
             hand.join()
-        self._owner.show(result.output)
+        self.show(result.output)
         return result.exit_code == 0, result.output
 
-    def _hand(self, name: str, press: float) -> None:
-        """A hand at one link, once the step is ready for it."""
-        rig, patience = self.served.rig, time.monotonic() + 60.0
-        while rig.mode is not Mode.TRACKING and time.monotonic() < patience:
-            time.sleep(0.01)
-        joint = next(j for j in rig.robot.configuration.joints if j.name == name)
-        torque = press * joint.torque_constant * joint.wiring.max_current_A
-        rig.arm.hand.take(Gap(at_s=0.0, joint=name, torque=torque, times=200))
-        while rig.mode is Mode.TRACKING:
-            time.sleep(0.01)
-        rig.arm.hand.take(Release(at_s=0.0))
+    def _hand(self, served: ServedDaemon, press: float, over: threading.Event) -> None:
+        """A hand at one link after the other, each once the step is ready for it."""
+        at = ""
+        while not over.wait(0.01):
+            rig = served.rig
+            ready = rig.mode is Mode.TRACKING
+            name = rig.tick.controller.motion.follower.place.path.name if ready else ""
+            if name == at:
+                continue
+            rig.arm.hand.take(Release(at_s=0.0))
+            at = name
+            joints = {f"{BY_HAND}{j.name}": j for j in rig.robot.configuration.joints}
+            if joint := joints.get(name):
+                torque = press * joint.torque_constant * joint.wiring.max_current_A
+                rig.arm.hand.take(Gap(at_s=0.0, joint=joint.name, torque=torque, times=200))
+        served.rig.arm.hand.take(Release(at_s=0.0))
+
+
+class Pushes(io.RawIOBase):
+    """What a person types who is asked which way a link went, joint by joint: pushes it first."""
+
+    def __init__(self, served: ServedDaemon, arm: GeneratedArm) -> None:
+        self._rig, self._joints = served.rig, iter(enumerate(arm.joints))
+
+    def close(self) -> None:
+        """Let go."""
+        self._rig.arm.hand.take(Release(at_s=0.0))
+        super().close()
+
+    def readable(self) -> bool:
+        """True."""
+        return True
+
+    def readinto(self, into: Any) -> int:
+        """Push the next link for a second, the other way if it does not move."""
+        i, joint = next(self._joints)
+        hand, plant = self._rig.arm.hand, self._rig.arm.plant
+        stood = float(plant.q[i])
+        torque = 0.5 * joint["torque_constant"] * joint["wiring"]["max_current_A"]
+        for way in (1.0, -1.0):
+            hand.take(Release(at_s=0.0))
+            hand.take(Lean(at_s=0.0, joint=joint["name"], torque=way * torque))
+            self._let_pass(1.0)
+            went = float(plant.q[i]) - stood
+            if abs(went) > SEEN_TO_MOVE:
+                break
+        into[:2] = b"+\n" if went > 0.0 else b"-\n"
+        return 2
+
+    def _let_pass(self, seconds: float) -> None:
+        until = self._rig.time_s + seconds
+        while self._rig.time_s < until:
+            time.sleep(0.001)

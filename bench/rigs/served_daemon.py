@@ -12,20 +12,25 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
+from unittest import mock
 
 from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from contactd_client.connection import Connection
 from daemon.assembly import check_identification
 from daemon.clients.client import Client
 from daemon.commands import contactctl, contactd
+from daemon.config.files import Files
+from daemon.config.load import load_robot
 from daemon.protocol.messages import Reply, State
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
+from errors import ContactdError
 
 _PATIENCE_S = 5.0
 
@@ -45,6 +50,18 @@ class PatientSocket(ControlSocket):
         super().publish(state)
 
 
+class PatientConnection(Connection):
+    """A client's connection that waits for the answer as long as a busy machine takes for it."""
+
+    def __init__(self, path: Path, timeout_s: float) -> None:
+        super().__init__(path, max(timeout_s, ANSWERED_S))
+
+    def exchange(self, request: bytes, timeout_s: float) -> bytes:
+        """As usual, but for the patience."""
+        return super().exchange(request, max(timeout_s, ANSWERED_S))
+
+
+ANSWERED_S = 300.0
 READING_S = 0.005
 TYPING_S = 0.03  # some ticks: in the same one, a request may be older than the stop before it
 
@@ -73,6 +90,21 @@ class ServedDaemon:
         """Do one tick, and the doors after it."""
         self.rig.step()
         self.service.doors()
+        if self.service.reloading:
+            self._take_up()
+
+    def _take_up(self) -> None:
+        """Begin anew by the files as they are, or if they are bad by those of before, as
+        `contactd run` does."""
+        robot, refused = self.rig.robot, ""
+        try:
+            robot = load_robot(robot.path)
+        except ContactdError as error:
+            refused = str(error)
+        files = self.service.process.files if refused else Files.of(robot)
+        self.service.control.drop_all()
+        self.rig.take_up(robot)
+        self.service = serve(self.rig, self.service.control, self.service.notifier, files, refused)
 
     def run(self, seconds: float) -> None:
         """Tick for so long."""
@@ -116,11 +148,12 @@ class ServedDaemon:
         assert isinstance(result, Result)
         return result
 
-    def contactd(self, *arguments: str) -> Result:
-        """Run a command of `contactd` that talks to the daemon, as a person would type it."""
+    def contactd(self, *arguments: str, answers: IO[bytes] | None = None) -> Result:
+        """Run a command of `contactd` that talks to the daemon, as a person would type it, with
+        `answers` to what it asks."""
         words = [*arguments, "--socket", str(self.path)]
         result = self.until(
-            lambda: CliRunner().invoke(contactd.main, words, catch_exceptions=False)
+            lambda: CliRunner().invoke(contactd.main, words, answers, catch_exceptions=False)
         )
         assert isinstance(result, Result)
         return result
@@ -136,14 +169,25 @@ def served_daemon(
         lockstep_rig(robot, identification=check_identification, **both_ends) as rig,
         PatientSocket(folder / "control") as control,
         closing(Notifier()) as notifier,
+        mock.patch("daemon.clients.client.Connection", PatientConnection),
     ):
-        c = rig.robot.configuration
-        loop = Loop(rig.tick, rig.clock(), c.period_s)
-        serials = [identity.serial for identity in rig.boot.identities]
-        rig.run(0.1)
-        process = Process(rig.robot, 1, [], serials)
-        service = Service(process, loop, control, notifier, rig.boot)
-        service.set_up.by_sdo = rig.by_sdo
-        # Here a second may pass while a client is not given a turn.
-        service.attendance.silent_s = math.inf
-        yield ServedDaemon(rig, service)
+        yield ServedDaemon(rig, serve(rig, control, notifier))
+
+
+def serve(
+    rig: Rig,
+    control: ControlSocket,
+    notifier: Notifier,
+    files: Files | None = None,
+    not_taken_up: str = "",
+) -> Service:
+    """The service around a rig's tick, off, with the first samples of its drives."""
+    loop = Loop(rig.tick, rig.clock(), rig.robot.configuration.period_s)
+    serials = [identity.serial for identity in rig.boot.identities]
+    rig.run(0.1)
+    process = Process(rig.robot, 1, [], serials, not_taken_up, files)
+    service = Service(process, loop, control, notifier, rig.boot)
+    service.set_up.by_sdo = rig.by_sdo
+    # Here a second may pass while a client is not given a turn.
+    service.attendance.silent_s = math.inf
+    return service

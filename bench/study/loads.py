@@ -63,6 +63,8 @@ class LoadResult:
     """the same by the clock; NaN"""
     mass: float
     """that was believed [kg]; NaN"""
+    confirmed: float
+    """mass that was confirmed [kg]; NaN"""
     told_before: int
     """loads that were recognised before there was one"""
     ratio: float
@@ -89,8 +91,9 @@ def _judged(robot: Robot, job: LoadJob, free: Recording, payload: Payload) -> Lo
     rows = estimated(_estimator(robot), loaded)
     found = recognised(model, rows, loaded)
     moved_s = _moved_s(model, payload, loaded, begin)
-    after = [(tick, mass) for tick, mass in found if tick >= begin]
-    tick, mass = after[0] if after else (None, np.nan)
+    after = [one for one in found if one.tick >= begin]
+    tick, mass = (after[0].tick, after[0].mass) if after else (None, np.nan)
+    confirmed = [one.confirmed for one in after if not np.isnan(one.confirmed)]
     return LoadResult(
         job=job,
         given=payload.mass,
@@ -98,6 +101,7 @@ def _judged(robot: Robot, job: LoadJob, free: Recording, payload: Payload) -> Lo
         found_s=None if tick is None else float(moved_s[tick - begin]),
         seconds_s=np.nan if tick is None else c.period_s * (tick - begin),
         mass=mass,
+        confirmed=confirmed[0] if confirmed else np.nan,
         told_before=len(found) - len(after),
         ratio=_ratio(robot, free, loaded, payload, begin),
     )
@@ -131,10 +135,20 @@ def estimated(
     )
 
 
-def recognised(model: Model, rows: EstimateRows, recording: Recording) -> list[tuple[int, float]]:
-    """Ticks at which a load was recognised, and its mass."""
+@dataclass(slots=True)
+class Recognised:
+    """One load that was recognised: since which tick, its mass, and that which was confirmed later
+    [kg], NaN if none was."""
+
+    tick: int
+    mass: float
+    confirmed: float = np.nan
+
+
+def recognised(model: Model, rows: EstimateRows, recording: Recording) -> list[Recognised]:
+    """Loads that were recognised, in their order."""
     recognition = Recognition(model, float(recording.time_s[1] - recording.time_s[0]))
-    found, before = list[tuple[int, float]](), None
+    found, before = list[Recognised](), None
     for tick in range(len(rows.q)):
         recognition.step(
             rows.q[tick], rows.q_dot[tick], rows.residual[tick], rows.threshold[tick],
@@ -142,7 +156,9 @@ def recognised(model: Model, rows: EstimateRows, recording: Recording) -> list[t
         )  # fmt: skip
         now = recognition.found
         if now is not None and before is None:
-            found.append((tick, now.mass))
+            found.append(Recognised(tick, now.mass))
+        if now is not None and recognition.confirmed:
+            found[-1].confirmed = now.mass
         before = now
     return found
 
@@ -190,8 +206,8 @@ class HandJob:
     seconds: float
 
 
-def hand(job: HandJob) -> tuple[HandJob, list[tuple[int, float]]]:
-    """Loads that were recognised while hands touched the arm: (tick, kg)."""
+def hand(job: HandJob) -> tuple[HandJob, list[Recognised]]:
+    """Loads that were recognised while hands touched the arm."""
     robot = load_robot(job.robot)
     c = robot.configuration
     course, _ = courses.day(c, job.seed, FREE_S + job.seconds)

@@ -249,6 +249,8 @@ def status_view(status: Status, socket: Path | None = None) -> RenderableType:
         table.add_row("to do", Text(status.advice, "yellow"))
     table.add_row("arming needs", _checks(status.checks))
     table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
+    if status.changed:
+        table.add_row("", Text(_changed(status), "yellow"))
     table.add_row("trajectory", Text(_trajectory(status.trajectory)))
     if status.gears:
         table.add_row("gears", Text("\n".join(status.gears), "yellow"))
@@ -276,6 +278,14 @@ def status_view(status: Status, socket: Path | None = None) -> RenderableType:
         frame.add_row("")
         frame.add_row(Text("\n".join(felt_lines(status.felt))))
     return frame
+
+
+def _changed(status: Status) -> str:
+    """Files that say something else than those it runs by, and what becomes of them."""
+    if status.not_taken_up:
+        return f"not taken up: {status.not_taken_up}"
+    names = ", ".join(status.changed)
+    return f"changed since it was read: {names}; taken up before the drives are enabled"
 
 
 def _permission(status: Status) -> Text:

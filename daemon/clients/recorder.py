@@ -64,13 +64,13 @@ class _Format(msgspec.Struct):
 
 class _Wall(msgspec.Struct):
     wall_s: float
-    monotonic_s: float
 
 
 class _Stamp(msgspec.Struct):
     """Fields of a State that the recorder reads."""
 
     tick: int
+    time_s: float
     timing: _Wall
 
 
@@ -158,7 +158,7 @@ class _LogWriter:
     def duration_s(self) -> float:
         if self._first is None or self._last is None:
             return 0.0
-        return self._last.timing.monotonic_s - self._first.timing.monotonic_s
+        return self._last.time_s - self._first.time_s
 
     def is_gap(self, tick: int) -> bool:
         """True if ticks are missing before `tick`, and no snapshot waits to make up for them."""

@@ -14,7 +14,7 @@ import click
 from daemon.commands.hand import hand
 from daemon.commands.live_states import record_csv, record_states, show_live, stream_json
 from daemon.commands.options import PATH, Group, Options, Range, json_option, socket_option
-from daemon.commands.replies import answer, carry_out, print_json
+from daemon.commands.replies import answer, carry_out, print_json, take_up_changes
 from daemon.new_file import refuse_suffix
 from daemon.protocol.lease import LONGEST_S, PERSON_S
 from errors import TrajectoryError, UnreachableError
@@ -52,7 +52,11 @@ _no_wait_to_stand = click.option(
 @_no_wait
 @click.pass_obj
 def enable(options: Options, no_wait: bool) -> None:
-    """Energise the drives; the arm holds where it stands."""
+    """Energise the drives; the arm holds where it stands.
+
+    Where the daemon's files were changed since it read them, it takes them up first: `reload`.
+    """
+    take_up_changes(options)
     carry_out(options, "enable", wait=not no_wait)
 
 
@@ -230,7 +234,7 @@ def gain(
     """Show or change how softly joints yield: K_a [rad/s per Nm].
 
     The joint gets there within half a second, also in somebody's hand. The configuration is not
-    changed: the next start of the daemon begins from it.
+    changed: the daemon's next start, or `reload`, begins from it.
 
     With --balance: gains with which each joint asks for the same force at the hand, from levers,
     inertia and thresholds, and what it asks for now. Nothing changes without --apply.
@@ -307,6 +311,25 @@ def _show_payload(options: Options) -> None:
 
 @main.command()
 @click.pass_obj
+def reload(options: Options) -> None:
+    """Have the daemon read its files anew, with the drives off, and set the drives up by them.
+
+    Takes up what was edited or identified as a start of the daemon would: every connection to it
+    ends. Files that cannot be read, or by which the drives cannot be set up, are not taken up: exit
+    status 1 with the reason, and the daemon stays off until they are mended and it is asked again.
+    """
+    from daemon.clients.reload import reload as read_anew
+    from daemon.protocol.messages import Reply
+
+    with options.connect() as client:
+        changed = client.ask_status().changed
+    found = read_anew(options.socket)
+    said = f"taken up: {', '.join(changed)}" if changed else "read anew, nothing had changed"
+    answer(options, Reply(ok=True, message=f"reload: {said}", mode=found.mode))
+
+
+@main.command()
+@click.pass_obj
 def status(options: Options) -> None:
     """Show mode, joints, and what arming needs."""
     with options.connect() as client:
@@ -335,7 +358,7 @@ def health(options: Options, directory: Path | None, plot: Path | None) -> None:
     """Show how the gears age: each joint against the days when it was identified.
 
     From the records that the daemon writes each day; it need not run. Exit status 1 if something is
-    to be said of a joint, 65 if there are no records.
+    to be said of a joint, 65 if there are no records, or none of an arm that can be read.
     """
     from daemon.commands.health import show_health
 

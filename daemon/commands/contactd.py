@@ -4,7 +4,6 @@
 import os
 import sys
 import traceback
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +89,7 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
         from daemon.config.load import load_robot
         from daemon.run import run_daemon
 
-        run_daemon(load_robot(config).with_port(port), socket)
+        run_daemon(lambda: load_robot(config).with_port(port), socket)
 
 
 @main.command()
@@ -284,8 +283,10 @@ def identify(context: click.Context, config: Path | None, socket: Path | None) -
     nothing moves. The options here belong to that; each step has its own.
 
     Without --log a running daemon moves the arm, and the person beside it has read
-    docs/commissioning.md. Every step can be stopped by Ctrl-C at any time: the arm holds, and the
-    same command goes on from there. Results go to identified.yaml beside the configuration.
+    docs/commissioning.md. Drives that are off are enabled for the step, which asks before, and are
+    off again after it; the daemon then takes up what was found. Every step can be stopped by Ctrl-C
+    at any time: the arm holds, and the same command goes on from there. Results go to
+    identified.yaml beside the configuration.
     """
     if context.invoked_subcommand is None:
         from daemon.commands.identify import show_overview
@@ -306,6 +307,8 @@ def _identification(step: Any) -> Any:
                      help="Learn from a recording (.mcap, may be repeated) or a log of another "
                      "program (docs/logs.md), instead of moving the arm."),
         click.option("--dry-run", is_flag=True, help="Write no results and no pictures."),
+        click.option("--yes", is_flag=True,
+                     help="Enable drives that are off without a question, for scripts."),
         SOCKET,
     ]  # fmt: skip
     for option in reversed(options):
@@ -313,10 +316,33 @@ def _identification(step: Any) -> Any:
     return step
 
 
-def _begin(config: Path | None, logs: tuple[Path, ...], dry_run: bool, socket: Path | None) -> Any:
+def _begin(
+    config: Path | None, logs: tuple[Path, ...], dry_run: bool, yes: bool, socket: Path | None
+) -> Any:
     from daemon.commands.identify import identification
 
-    return closing(identification(config, logs, socket, dry=dry_run))
+    return identification(config, logs, socket, dry=dry_run, yes=yes)
+
+
+@identify.command()
+@click.argument("angles", nargs=-1, required=True, metavar="JOINT=ANGLE...")
+@click.option("--config", type=PATH, help="Robot's folder; by default that of the running daemon.")
+@click.option("--dry-run", is_flag=True, help="Write no results.")
+@SOCKET
+def zero(angles: tuple[str, ...], config: Path | None, dry_run: bool, socket: Path | None) -> None:
+    """Push links while the drives are off: signs and zeros of their encoders.
+
+    ANGLE is where the link stands by the URDF [rad]. You push each a little, either way, and say
+    which way it went while you hold it. What is found counts in the place of `link_sign` and
+    `link_offset`.
+    """
+    from daemon.commands.go import destination
+
+    pose, stated = destination(angles)
+    if pose:
+        raise click.UsageError(f"{pose!r}: JOINT=ANGLE for each joint whose encoder is to be set")
+    with _begin(config, (), dry_run, False, socket) as identification:
+        sys.exit(0 if identification.zero(stated) else 1)
 
 
 @identify.command()
@@ -388,7 +414,7 @@ def friction(seconds: float, shortest: float, **asked: Any) -> None:
 def encoders(joints: tuple[str, ...], seconds: float, **asked: Any) -> None:
     """Move all joints slowly through their ranges: what do link encoders err with each turn?
 
-    Arming does without. What is found is taken off the samples from the next start on. It takes
+    Arming does without. What is found is taken off the samples once it is taken up. It takes
     position encoders at the motors.
     """
     with _begin(**asked) as identification:

@@ -113,11 +113,14 @@ def lead(door: Path, joint: str, position: float, speed: float, torque: float) -
 
 @hand.command()
 @_JOINT
-@click.option("--torque", type=Measure("Nm"), default=1.0, show_default=True,
-              help="Pressed with at most.")  # fmt: skip
+@click.option(
+    "--torque",
+    type=Measure("Nm"),
+    help="Pressed with at most; by default a hundredth of what its motor can give.",
+)
 @click.option("--times", type=click.IntRange(1, 1000), default=40, show_default=True)
 @click.pass_obj
-def gap(door: Path, joint: str, torque: float, times: int) -> None:
+def gap(door: Path, joint: str, torque: float | None, times: int) -> None:
     """Move JOINT's link between the borders of its gap, for `contactd identify gap --by-hand`."""
     _do(door, act="gap", joint=joint, torque=torque, times=times)
 

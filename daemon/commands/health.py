@@ -9,6 +9,7 @@ import click
 import msgspec
 
 from daemon.new_file import refuse_suffix, refuse_unless_new
+from daemon.pictures import without_matplotlib
 from daemon.service.black_box import default_directory
 from daemon.trends.day import Day, Days, read_days, today
 from daemon.trends.findings import QUANTITIES, JointHealth, Trend, What, health
@@ -50,6 +51,8 @@ def show_health(directory: Path | None, plot: Path | None, *, as_json: bool) -> 
     else:
         for name in arms:
             _print(arms[name], found[name])
+    if not all(days.days for days in arms.values()):  # nothing is known of one of them
+        return LogError.exit_code
     return int(any(joint.words for joints in found.values() for joint in joints))
 
 
@@ -157,7 +160,7 @@ def _plot(days: tuple[Day, ...], path: Path) -> None:
         mpl.use("Agg")
         from matplotlib import pyplot as plt  # noqa: PLC0415
     except ImportError as error:
-        raise LogError("a picture needs matplotlib: pip install matplotlib") from error
+        raise without_matplotlib(path) from error
     from datetime import date  # noqa: PLC0415
 
     shown: tuple[What, ...] = ("friction", "gap", "remainder", "skew")

@@ -2,16 +2,19 @@
 
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from types import TracebackType
+from typing import Protocol, Self
 
+import click
 from rich.console import Console
 
+from arrays import Vector
 from daemon.clients.client import Client
 from daemon.config.identified import Identified, write_identified
 from daemon.config.load import Robot, load_robot
@@ -24,7 +27,7 @@ from daemon.identify.live_strokes import UnobservableError
 from daemon.identify.measured import Measured, read_measured
 from daemon.identify.overview import overview
 from daemon.identify.plots import plot_friction, plot_gap
-from daemon.identify.session import stop_once
+from daemon.identify.session import ApartError, stop_once
 from daemon.identify.show import print_outcome, print_overview
 from daemon.identify.steps import (
     Line,
@@ -34,7 +37,8 @@ from daemon.identify.steps import (
     merged,
     wiring_step,
 )
-from errors import ConfigurationError
+from daemon.identify.zero import zero_step
+from errors import ConfigurationError, ControlError
 from estimator.identification.gap_result import GapVerdict
 from estimator.identification.thresholds import LevelVerdict
 
@@ -44,6 +48,10 @@ class Source(Protocol):
 
     def wiring(self, joint: str) -> Measured:
         """Measurements of one joint's motor, moved both ways through its gap."""
+
+    def pushed(self, joint: str, ask: Callable[[], bool]) -> tuple[Vector, bool]:
+        """Positions (N,) [rad] of a link that a person pushes, and whether it went upward, as `ask`
+        returns. Raises ConfigurationError where nobody can be asked."""
 
     def gap(self, joint: str, *, by_hand: bool) -> Measured:
         """Measurements of one joint whose motor turns to and fro, or whose link is moved by hand
@@ -70,8 +78,11 @@ class Source(Protocol):
     def serials(self) -> dict[str, int | None]:
         """Serial numbers of the drives, by joint; empty where they are not known."""
 
-    def close(self) -> None:
-        """Close the connection."""
+    def recover(self, *, on: bool) -> bool:
+        """After a fault have the arm hold, or be off; False where that is for the person to do."""
+
+    def close(self, *, well: bool, written: bool) -> None:
+        """End it; `well`: no error and nobody stopped it; `written`: there are results."""
 
 
 class Recorded:
@@ -82,6 +93,9 @@ class Recorded:
 
     def wiring(self, joint: str) -> Measured:
         return self._read()
+
+    def pushed(self, joint: str, ask: Callable[[], bool]) -> tuple[Vector, bool]:
+        raise ConfigurationError("a log does not say where the links stood: `identify zero` asks")
 
     def gap(self, joint: str, *, by_hand: bool) -> Measured:
         return read_measured(self._paths, self._configuration, gap_of=joint)
@@ -100,7 +114,10 @@ class Recorded:
     def serials(self) -> dict[str, int | None]:
         return {}
 
-    def close(self) -> None:
+    def recover(self, *, on: bool) -> bool:
+        return False
+
+    def close(self, *, well: bool, written: bool) -> None:
         """Do nothing: no connection is open."""
 
     def _read(self) -> Measured:
@@ -116,17 +133,25 @@ class Identification:
         self._written: list[str] = []
         self._missed: list[str] = []
 
-    def close(self) -> None:
-        """Close the source and list what was written, also if a step was stopped."""
-        self._source.close()
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """List what was written, also if a step was stopped, and close the source."""
         path = self._robot.folder / self._robot.configuration.identified
-        if not self._written:
+        if self._written:
+            self._tell(f"written to {path}: {', '.join(self._written)}")
+            if self._missed:
+                self._tell(f"not written: {', '.join(self._missed)}")
+        else:
             self._tell(f"nothing written to {path}")
-            return
-        self._tell(f"written to {path}: {', '.join(self._written)}")
-        if self._missed:
-            self._tell(f"not written: {', '.join(self._missed)}")
-        self._tell("the daemon takes it up when it is started again")
+        well = kind is None or issubclass(kind, SystemExit)
+        self._source.close(well=well, written=bool(self._written))
 
     def joints(self, named: tuple[str, ...]) -> list[str]:
         """Named joints, or all. Raises ConfigurationError for a joint that does not exist."""
@@ -136,13 +161,56 @@ class Identification:
                 raise ConfigurationError(f"no joint {name}; there are: {', '.join(known)}")
         return list(named) or known
 
+    def zero(self, stated: dict[str, float]) -> bool:
+        """Find sign and zero of the link encoders of joints that stand at `stated` [rad]."""
+        outcomes = []
+        for name in self.joints(tuple(stated)):
+            seen, upward = self._source.pushed(name, partial(self._which_way, name))
+            outcome = zero_step(self._robot, name, seen, stated[name], upward=upward, date=now())
+            outcomes.append(self._conclude("zero", "zero", outcome))
+        return all(outcomes)
+
+    def _which_way(self, name: str) -> bool:
+        self._tell(f"{name} stands. Push its link a little, either way, and hold it there.")
+        text = "Which way did it go by the URDF (its axis along the right thumb: + is the fingers')"
+        return str(click.prompt(text, type=click.Choice(["+", "-"]))) == "+"
+
     def wiring(self, named: tuple[str, ...]) -> bool:
         """Check signs and scales, joint by joint."""
-        outcomes = []
-        for name in self.joints(named):
-            outcome = wiring_step(self._robot, {name: self._source.wiring(name)}, now())
-            outcomes.append(self._conclude("wiring", f"wiring-{name}", outcome))
+        outcomes, left = [], self.joints(named)
+        wrong: dict[str, str] = {}
+        while left:
+            name = left[0]
+            try:
+                measured = self._source.wiring(name)
+            except ApartError as error:
+                new = {joint: why for joint, why in error.why.items() if joint not in wrong}
+                left = [joint for joint in left if joint not in new]
+                self._go_on_without(wrong, new, left, error)
+                wrong |= new
+                outcomes.append(False)
+            else:
+                outcome = wiring_step(self._robot, {name: measured}, now())
+                outcomes.append(self._conclude("wiring", f"wiring-{name}", outcome))
+                left = left[1:]
         return all(outcomes)
+
+    def _go_on_without(
+        self, wrong: Mapping[str, str], new: Mapping[str, str], left: list[str], error: ApartError
+    ) -> None:
+        """Tell the joints that came apart, and have the others checked. Raises `error` where the
+        person enabled the drives, and ControlError where those that are wrong keep the others
+        from being checked."""
+        if new:
+            lines = [Line(joint, "wrong", good=False, reason=why) for joint, why in new.items()]
+            self._conclude("wiring", "", Outcome(lines, {}), more=True)
+        if not self._source.recover(on=bool(new and left)):
+            raise error
+        if not new:
+            raise ControlError(
+                f"{', '.join(wrong)} comes apart whenever the drives are enabled, which are off "
+                f"now: correct it, then check the others ({', '.join(left)})"
+            )
 
     def gap(self, named: tuple[str, ...], *, by_hand: bool = False) -> bool:
         """Identify half-gaps, joint by joint, without a hand or with one."""
@@ -248,9 +316,10 @@ class Identification:
 
 
 def identification(
-    config: Path | None, logs: tuple[Path, ...], socket: Path | None, *, dry: bool
+    config: Path | None, logs: tuple[Path, ...], socket: Path | None, *, dry: bool, yes: bool
 ) -> Identification:
-    """Identification on logs, or on the arm of the running daemon. Raises ContactdError."""
+    """Identification on logs, or on the arm of the running daemon, whose drives are enabled for it
+    if they are off, and the person, unless `yes`, says so. Raises ContactdError."""
     console = terminal()
     if logs:
         if config is None:
@@ -259,9 +328,10 @@ def identification(
         return Identification(robot, Recorded(logs, robot.configuration), console, dry=dry)
     if threading.current_thread() is threading.main_thread():
         stop_once()
-    session = open_session(socket, console)
+    session = open_session(socket, console, lambda: yes or _may_enable(robot))
     with ExitStack() as refused:
-        refused.callback(session.client.close)
+        refused.callback(session.close)
+        session.take_up_changes()
         robot = load_robot(from_here(Path(session.client.ask_status().configuration)))
         if config is not None and load_robot(config).path.resolve() != robot.path.resolve():
             raise ConfigurationError(f"the running daemon is that of {robot.path}, not of {config}")
@@ -269,6 +339,21 @@ def identification(
         arm = LiveArm(robot, session, console)
         refused.pop_all()
     return Identification(robot, arm, console, dry=dry)
+
+
+def _may_enable(robot: Robot) -> bool:
+    """Ask the person to have the drives enabled; they are not where nobody can be asked."""
+    if not sys.stdin.isatty():
+        raise ControlError("the drives are off, and nobody can be asked here: --yes enables them")
+    c = robot.configuration
+    ends = {end: [j.name for j in c.joints if j.end == end] for end in ("hold", "brake", "limp")}
+    later = "; ".join(f"{end}: {', '.join(names)}" for end, names in ends.items() if names)
+    click.echo(
+        "The drives are off. They are enabled for this, the arm moves, and at the end it goes back "
+        f"to where it stands and its joints end as configured ({later}). Nobody may be in reach of "
+        "it, and the emergency stop must be in yours."
+    )
+    return click.confirm("Enable the drives?")
 
 
 def show_overview(config: Path | None, socket: Path | None) -> bool:

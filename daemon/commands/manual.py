@@ -16,12 +16,13 @@ from typing import Final
 import click
 from click.shell_completion import get_completion_class
 
-from daemon.commands import contactctl, contactd, contactd_web
+from daemon.commands import contactctl, contactd, contactd_web, contactd_zenoh
 
 PROGRAMS: Final[dict[str, click.Command]] = {
     "contactd": contactd.main,
     "contactctl": contactctl.main,
     "contactd-web": contactd_web.main,
+    "contactd-zenoh": contactd_zenoh.main,
 }
 # Where each shell looks below a share/ folder, and how it wants the file called.
 COMPLETIONS: Final = {

@@ -44,6 +44,20 @@ def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
     answer(options, reply)
 
 
+def take_up_changes(options: Options) -> None:
+    """Have a daemon that is off take up files that were changed since it read them. Raises
+    ControlError where they are not."""
+    with options.connect() as client:
+        now = client.ask_status()
+    if now.mode != Mode.OFF or not now.changed:
+        return
+    from daemon.clients.reload import reload
+
+    if not options.json:
+        click.echo(f"taking up {', '.join(now.changed)}")
+    reload(options.socket)
+
+
 def _reset_when_it_stands(client: "Client", reply: "Reply") -> "Reply":
     """Ask again while the only reason is that the arm has not been seen to stand yet: a reset is
     often asked for in the moment of the fault."""

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import click
 import msgspec
@@ -31,28 +32,14 @@ def run_simulation(
     # Real drives are punctual; simulated ones need real-time priority for it.
     go_realtime()
     bus = robot.configuration.bus
-    events = sys.stdout.buffer
     with _live_hand(door) as live:
+        both: dict[str, Any] = {"hand_script": script, "events": sys.stdout.buffer, "door": live}
         match bus.interface:
             case "socketcand":
-                serve(
-                    description,
-                    settings,
-                    host=bus.host,
-                    port=bus.port,
-                    hand_script=script,
-                    events=events,
-                    door=live,
-                )
+                serve(description, settings, host=bus.host, port=bus.port, **both)
             case "socketcan":
                 serve_on_bus(
-                    description,
-                    settings,
-                    interface=bus.interface,
-                    channel=bus.channel,
-                    hand_script=script,
-                    events=events,
-                    door=live,
+                    description, settings, interface=bus.interface, channel=bus.channel, **both
                 )
             case other:
                 raise ConfigurationError(

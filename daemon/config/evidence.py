@@ -6,7 +6,7 @@ configuration of them, and without what must be known.
 
 from daemon.config.identified import Identified
 from daemon.config.marks import fingerprint, marks
-from daemon.config.schema import Configuration, Step
+from daemon.config.schema import AnyStep, Configuration, Step
 from daemon.protocol.messages import printable
 
 # What arming looks at beside the wiring, in the order in which it is identified.
@@ -42,6 +42,11 @@ def objections(
             f"the wiring of {', '.join(names)} in {c.identified} belongs to another configuration: "
             f"{_CHANGED['wiring']} were changed since (`contactd identify wiring` again)"
         )
+    if names := outdated("zero", found, c, urdf):
+        reasons.append(
+            f"the zero of {', '.join(names)} in {c.identified} belongs to another arm: drives, "
+            "nodes or the URDF's joints were changed since (`contactd identify zero` again)"
+        )
     for joint in c.joints:
         known = found.joints.get(joint.name) if found is not None else None
         if (
@@ -71,7 +76,7 @@ def unidentified(step: Step, found: Identified | None, c: Configuration) -> list
     ]
 
 
-def outdated(step: Step, found: Identified | None, c: Configuration, urdf: str) -> list[str]:
+def outdated(step: AnyStep, found: Identified | None, c: Configuration, urdf: str) -> list[str]:
     """Joints that passed a step before something was changed that it depends on, and that are not
     known otherwise."""
     if found is None:

@@ -115,10 +115,10 @@ EXPLANATIONS: dict[str, Explanation] = {
                                      "turn motor and joint by hand; `contactd identify wiring`",
                                      "1"),
         "joints.wiring.link_sign": ("-1 where the link encoder counts against the joint's axis in "
-                                    "the URDF", "move the link by hand, `contactctl watch`", "1"),
+                                    "the URDF", "`contactd identify zero`, which asks you", "1"),
         "joints.wiring.link_offset": ("what the link encoder is shifted by, so that it reads 0 "
                                       "where the URDF's joint is 0 [rad]",
-                                      "put the joint at 0 and turn the sign of what is read",
+                                      "`contactd identify zero JOINT=ANGLE`, drives off",
                                       "-3.14 to 3.14"),
         "joints.wiring.link_correction": ("what the link encoder errs with each of its turns [rad]",
                                           "`contactd identify encoders` writes it; leave it out",

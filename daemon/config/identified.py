@@ -22,7 +22,7 @@ from daemon.config.schema import (
     Levels,
     PayloadEntry,
 )
-from drivers.settings import Harmonic, Name, Settings
+from drivers.settings import Harmonic, Name, Settings, Sign
 from errors import ConfigurationError
 from estimator.body_inertia import BodyInertia
 from estimator.payload import Mass, Place
@@ -51,6 +51,13 @@ class WiringEntry(Entry, frozen=True):
     """Wiring whose signs and scales agree."""
 
     follows: float  # link motion over motor motion
+
+
+class ZeroEntry(Entry, frozen=True):
+    """Sign and zero [rad] of the link's encoder, by a person who saw the link."""
+
+    link_sign: Sign
+    link_offset: float
 
 
 class EncodersEntry(Entry, frozen=True):
@@ -123,6 +130,7 @@ class IdentifiedJoint(Settings, frozen=True):
     """Entries of one joint, and the serial number of the drive that they were measured on."""
 
     serial: int | None = None  # 0x1018:4; None where the drive keeps it to itself
+    zero: ZeroEntry | None = None
     wiring: WiringEntry | None = None
     encoders: EncodersEntry | None = None
     gap: GapEntry | None = None
@@ -186,9 +194,13 @@ def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
     if found is None:
         return joint
     changes: dict[str, object] = {}
+    wiring = dict[str, object]()
+    if found.zero is not None:
+        wiring |= {"link_sign": found.zero.link_sign, "link_offset": found.zero.link_offset}
     if found.encoders is not None:
-        correction = found.encoders.link_correction
-        changes["wiring"] = msgspec.structs.replace(joint.wiring, link_correction=correction)
+        wiring["link_correction"] = found.encoders.link_correction
+    if wiring:
+        changes["wiring"] = msgspec.structs.replace(joint.wiring, **wiring)
     if found.gap is not None:
         changes["half_gap"] = found.gap.half_gap
     if found.masses is not None:
@@ -214,6 +226,10 @@ def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> K
             # Of a rotor that the current does not show the entry has no value.
             if getattr(entry, field, None) is not None:
                 return ["joints", name, step, field, *rest]
+        case ["joints", int(index), "wiring", ("link_sign" | "link_offset") as field] if found:
+            name = c.joint_names[index]
+            if getattr(found.joints.get(name), "zero", None) is not None:
+                return ["joints", name, "zero", field]
         case ["payloads", str(name), *_] if found and name in found.payloads:
             return keys
     return []

@@ -2,8 +2,9 @@
 
 | changed | void are |
 |---|---|
-| drives, wiring, gear, period, or the URDF's joints and frames | all steps |
-| torque constants | all but the gap |
+| drives, nodes, or the URDF's joints and frames | all steps |
+| the rest of the wiring, gear, period | all but the zeros |
+| torque constants | all but zeros and gap |
 | the URDF's masses | masses, friction, thresholds |
 | identified masses | friction, thresholds |
 | limits, gains, corrections of the encoders, the URDF's pictures | none |
@@ -36,7 +37,9 @@ def marks(c: Configuration, urdf: str) -> dict[AnyStep, str]:
     moving = _digest((everything, constants, masses))
     bodies = {joint.name: joint.body for joint in c.joints if joint.body is not None}
     moved = _digest((moving, bodies)) if bodies else moving
+    nodes = [(joint.name, joint.wiring.node, joint.wiring.profile) for joint in c.joints]
     return {
+        "zero": _digest((_drives(c), nodes, geometry)),
         "wiring": _digest((everything, constants)),
         "encoders": _digest(everything),
         "gap": _digest(everything),

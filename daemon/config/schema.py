@@ -62,8 +62,8 @@ class JointLimits(Settings, frozen=True):
 
 Step = Literal["wiring", "gap", "masses", "friction", "thresholds"]
 """Step of `contactd identify` that arming looks at: what of a joint it finds."""
-AnyStep = Literal[Step, "encoders"]
-"""Step of `contactd identify`, also one that arming does without."""
+AnyStep = Literal[Step, "encoders", "zero"]
+"""Step of `contactd identify`, also those that arming does without."""
 
 
 class Joint(Settings, frozen=True):

@@ -1,6 +1,7 @@
 """Measurements from a live arm: its motions and the person's part in each step."""
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -10,25 +11,29 @@ from rich.console import Console
 from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from arrays import Matrix
+from arrays import Matrix, Vector
 from daemon.config.dynamics import model_of
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
+from daemon.config.motion import row
 from daemon.faults.table import Condition
-from daemon.identify.live_strokes import StrokesOfJoint, searched
+from daemon.identify.live_strokes import StrokesOfJoint, UnobservableError, searched
 from daemon.identify.measured import Measured, read_measured, refuse_incompatible
 from daemon.identify.motions import (
     HAND_S,
     REPEATS_S,
+    SLOWEST_S,
     TURNS_S,
     WIDEST_GUESS,
     WIRING_TRAVEL,
     bounds_of,
     excitation,
+    slow,
     stand,
     wiring_motion,
 )
 from daemon.identify.session import (
+    ApartError,
     InterruptedStepError,
     Session,
     discarded,
@@ -37,15 +42,21 @@ from daemon.identify.session import (
     wiring_spoiled,
 )
 from daemon.identify.show import histogram
+from daemon.identify.soft_loop import REMEMBERED, why_not_followed
 from daemon.identify.swinging import SwingWatch
+from daemon.identify.zero import resting_samples, stands
+from daemon.modes.table import Mode
 from daemon.protocol.messages import State
 from errors import ConfigurationError, ContactdError, ControlError, ShortLogError
+from estimator.identification.excitation import point_to_point
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_result import CROSSINGS, GapResult
 from estimator.identification.gap_search import Strokes
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 from estimator.identification.wiring import OTHER_WAY, follows_both_ways, goes_against
 
+MOVED = 0.05
+"""From where it stood, before an arm that is to be switched off goes back there [rad]."""
 REFRESH_S = 0.2
 JUDGE_S = 2.0
 LEAST_ROWS = 200
@@ -65,10 +76,12 @@ class LiveArm:
         self._session, self._console = session, console
         self._c, self._names = robot.configuration, robot.configuration.joint_names
         self._model = model_of(self._c, robot.urdf)
+        self._half_gap = row(self._c, lambda j: j.half_gap)
+        self._far = False  # it was moved by its links, and not by its motors a little
         if not samples_alike(session.configuration(), self._c):
             raise ConfigurationError(
-                f"drives, wiring or period in {robot.path} were changed since the daemon began: "
-                "start it again"
+                f"drives, wiring or period in {robot.path} were changed since the daemon read it: "
+                "`contactctl disable`, then this again"
             )
 
     def serials(self) -> dict[str, int | None]:
@@ -76,9 +89,52 @@ class LiveArm:
         status = self._session.client.ask_status()
         return dict(zip(status.joints, status.serials, strict=False))
 
-    def close(self) -> None:
-        """Close the connection."""
-        self._session.client.close()
+    def close(self, *, well: bool, written: bool) -> None:
+        """Close the connection. Drives that were enabled for the step are off then, with the arm
+        where it stood, and what was written is taken up; of a step that did not end `well` the arm
+        stays as it is. Raises ContactdError."""
+        try:
+            if self._session.here is None:
+                if written and well and self._mode == Mode.OFF:
+                    self._session.reload()
+                    self._tell("taken up")
+                elif written:
+                    self._tell("taken up before the drives are enabled the next time")
+            elif well:
+                if self._mode != Mode.OFF:
+                    if self._far:
+                        self._go_back(self._session.here)
+                    self._session.disable()
+                if written:
+                    self._session.reload()
+                self._tell(f"the drives are off{', and it is taken up' if written else ''}")
+            elif self._mode == Mode.HOLDING:
+                self._tell("the drives stay on, and the arm holds; `contactctl disable` ends that")
+        finally:
+            self._session.close()
+
+    @property
+    def _mode(self) -> Mode:
+        return self._session.client.ask_status().mode
+
+    def _go_back(self, there: Vector) -> None:
+        here = np.array(self._session.hold().link_position)
+        if float(np.abs(there - here).max()) > MOVED:
+            way = point_to_point(here, there, slow(bounds_of(self._c)), self._c.period_s)
+            text = "all joints go back to where they stood"
+            self._move("way-back", text, way, warning=discarded, touch_ends=True, to_go_on="")
+            self._forget("way-back")
+
+    def recover(self, *, on: bool) -> bool:
+        """After a fault of a step that the drives were enabled for: enable them again, or have them
+        off; False where somebody else enabled them, who decides."""
+        if self._session.here is None:
+            return False
+        if on:
+            self._session.recover()
+        else:
+            self._session.reset()
+        return True
 
     def conclude(self, step: str, stamp: str) -> None:
         """Keep the recordings of `step` as evidence."""
@@ -99,7 +155,10 @@ class LiveArm:
                 path = wiring_motion(here, i, half_gap, period)
                 self._move(step, text, path, warning=warning, motors_only=True, to_go_on=again)
             except (ControlError, InterruptedStepError) as error:
-                raise type(error)(f"{error}{self._why_apart(error)}") from error
+                if why := self._why_apart(error):
+                    words = "".join(f". {name}: {words}" for name, words in why.items())
+                    raise ApartError(f"{error}{words}", why) from error
+                raise
             measured = self._read(step)
             if follows_both_ways(measured.log, i) or half_gap >= WIDEST_GUESS:
                 return measured
@@ -110,20 +169,35 @@ class LiveArm:
                 f"{1e3 * WIRING_TRAVEL:.0f} mrad further"
             )
 
-    def _why_apart(self, error: ContactdError) -> str:
+    def _why_apart(self, error: ContactdError) -> dict[str, str]:
         """What most likely is wrong with joints whose link and motor are too far apart, as the
         recorded motion shows or, where they came apart at rest, for the person to look; else
         empty."""
         if Condition.APART not in str(error):
-            return ""
-        why = [f". {joint}: {self._apart(joint)}" for joint in self._names if joint in str(error)]
-        return "".join(why)
+            return {}
+        return {joint: self._apart(joint) for joint in self._names if joint in str(error)}
 
     def _apart(self, joint: str) -> str:
         with suppress(ContactdError):
             log = self._read(f"wiring-{joint}").log
             return OTHER_WAY if goes_against(log, self._names.index(joint)) else _TOO_FAR
         return f"{OTHER_WAY}; else {_TOO_FAR}"
+
+    def pushed(self, joint: str, ask: Callable[[], bool]) -> tuple[Vector, bool]:
+        """Positions (N,) [rad] of a link from its rest on, until `ask`, which has a person push it,
+        returns whether it went upward."""
+        i, rest = self._names.index(joint), resting_samples(self._c.period_s)
+
+        def positions(states: Sequence[State]) -> Vector:
+            return np.array([s.link_position[i] for s in states if all(s.fresh)])
+
+        def settled(states: Sequence[State]) -> bool:
+            return stands(positions(states[-rest:]), rest)
+
+        with self._session.watched(settled) as states:
+            begun = len(states) - rest
+            upward = ask()
+        return positions(states[begun:]), upward
 
     def friction(self, seconds: float) -> Measured:
         """Move all joints along an excitation."""
@@ -137,7 +211,7 @@ class LiveArm:
         """Move all joints along a short one, with the load in the hand."""
         step = "payload"
         self._forget(step)  # of another load, perhaps
-        motion = excitation(bounds_of(self._c), self._model, self._c.period_s, 4, seconds)
+        motion = excitation(bounds_of(self._c), self._model, self._c.period_s, 4, seconds, seconds)
         path = motion.path(np.array(self._session.hold().link_position), seconds)
         text = f"all joints move with {name}, hands off"
         self._move(step, text, path, warning=load_felt, to_go_on="The same command begins anew")
@@ -145,14 +219,14 @@ class LiveArm:
 
     def encoders(self, seconds: float) -> Measured:
         """Move all joints slowly through most of their range."""
-        return self._excite("encoders", seconds, seed=1, repeats_s=TURNS_S)
+        return self._excite("encoders", seconds, seed=1, turns_s=(TURNS_S, TURNS_S))
 
     def thresholds(self, seconds: float) -> Measured:
         """Move all joints along another excitation, and take the residuals, too."""
         if not residuals_alike(self._session.configuration(), self._c):
             raise ConfigurationError(
-                "the daemon was started before these values of the joints were written, and its "
-                "residuals use older ones: start it again"
+                "values of the joints were written since the daemon read its files, and its "
+                "residuals use older ones: `contactctl disable`, then this again"
             )
         return self._excite("thresholds", seconds, seed=2, residuals=True)
 
@@ -193,6 +267,7 @@ class LiveArm:
     def _hand(self, joint: str) -> Measured:
         step, i = f"gap-{joint}", self._names.index(joint)
         before = self._before(step)
+        self._hang(joint, i)
         here = np.array(self._session.hold().link_position)
         self._tell(
             f"The motor of {joint} stands still. Move its link softly by hand from side to side: "
@@ -218,6 +293,20 @@ class LiveArm:
             self._console.line()  # which `Live` owes a file
         return self._read(step, gap_of=joint)
 
+    def _hang(self, joint: str, i: int) -> None:
+        """Go to where a hand has no weight to carry, if there is such a pose: not where a person
+        enabled the arm, who has chosen this one."""
+        here = np.array(self._session.hold().link_position)
+        if self._session.here is None:
+            return
+        with suppress(UnobservableError):
+            own = StrokesOfJoint.of(self._c, self._model, i, here)
+            if own.weighs:
+                text = f"{joint} goes to where it hangs"
+                how: dict[str, Any] = {"warning": wiring_spoiled(joint), "touch_ends": True}
+                self._move(f"way-{joint}", text, own.way_to_pose(), to_go_on="", **how)
+                self._forget(f"way-{joint}")
+
     def _excite(
         self,
         step: str,
@@ -225,10 +314,10 @@ class LiveArm:
         seed: int,
         *,
         residuals: bool = False,
-        repeats_s: float = REPEATS_S,
+        turns_s: tuple[float, float] = (REPEATS_S, SLOWEST_S),
     ) -> Measured:
         bounds, period_s = bounds_of(self._c), self._c.period_s
-        motion = excitation(bounds, self._model, period_s, seed, repeats_s)
+        motion = excitation(bounds, self._model, period_s, seed, *turns_s)
         already = 0.0
         if (before := self._before(step, residuals=residuals)) is not None:
             # Each began with the way to the excitation, which teaches little and does not count.
@@ -238,7 +327,7 @@ class LiveArm:
             self._tell(f"{already:.0f} s of {seconds:.0f} s are measured already")
         if seconds - already > 1.0:
             path = motion.path(np.array(self._session.hold().link_position), seconds - already)
-            watch = SwingWatch(self._names, self._c.control.position_gain)
+            watch = SwingWatch(self._names, self._c.control.position_gain, self._half_gap)
             self._move(step, "all joints move, hands off", path, watch.saw, warning=discarded)
         return self._read(step)
 
@@ -269,17 +358,24 @@ class LiveArm:
         columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
         progress = Progress(*columns, console=self._console)
         task = progress.add_task(text, total=len(path) * period)
+        last = deque[State](maxlen=REMEMBERED)
 
         def each(state: State) -> bool:
+            last.append(state)
             progress.start()  # not before the arm moves, which may be refused
             progress.advance(task, state.interval_s)
             if said := remark(state):
                 self._session.say(said)
             return False
 
+        self._far = self._far or not how.get("motors_only")
         try:
             self._session.run(step, path, period, each, **how)
             progress.update(task, completed=len(path) * period)
+        except InterruptedStepError as error:
+            if helps := why_not_followed(str(error), tuple(last), self._c):
+                raise InterruptedStepError(f"{error}{helps}") from error
+            raise
         finally:
             progress.stop()
 
@@ -338,10 +434,10 @@ def rows_until(log: MotionLog, joint: int, time_s: float) -> list[tuple[float, .
     return [tuple(row) for row in rows.tolist()]
 
 
-def open_session(socket: Path | None, console: Console) -> Session:
+def open_session(socket: Path | None, console: Console, may_enable: Callable[[], bool]) -> Session:
     """Session that prints its warnings in yellow. Raises UnreachableError."""
 
     def say(text: str) -> None:
         console.print(text, style="yellow", markup=False, highlight=False)
 
-    return Session(socket, Path(), say)
+    return Session(socket, Path(), say, may_enable)

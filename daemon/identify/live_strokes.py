@@ -24,6 +24,7 @@ from estimator.model import Model
 _EDGE = 0.02  # [rad] of the limits that no stroke enters
 _FAR = 0.2  # [rad]
 _LITTLE = 0.02  # of a joint's friction, which holds a link against so little gravity
+_MUCH = 0.5  # of the same
 _THERE = 0.005  # [rad]
 
 
@@ -62,6 +63,17 @@ class StrokesOfJoint:
                 f"limits: `contactd identify gap {joint.name} --by-hand`"
             )
         return cls(c, model, i, here, pose)
+
+    @property
+    def weighs(self) -> bool:
+        """True where gravity holds the joint at one border of its gap, as the arm stands."""
+        joint = self.c.joints[self.i]
+        rub = joint.friction.motor_coulomb + joint.friction.link_coulomb
+        return abs(float(self.model.gravity(self.here)[self.i])) > _MUCH * rub
+
+    def way_to_pose(self) -> Matrix:
+        """Path (N, n) from here to where gravity changes side."""
+        return point_to_point(self.here, self.pose, slow(bounds_of(self.c)), self.c.period_s)
 
     @property
     def room(self) -> tuple[float, float]:

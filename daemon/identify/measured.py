@@ -44,6 +44,7 @@ class Measured:
     reference: Matrix | None = (
         None  # (N, n) of the link positions [rad]; None of another controller
     )
+    gain: float | None = None  # of the position loop meanwhile [1/s]; None where nobody says
     load: str = ""  # that the model counted, in words
     notes: tuple[str, ...] = ()
     outdated: str = ""  # recording whose residuals use other values than today's, in words
@@ -79,7 +80,7 @@ def read_measured(paths: Sequence[Path], c: Configuration, *, gap_of: str = "") 
     if gap_of:
         states = moved(states)
     measured = from_states(states, c.joint_names, tuple(notes))
-    return dataclasses.replace(measured, outdated=outdated)
+    return dataclasses.replace(measured, outdated=outdated, gain=recorded.control.position_gain)
 
 
 def moved(states: list[State]) -> list[State]:

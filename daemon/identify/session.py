@@ -9,7 +9,7 @@ import itertools
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,16 +17,20 @@ from types import FrameType
 
 import numpy as np
 
-from arrays import Matrix
+from arrays import Matrix, Vector
 from daemon.clients import recorder
 from daemon.clients.client import Client
+from daemon.clients.reload import reload
 from daemon.config.schema import Configuration
+from daemon.faults.table import Condition
 from daemon.identify.measured import configuration_of
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Notice, State, Status
+from daemon.protocol.messages import Notice, Reply, State, Status
 from errors import ContactdError, ControlError, LogError, UnreachableError
 
 _SETTLE_S = 6.0
+# No joint moves that in so long moves less [s, rad].
+_STILL_S, _STILL = 0.3, 0.002
 # Modes while our trajectory runs and after its end; any other mode ended it.
 _OURS = frozenset({Mode.HOLDING.value, Mode.TRACKING.value})
 
@@ -52,6 +56,15 @@ def stop_once() -> None:
 
 class InterruptedStepError(ContactdError):
     """Step that was stopped; its measurements are kept."""
+
+
+class ApartError(InterruptedStepError):
+    """Step that ended as motor and link of joints came too far apart."""
+
+    def __init__(self, text: str, why: Mapping[str, str]) -> None:
+        super().__init__(text)
+        self.why = why
+        """What most likely is wrong with each, by its name"""
 
 
 def followed(
@@ -83,10 +96,33 @@ class Session:
     socket: Path | None
     folder: Path
     say: Callable[[str], None]
+    may_enable: Callable[[], bool] = lambda: False
+    """asks the person"""
     client: Client = field(init=False)
+    here: Vector | None = None
+    """where the arm stood when this session enabled it (n,) [rad]; None: somebody else did"""
+    _held: bool = False
 
     def __post_init__(self) -> None:
         self.client = Client(self.socket)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self.client.close()
+
+    def reload(self) -> None:
+        """Have the daemon, which is off, read its files anew. Raises ContactdError."""
+        self.client.close()
+        try:
+            reload(self.socket)
+        finally:
+            self.client = Client(self.socket)
+
+    def take_up_changes(self) -> None:
+        """The same where it is off and its files were changed since it read them."""
+        status = self.client.ask_status()
+        if status.mode == Mode.OFF and status.changed:
+            self.reload()
 
     def configuration(self) -> Configuration:
         """Configuration that the daemon runs with, whatever its files say by now."""
@@ -94,11 +130,16 @@ class Session:
             return configuration_of(reader.subscribe()[0])
 
     def hold(self) -> Status:
-        """Wait until the arm holds, disarmed. Raises ControlError where it does not: enabling is
-        left to the person."""
+        """Wait until the arm holds, disarmed; the first time it is enabled if the person wants so.
+        Raises ControlError where it does not hold."""
         status = self.client.ask_status()
         if status.mode == Mode.OFF:
-            raise ControlError("the drives are off: look at the arm, then `contactctl enable`")
+            if self._held:
+                raise ControlError(f"the drives were switched off: {status.cause}")
+            if not self.may_enable():
+                raise ControlError("the drives are off: look at the arm, then `contactctl enable`")
+            self.here = np.array(status.link_position)
+            self._enable()
         if status.mode == Mode.FAULTED:
             raise ControlError(f"a fault is latched: {status.cause}")
         if status.armed:
@@ -110,7 +151,98 @@ class Session:
             if time.monotonic() > deadline:
                 raise ControlError(f"the arm does not hold: {status.mode}, {status.cause}")
             time.sleep(0.05)
+        self._held = True
         return status
+
+    def _enable(self) -> None:
+        reply = self.client.request("enable")
+        if not reply.ok and Condition.APART in reply.refusal:
+            # As the links were moved by hand, perhaps: a daemon that begins anew knows nothing of
+            # that, and sees it again as soon as something moves.
+            self.reload()
+            reply = self.client.request("enable")
+        if not reply.ok:
+            raise ControlError(reply.refusal)
+        self._settle()
+
+    def _settle(self) -> None:
+        """Wait until no joint moves: links sag where brakes open, until their drives hold them."""
+        before = self.client.ask_status()
+        patient_until = before.uptime_s + _SETTLE_S
+        while (now := self.client.ask_status()).uptime_s < patient_until:
+            if now.uptime_s > before.uptime_s + _STILL_S:
+                moved = np.abs(np.subtract(now.link_position, before.link_position))
+                if now.mode == Mode.FAULTED or float(moved.max()) < _STILL:
+                    return
+                before = now
+            time.sleep(0.02)
+
+    def recover(self) -> None:
+        """After a fault, in which this session's own motion has ended: have the daemon begin anew,
+        and enable again. Raises ControlError."""
+        self.reset()
+        self.reload()
+        self.client.demand("enable")
+        self._settle()
+
+    def reset(self) -> None:
+        """Acknowledge such a fault; the drives are off then. Raises ControlError."""
+        deadline = time.monotonic() + _SETTLE_S
+        while not (reply := self.client.request("reset")).ok:
+            if not reply.unproved or time.monotonic() > deadline:
+                raise ControlError(reply.refusal)
+            time.sleep(0.05)
+        self._until_off()
+
+    def disable(self) -> None:
+        """Let the joints end as configured. Raises ControlError where they do not in time."""
+        self.client.demand("disable")
+        self._until_off()
+
+    def _until_off(self) -> None:
+        deadline = time.monotonic() + _SETTLE_S
+        while (status := self.client.ask_status()).mode != Mode.OFF or status.unproved:
+            if time.monotonic() > deadline:
+                raise ControlError(f"the drives are not off: {status.mode}, {status.cause}")
+            time.sleep(0.05)
+
+    @contextmanager
+    def watched(self, settled: Callable[[list[State]], bool]) -> Iterator[list[State]]:
+        """Every State while the block runs, which begins once they are `settled`, in a list that
+        grows; the drives are off. Raises ControlError where they are not, UnreachableError."""
+        if (status := self.client.ask_status()).mode != Mode.OFF:
+            raise ControlError(
+                f"the arm is {status.mode}: links are pushed while the drives are off "
+                "(`contactctl disable`; after a fault `contactctl reset`)"
+            )
+        seen: list[State] = []
+        ended = threading.Event()
+        failures: list[ContactdError] = []
+
+        def follow() -> None:
+            try:
+                with Client(self.socket) as reader:
+                    for state in reader.subscribe()[1]:
+                        seen.append(state)
+                        if ended.is_set():
+                            return
+            except ContactdError as error:
+                failures.append(error)
+
+        thread = threading.Thread(target=follow, name="watch")
+        thread.start()
+        try:
+            while thread.is_alive() and not settled(seen):
+                time.sleep(0.01)
+            if not failures:
+                yield seen
+        finally:
+            ended.set()
+            thread.join()
+        if failures:
+            raise failures[0]
+        if any(state.mode != Mode.OFF for state in seen):
+            raise ControlError("the drives did not stay off: push the link again")
 
     def parts(self, step: str) -> list[Path]:
         """Recordings of a step that is not concluded, oldest first."""
@@ -166,7 +298,7 @@ class Session:
                     _, states = reader.subscribe()
                     reply = self.client.start_loaded()
                     if not reply.ok:
-                        raise ControlError(reply.refusal)
+                        raise ControlError(self._refused(reply))
                     ended = followed(states, seen, on_contact) or "".join(touched[:1])
             except KeyboardInterrupt:
                 ended = "stopped by you"
@@ -177,6 +309,11 @@ class Session:
                 ended = ended and f"{ended}; the arm is {mode}"
         if ended:
             raise InterruptedStepError(f"{ended}. {to_go_on}")
+
+    def _refused(self, reply: Reply) -> str:
+        """Why it was refused; of a fault in the moment before, also which."""
+        status = self.client.ask_status()
+        return f"{reply.refusal}: {status.cause}" if status.mode == Mode.FAULTED else reply.refusal
 
     @contextmanager
     def _recording(self, path: Path) -> Iterator[None]:

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any, Final
 
+from daemon.pictures import without_matplotlib
 from daemon.protocol.messages import printable
 from daemon.recordings.html import about, events_in, first_shown
 from daemon.recordings.view import View
@@ -32,9 +33,7 @@ def draw(view: View, path: Path, *, every_joint: bool) -> None:
         import matplotlib as mpl  # noqa: PLC0415 - an extra
         from matplotlib.figure import Figure  # noqa: PLC0415
     except ImportError as error:
-        raise LogError(
-            f"{path}: PNG and SVG need matplotlib (pip install 'contactd[plot]'); an .html does not"
-        ) from error
+        raise without_matplotlib(path, "write an .html, which needs none, or ") from error
     joints = view.joints if every_joint else first_shown(view)
     style = {"font.size": 8, "axes.spines.top": False, "axes.spines.right": False,
              "svg.hashsalt": "contactd"}  # fmt: skip

@@ -12,6 +12,8 @@ from contextlib import closing, contextmanager
 
 # The watchdog is fed this many times in the time that systemd allows.
 FEEDS_PER_TIMEOUT = 4
+# As `TimeoutStartSec=` of the unit.
+RELOAD_S = 60.0
 
 _FEED = b"WATCHDOG=1"
 _log = logging.getLogger("contactd")
@@ -23,6 +25,7 @@ class Notifier:
     def __init__(self, address: str = "", watchdog_s: float = 0.0) -> None:
         """`address` as in $NOTIFY_SOCKET: a path, or @ and an abstract name."""
         self.feed_every_s = watchdog_s / FEEDS_PER_TIMEOUT
+        self._watchdog_s = watchdog_s
         self._fed_s = -math.inf
         self._address = _socket_address(address)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
@@ -32,7 +35,13 @@ class Notifier:
 
     def ready(self, status: str) -> None:
         """Report that the start is over: units that wait for this service may begin."""
-        self._tell(b"READY=1\n", status)
+        self._tell(b"READY=1\n" + self._patience(self._watchdog_s), status)
+
+    def reloading(self, status: str, now_s: float) -> None:
+        """Report that a new start has begun (`now_s` monotonic), which the watchdog lets take as
+        long as the first: no tick feeds it meanwhile."""
+        now = f"RELOADING=1\nMONOTONIC_USEC={round(1e6 * now_s)}\n"
+        self._tell(now.encode() + self._patience(RELOAD_S), status)
 
     def status(self, text: str) -> None:
         """Report one line for `systemctl status`."""
@@ -52,6 +61,9 @@ class Notifier:
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
+
+    def _patience(self, seconds: float) -> bytes:
+        return f"WATCHDOG_USEC={round(1e6 * seconds)}\n".encode() if self._watchdog_s else b""
 
     def _tell(self, state: bytes, status: str) -> None:
         # A line break in a status would begin another assignment.

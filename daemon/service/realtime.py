@@ -31,6 +31,15 @@ def go_realtime() -> list[Grant]:
     return [_lock_memory(), _schedule(), _freeze(), _cpus(), _threads()]
 
 
+def leave_realtime() -> None:
+    """Give back priority and frozen objects, so that what a loop leaves behind is collected, and
+    files are read by a process in no hurry. Memory stays locked."""
+    gc.unfreeze()
+    gc.enable()
+    # What was said of forks cannot be taken back without privilege.
+    os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+
+
 def _lock_memory() -> Grant:
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) == 0:

@@ -13,6 +13,7 @@ from daemon.motion.path import Place
 from daemon.protocol.lease import in_words
 from daemon.protocol.messages import Reply, Request, Status
 from daemon.protocol.socket_path import Peer
+from daemon.service.arguments import misplaced
 from daemon.service.attendance import Attendance
 from daemon.service.black_box import BlackBox
 from daemon.service.journal import LogLimit
@@ -53,35 +54,11 @@ TURNS_SHARE = 0.1
 LOOKS_EVERY = 100  # ticks, after the black box's helper
 AT_REST = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})
 
+_TO_OFF = dict.fromkeys(Mode, "`contactctl disable` first") | {
+    Mode.FAULTED: "`contactctl reset` first"
+}
 _LEVELS = {"fault": logging.ERROR, "contact": logging.INFO, "mode": logging.INFO}
 _log = logging.getLogger("contactd")
-
-
-def _misplaced(request: Request) -> list[str]:
-    """Fields of a request that its command does not take."""
-    takers = {
-        "header": ("load",),
-        "rows": ("load",),
-        "loaded": ("start",),
-        "lease_s": ("arm", "renew"),
-        "detached": ("arm",),
-        "joint": ("gain",),
-        "gain": ("gain",),
-        "name": ("payload",),
-        "mass": ("payload",),
-        "com": ("payload",),
-        "pose": ("go",),
-        "targets": ("go",),
-        "speed": ("go",),
-        "plan": ("go",),
-        "planned_from": ("go",),
-        "attended": ("go",),
-    }
-    return [
-        f"`{field}` belongs to {' and '.join(commands)}"
-        for field, commands in takers.items()
-        if getattr(request, field) not in (None, False) and request.command not in commands
-    ]
 
 
 def _outcome(machine: ModeMachine) -> str:
@@ -99,7 +76,8 @@ class Service:
     boot: DriveBoot
     black_box: BlackBox | None = None
     trends: TrendLine | None = None
-    ending: bool = False  # the arm is being brought to rest for good
+    ending: bool = False  # the arm is being brought to rest for good, or to run by newer files
+    reloading: bool = False  # somebody asked for that
     dock: TrajectoryUpload = field(init=False)
     permission: Permission = field(init=False)
     set_up: SetUp = field(init=False)
@@ -140,9 +118,8 @@ class Service:
         if left_out := self._limit.summary(self.loop.time_s):
             self._tell("mode", left_out)
         # A new process may cost a tick: none that moves the arm, or in which it may have to yield.
-        machine = self.loop.tick.controller.machine
-        at_rest = machine.mode in AT_REST and not machine.armed
-        if self.black_box is not None and at_rest and self.loop.tick.number % LOOKS_EVERY == 0:
+        due = self.loop.tick.number % LOOKS_EVERY == 0
+        if self.black_box is not None and due and self._at_rest:
             self.black_box.look_after(self.loop.time_s)
         # After the State, which tells of what was decided in its tick: the next one tells of this.
         self.permission.expire(self.loop.time_s)
@@ -150,6 +127,11 @@ class Service:
         self.control.poll(self.handle, TURNS_SHARE * period_s, ENTRANCE_SHARE * period_s)
         self._halt_unattended()
         self.notifier.ticked(record.wakeup.monotonic_s)
+
+    @property
+    def _at_rest(self) -> bool:
+        machine = self.loop.tick.controller.machine
+        return machine.mode in AT_REST and not machine.armed
 
     def _tell(self, kind: str, text: str) -> None:
         place = {"kind": kind, "tick": self.loop.tick.number}
@@ -162,10 +144,11 @@ class Service:
 
     def handle(self, request: Request, peer: Peer) -> Reply:
         """Carry out one request; a refusal gives every reason."""
-        if misplaced := _misplaced(request):
-            return self._reply(request, misplaced)
-        if self.ending and request.command not in AT_THE_END:
-            return self._reply(request, ["the daemon is ending"])
+        if strange := misplaced(request):
+            return self._reply(request, strange)
+        if (self.ending or self.reloading) and request.command not in AT_THE_END:
+            why = "reads its files anew" if self.reloading else "is ending"
+            return self._reply(request, [f"the daemon {why}"])
         who = str(owner_of(request, peer))
         self.attendance.heard(peer.connection, self.loop.time_s)
         match request.command:
@@ -186,13 +169,20 @@ class Service:
                 reply = self._arm(request, peer)
             case "renew":
                 reply = self._renew(request, peer)
+            case "reload":
+                reply = self._reload(request, who)
             case command:
-                path = self.dock.take(peer.connection) if request.loaded else None
-                event = EVENT_OF_COMMAND[command]
-                reply = self._reply(request, self.set_up.request(event, who, path))
-                if event is Event.START and reply.ok:
-                    self.attendance.begin(0, self.loop.time_s)
-                    reply = replace(reply, warnings=self._beyond_what_was_seen())
+                reply = self._request(EVENT_OF_COMMAND[command], request, peer, who)
+        return reply
+
+    def _request(self, event: Event, request: Request, peer: Peer, who: str) -> Reply:
+        if event is Event.ENABLE and (newer := self._newer()):
+            return self._reply(request, newer)
+        path = self.dock.take(peer.connection) if request.loaded else None
+        reply = self._reply(request, self.set_up.request(event, who, path))
+        if event is Event.START and reply.ok:
+            self.attendance.begin(0, self.loop.time_s)
+            reply = replace(reply, warnings=self._beyond_what_was_seen())
         return reply
 
     def _reply(self, request: Request, reasons: Sequence[str] = (), done: str = "") -> Reply:
@@ -266,7 +256,25 @@ class Service:
             controller, now = self.loop.tick.controller, self.loop.time_s
             controller.request(Event.PAUSE, f"the daemon: {why}", now)
 
+    def _reload(self, request: Request, who: str) -> Reply:
+        """Have whoever runs the loop end it, and begin anew by the files as they are."""
+        mode = self.loop.tick.controller.machine.mode
+        if mode is not Mode.OFF:
+            return self._reply(request, [f"the drives must be off, not {mode}: {_TO_OFF[mode]}"])
+        self.reloading = True
+        _log.info(
+            "reload: asked for by %s; changed: %s", who, ", ".join(self.process.files.changed())
+        )
+        return self._reply(request, done="the files are read, and the drives set up anew")
+
+    def _newer(self) -> list[str]:
+        # Only an arm that is off is enabled, and only at rest a tick may wait for files.
+        off = self.loop.tick.controller.machine.mode is Mode.OFF
+        return self.process.newer() if off else []
+
     def _status(self) -> Status:
+        if self._at_rest:
+            self.process.newer()
         permit = self.permission.permit(self.loop.time_s)
         status = status_of(
             self.process, self.loop, self.boot.identities, permit, len(self.control.readers)

@@ -201,10 +201,15 @@ class ControlSocket:
         for connection in dead or ():
             self._drop(connection)
 
-    def close(self) -> None:
-        """Close every connection, and the entrance."""
+    def drop_all(self) -> None:
+        """Close every connection: who comes meanwhile waits outside until the next `poll`."""
         for connection in list(self._connections.all.values()):
             self._drop(connection)
+        self.spare, self.on_close = 0, lambda _: None
+
+    def close(self) -> None:
+        """Close every connection, and the entrance."""
+        self.drop_all()
         self._epoll.close()
         for entrance in self._entrances.values():
             entrance.close()

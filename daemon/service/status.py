@@ -8,6 +8,7 @@ from importlib.metadata import version
 from msgspec.structs import replace
 
 from daemon.assembly import seen_motion
+from daemon.config.files import Files
 from daemon.config.load import Robot
 from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
@@ -42,16 +43,31 @@ class Process:
     pid: int
     realtime: list[Grant]
     serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
+    not_taken_up: str = ""  # why it does not run by files that are newer
+    read: Files | None = None  # as they were when the robot was loaded; None: as they are
+    files: Files = field(init=False)
+    changed: list[str] = field(default_factory=list)  # of these, when they were last looked at
     place: str = field(init=False)  # of config.yaml; the file system is asked only once
     payloads: Payloads = field(init=False)
     poses: Poses = field(init=False)
     seen: SeenMotion = field(init=False)
 
     def __post_init__(self) -> None:
+        self.files = self.read or Files.of(self.robot)
         self.payloads = Payloads(self.robot)
         self.poses = Poses(self.robot)
         self.seen = seen_motion(self.robot)
         self.place = str(self.robot.place())
+
+    def newer(self) -> list[str]:
+        """Reason why the arm is not enabled by the files as they were read: they say something else
+        by now. Asks the file system."""
+        self.changed = self.files.changed()
+        if not self.changed:
+            return []
+        if self.not_taken_up:
+            return [f"not taken up: {self.not_taken_up}; mend it, then `contactctl reload`"]
+        return [f"changed since it was read: {', '.join(self.changed)}; `contactctl reload`"]
 
 
 def status_of(
@@ -106,6 +122,8 @@ def status_of(
         payloads=list(process.payloads.named.values()),
         poses=process.poses.named,
         recognised=_recognised(tick),
+        changed=process.changed,
+        not_taken_up=process.not_taken_up if process.changed else "",
     )
 
 

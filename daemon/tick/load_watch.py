@@ -105,7 +105,7 @@ class LoadWatch:
         if not self._pull.lasts:
             self._hinted_kg = 0.0
         if found is not None:
-            if before is not None or not _is_other(found.mass, self._said_kg):
+            if found == before or not _is_other(found.mass, self._said_kg):
                 return ()
             self._said_kg = found.mass
             return (Notice(kind="mode", text=f"{self.words}: {self.advice}"),)

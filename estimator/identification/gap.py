@@ -10,6 +10,8 @@
   (`gap_in_motion`), which is where the skew between the encoders shows.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from arrays import Vector
@@ -29,6 +31,15 @@ def identify_gap(
 ) -> GapResult:
     """Half-gap of one joint by the method that fits what moved in the log, which may be that of
     several sittings. gear: turns of the motor for one of the link, 0 where it is not known."""
+    found = _by_what_moved(log, joint, torque_constant, gear)
+    if log.motor_position is not None:
+        return found
+    # No encoder of the motor was read: what repeats with its turn is not that encoder's error.
+    told = tuple(one for one in found.harmonics if one.encoder == "link")
+    return replace(found, harmonics=told)
+
+
+def _by_what_moved(log: MotionLog, joint: int, torque_constant: float, gear: float) -> GapResult:
     q, theta = positions(log, joint)
     moved_q, moved_theta = spread(q), spread(theta)
     name = log.joints[joint]

@@ -4,7 +4,7 @@ import numpy as np
 
 from arrays import Vector
 from errors import LogError
-from estimator.identification.motion_log import MotionLog
+from estimator.identification.motion_log import PAUSE_S, MotionLog
 
 _MOVED = 0.1  # [rad]: less motion than this says little
 _STUCK = 0.1  # share of the moving time at one extreme position
@@ -25,13 +25,22 @@ def refuse_implausible(log: MotionLog, max_current: Vector) -> None:
         raise LogError("; ".join(wrong))
 
 
+def _flat(log: MotionLog, position: Vector) -> Vector:
+    """Positions (N,) [rad] without the mean of each sitting, between which the link moves unseen,
+    and without its trend, which an unknown bias of the velocity adds."""
+    flat = position.copy()
+    for rows in log.stretches(PAUSE_S):
+        t = log.time_s[rows] - log.time_s[rows.start]
+        order = 1 if len(t) > 1 else 0
+        flat[rows] -= np.polyval(np.polyfit(t, position[rows], order), t)
+    return flat
+
+
 def _encoders(log: MotionLog, i: int) -> list[str]:
     name, q, v = log.joints[i], log.link_position[:, i], log.motor_velocity[:, i]
     steps = np.diff(log.time_s, prepend=log.time_s[0])
     theta = np.cumsum(v * np.minimum(steps, 2.0 * log.period_s))
-    # Without what an unknown bias of the velocity adds.
-    theta = theta - np.polyval(np.polyfit(log.time_s, theta, 1), log.time_s)
-    flat = q - np.polyval(np.polyfit(log.time_s, q, 1), log.time_s)
+    theta, flat = _flat(log, theta), _flat(log, q)
     moved_q, moved_theta = float(np.ptp(flat)), float(np.ptp(theta))
     if max(moved_q, moved_theta) < _MOVED:
         return []

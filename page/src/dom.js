@@ -19,6 +19,18 @@ export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+// How the daemon names a section of its documents; the server has that page.
+const SECTION = /docs\/troubleshooting\.md#([\w-]+)/;
+
+/** Set a text whose mentions of sections on troubleshooting become links to them, in tabs of their own. */
+export function sayLinked(element, text) {
+  const parts = text.split(SECTION); // every second one is a section
+  const words = parts.map((part, i) => (i % 2 ? part.replaceAll("-", " ") : part));
+  if (element.textContent === words.join("")) return;
+  element.replaceChildren(...words.map((word, i) =>
+    i % 2 ? make("a", { href: `troubleshooting.html#${parts[i]}`, target: "_blank", rel: "noopener" }, word) : word));
+}
+
 /** Show or hide an element. */
 export function show(element, shown) {
   if (element.hidden === shown) element.hidden = !shown;

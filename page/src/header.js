@@ -1,6 +1,6 @@
 // What is always in sight: mode and cause, permission with its countdown, fault, connection, tabs.
 
-import { at, make, say, show } from "./dom.js";
+import { at, make, say, sayLinked, show } from "./dom.js";
 import { placeOf, stateOf } from "./elsewhere.js";
 import { MODES, clock, deaf, duration, felt, next } from "./words.js";
 
@@ -120,11 +120,11 @@ export class Header {
     show(at("fault"), faulted);
     if (faulted) {
       say(at("fault-cause"), `${this.#stale ? "It was a fault" : "Fault"}: ${words.cause}`);
-      say(at("fault-advice"), [...doubts, this.#todo()].filter(Boolean).join(" "));
+      sayLinked(at("fault-advice"), [...doubts, this.#todo()].filter(Boolean).join(" "));
     }
     const hint = faulted ? "" : this.#todo();
     show(at("hint"), hint !== "" && !this.#stale);
-    say(at("hint"), hint);
+    sayLinked(at("hint"), hint);
   }
 
   #todo() {

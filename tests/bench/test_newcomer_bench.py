@@ -14,11 +14,12 @@ from daemon.config.load import load_robot
 OF_WORDS = {mistake.words: mistake for mistake in MISTAKES}
 
 
-def test_an_owner_finds_signs_and_zeros_of_the_links_by_looking(tmp_path: Path) -> None:
+def test_an_owner_finds_signs_and_zeros_of_the_links_by_pushing_them(tmp_path: Path) -> None:
     arm = generate(0)
     owner = Owner(arm, tmp_path)
     owner.begin()
-    owner.look_at_links()
+    with owner.running() as served:
+        owner.zeros(served)
     found = load_robot(owner.folder).configuration.joints
     assert any(joint["wiring"]["link_sign"] < 0 for joint in arm.joints)
     for joint, true in zip(found, arm.joints, strict=True):
@@ -27,8 +28,9 @@ def test_an_owner_finds_signs_and_zeros_of_the_links_by_looking(tmp_path: Path) 
         assert joint.wiring.link_offset == pytest.approx(wiring["link_offset"], abs=SEEN)
         assert joint.wiring.gear == wiring["gear"]
         assert joint.torque_constant == true["torque_constant"]
+    assert not owner.story.seen
     assert owner.story.commands == [
-        "contactd new", "contactd check", "contactd run", "contactctl watch",
+        "contactd new", "contactd check", "contactd run", "contactd identify zero",
     ]  # fmt: skip
 
 

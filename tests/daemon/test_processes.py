@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,7 +22,9 @@ import pytest
 
 from bench.rigs.lockstep import ROMEO
 from daemon.clients.client import Client
-from errors import UnreachableError
+from daemon.clients.reload import reload
+from daemon.protocol.messages import Status
+from errors import ControlError, UnreachableError
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 120.0
@@ -212,6 +214,62 @@ def test_twice_then_stopped_then_terminated_while_moving(
     assert -1 not in where, log
     assert where == sorted(where), "decelerate, stand, let every joint end as configured"
     assert simulator.drives_that("heartbeat of the master lost") == 0, "our leaving is no fault"
+
+
+def off(daemon: Daemon) -> bool:
+    """True if it is; a busy machine may have latched a fault, which is reset."""
+    if daemon.mode() == "faulted":
+        daemon.ask("reset")
+    return daemon.mode() == "off"
+
+
+def read_anew(daemon: Daemon) -> Status:
+    eventually(lambda: off(daemon), daemon.mode)
+    return reload(daemon.door)
+
+
+def test_files_are_taken_up_in_the_same_process(daemon: Daemon, robot: Path) -> None:
+    config = robot / "config.yaml"
+    before = config.read_text()
+    try:
+        config.write_text(before.replace("quiet_s:", "quiet_s: 0.7  # "))
+        found = read_anew(daemon)
+        assert (found.pid, found.changed) == (daemon.process.pid, [])
+        with Client(daemon.door) as client:
+            assert "quiet_s: 0.7" in client.subscribe()[0].configuration
+
+        # What is bad is not taken up; nor is what the drives do not bear.
+        config.write_text(before.replace("node: 1,", "node: 100,", 1))
+        with pytest.raises(ControlError, match=r"not taken up: .*node 100"):
+            read_anew(daemon)
+        assert "not taken up" in daemon.ask("enable")[0]
+        config.write_text("name: half")
+        with pytest.raises(ControlError, match=r"not taken up: .*config\.yaml"):
+            read_anew(daemon)
+        config.write_text(before)
+        assert read_anew(daemon).pid == daemon.process.pid
+    finally:
+        config.write_text(before)
+
+
+def test_killed_while_it_reads_its_files_anew(simulator: Simulator, daemon: Daemon) -> None:
+    with Client(daemon.door) as client:
+        eventually(lambda: off(daemon) and client.request("reload").ok, daemon.mode)
+        with suppress(UnreachableError):
+            client.packet()  # it has ended its run, and begins anew
+    daemon.process.kill()
+    assert daemon.ended()[0] == -signal.SIGKILL
+    with gone_afterwards(run(simulator, daemon.door)) as process:
+        another = Daemon(process, daemon.door)
+        another.becomes("off")
+
+
+def test_told_to_end_while_it_reads_its_files_anew(daemon: Daemon) -> None:
+    with Client(daemon.door) as client:
+        eventually(lambda: off(daemon) and client.request("reload").ok, daemon.mode)
+    daemon.process.terminate()
+    code, log = daemon.ended()
+    assert code == 0, log
 
 
 def test_its_bus_goes_away(simulator: Simulator, daemon: Daemon) -> None:

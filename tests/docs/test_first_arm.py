@@ -4,13 +4,14 @@ import shlex
 import shutil
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from daemon.commands.contactctl import main as contactctl
 from daemon.commands.contactd import main as contactd
 from daemon.commands.simulated_robot import true_arm
 from daemon.modes.table import Mode
@@ -19,8 +20,9 @@ from simulator.hand_door import HandDoor
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "first_arm.md"
-HAND = ["hand", "gap", "column", "--torque", "0.1Nm"]
+HAND = ["hand", "gap", "column"]
 BY_HAND = ["identify", "gap", "column", "--by-hand"]
+STANDS = "identify gap-column"  # the trajectory in which its motor waits for the hand
 IDLE_S = 0.01  # between ticks while a step computes
 
 
@@ -53,7 +55,7 @@ class Terminals:
                 return Result(CliRunner(), b"", b"", b"", None, 0, None)
             case ["contactd", "identify", *more]:
                 assert self.served is not None
-                result = self.served.contactd("identify", *more)
+                result = self.served.contactd("identify", *more, "--yes")  # as one answers
                 if "not written: column" in result.output:
                     result = self._by_hand(self.served)
             case ["contactd", *more]:
@@ -68,15 +70,31 @@ class Terminals:
 
     def _by_hand(self, served: ServedDaemon) -> Result:
         """What the page says of the one joint that may want a hand."""
-        served.run(1.0)
-        assert self._with_hand(served, HAND).exit_code == 0
-        result = served.contactd(*BY_HAND)
-        assert self._with_hand(served, ["hand", "release"]).exit_code == 0
+        over = threading.Event()
+
+        def hand() -> None:
+            follower = served.rig.tick.controller.motion.follower
+            while not over.wait(0.005) and follower.place.path.name != STANDS:
+                follower = served.rig.tick.controller.motion.follower
+            assert CliRunner().invoke(contactctl, HAND).exit_code == 0
+
+        person = threading.Thread(target=hand)
+        with self._hand(served):
+            person.start()
+            result = served.contactd(*BY_HAND, "--yes")
+            over.set()
+            person.join()
+            assert served.contactctl("hand", "release").exit_code == 0
         return result
 
+    def _with_hand(self, served: ServedDaemon, words: list[str]) -> Result:
+        with self._hand(served):
+            return served.contactctl(*words)
+
     @staticmethod
-    def _with_hand(served: ServedDaemon, words: list[str]) -> Result:
-        """A command while the simulator's hand listens, as `contactd simulate` lets it."""
+    @contextmanager
+    def _hand(served: ServedDaemon) -> Iterator[None]:
+        """The simulator's hand listens meanwhile, as `contactd simulate` lets it."""
         over = threading.Event()
 
         def listen() -> None:
@@ -87,7 +105,7 @@ class Terminals:
             listener = threading.Thread(target=listen)
             listener.start()
             try:
-                return served.contactctl(*words)
+                yield
             finally:
                 over.set()
                 listener.join()

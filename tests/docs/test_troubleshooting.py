@@ -22,6 +22,9 @@ SOURCES = "\n".join(
 )
 
 
+HELP = (ROOT / "page/src/troubleshooting.html").read_text(encoding="utf-8")
+
+
 def said_as(text: str) -> list[str]:
     line = text.partition("*Said as*")[2].partition("\n\n")[0]
     return re.findall(r"`([^`]+)`", line)
@@ -39,6 +42,14 @@ def test_every_way_to_advice_leads_there() -> None:
     finding = Finding(Condition.APART, "LElbowRoll", "0.1 rad")
     assert f"more: {PAGE}#motor-and-link-apart" in finding.advice
     assert advice_on(str(finding)) == finding.advice
+
+
+def test_the_page_of_the_pages_server_has_every_section_and_no_link_that_leads_nowhere() -> None:
+    ids = set(re.findall(r'id="([^"]+)"', HELP))
+    assert {*SECTION_OF.values(), *SECTIONS} <= ids
+    linked = re.findall(r'href="([^"]+)"', HELP.partition("<main")[2])
+    assert linked
+    assert {link.removeprefix("#") for link in linked} <= ids
 
 
 @pytest.mark.parametrize("anchor", SECTIONS)

@@ -22,21 +22,21 @@ DOWN = np.array([0.0, 0.0, -9.81])
 Torque = Callable[[Model, float, np.ndarray], np.ndarray]
 
 
-def motion(t: float, amplitude: float) -> tuple[np.ndarray, np.ndarray]:
-    q = HOME + amplitude * np.sin(OMEGA * t)
+def motion(t: float, amplitude: float, home: np.ndarray = HOME) -> tuple[np.ndarray, np.ndarray]:
+    q = home + amplitude * np.sin(OMEGA * t)
     return q, amplitude * OMEGA * np.cos(OMEGA * t)
 
 
 def run(
     recognition: Recognition, torque: Torque, model: Model, begin_s: float, seconds: float,
-    amplitude: float = 0.3, noise: float = 0.2,
+    amplitude: float = 0.3, noise: float = 0.2, home: np.ndarray = HOME,
 ) -> float | None:  # fmt: skip
     """Time at which a load was found [s]; None if none was."""
     rng = np.random.default_rng(round(10 * begin_s))
     slow = np.zeros(7)
     for k in range(round(seconds / T)):
         t = begin_s + k * T
-        q, q_dot = motion(t, amplitude)
+        q, q_dot = motion(t, amplitude, home)
         slow += 0.02 * (noise * LEVEL * rng.normal(size=7) * 10.0 - slow)
         residual = torque(model, t, q) + slow
         touched = bool((np.abs(residual) > LEVEL).any())
@@ -109,6 +109,39 @@ def test_a_pull_that_changes_by_eight_per_cent_is_believed_and_not_confirmed(rom
     assert found_s is not None
     assert confirmed_s(recognition, almost, romeo, found_s, 25.0) is None
     assert recognition.found is not None
+
+
+def test_the_mass_that_is_confirmed_is_that_of_the_last_seconds(romeo: Model) -> None:
+    recognition = Recognition(romeo, T)
+    picked_up = pull(lambda t: 0.5 * DOWN * (1.0 + 0.2 * np.exp(-t / 2.0)))
+    found_s = run(recognition, picked_up, romeo, 0.0, 20.0)
+    assert found_s is not None
+    assert recognition.found is not None
+    first = recognition.found.mass
+    assert first > 0.506
+    assert confirmed_s(recognition, picked_up, romeo, found_s, 20.0) is not None
+    assert abs(recognition.found.mass - 0.5) < 0.5 * (first - 0.5)
+
+
+@pytest.mark.parametrize(("shoulder", "elbow"), [(0.7, 0.0), (-0.5, 0.4)])
+def test_motors_off_by_a_share_do_not_change_the_mass_found_elsewhere(
+    romeo: Model, shoulder: float, elbow: float
+) -> None:
+    gains = 0.06 * np.array([1.0, -1.0, 1.0, -1.0, 0.0, 0.0, 0.0])
+    home = HOME + np.array([0.0, shoulder, 0.0, elbow, 0.0, 0.0, 0.0])
+
+    def empty(model: Model, t: float, q: np.ndarray) -> np.ndarray:
+        torque: np.ndarray = gains * model.gravity(q)
+        return torque
+
+    def loaded(model: Model, t: float, q: np.ndarray) -> np.ndarray:
+        return empty(model, t, q) + load(0.3)(model, t, q)
+
+    recognition = Recognition(romeo, T)
+    assert run(recognition, empty, romeo, 0.0, 60.0, amplitude=0.45) is None
+    assert run(recognition, loaded, romeo, 60.0, 15.0, home=home) is not None
+    assert recognition.found is not None
+    assert recognition.found.mass == pytest.approx(0.3, abs=0.008)
 
 
 HANDS: dict[str, Torque] = {

@@ -55,7 +55,7 @@ def test_upright_with_wide_gaps_it_swings_until_the_gain_is_what_was_told(tmp_pa
     assert all(one.frequency_Hz == pytest.approx(2.1, abs=0.15) for one in cycles)
     (told,) = said
     assert "swing by themselves at 2.1 Hz" in told
-    assert "control.position_gain to 2 (it is 8)" in told
+    assert "control.position_gain to 2 (it was 8)" in told
     quiet, said = held(folder, ENDING_SHARE * GAIN)
     assert limit_cycles(quiet.log, quiet.reference) == []
     assert said == []

@@ -63,6 +63,7 @@ def test_man_shows_every_command_and_option(share: Path, program: str) -> None:
         ("contactctl", ["go", "--s"], {"--speed", "--socket"}),
         ("contactd", ["simul"], {"simulate"}),
         ("contactd-web", ["--hel"], {"--help"}),
+        ("contactd-zenoh", ["--distro", "ja"], {"jazzy"}),
     ],
 )
 def test_bash_completes(share: Path, program: str, words: list[str], completed: set[str]) -> None:

@@ -148,7 +148,7 @@ def test_joints_are_named_where_they_differ() -> None:
     check = check_parameters(replace(robot, configuration=c))
     assert not check.passed
     assert "the gap of swing not identified" in check.text
-    assert check.text.endswith("identified since is used from the next start on")
+    assert check.text.endswith("identified since is used when the files are read anew")
     assert "the thresholds of column, swing not identified" in check.text
     assert "friction" not in check.text.partition("the thresholds")[0]
 

@@ -41,4 +41,4 @@ def test_torques_are_rounded_for_people(tmp_path: Path) -> None:
     """A joint without gravity holds 0 Nm, not 3e-19."""
     arm = CommissionedArm(tmp_path, SINGLE_JOINT, change=lambda _: None)
     arm.identify("wiring")
-    assert re.search(r"holds -?0(\.00\d)? Nm of 0 Nm gravity", arm.output)
+    assert re.search(r"holds -?0(\.00\d)? Nm of -?0(\.00\d)? Nm gravity", arm.output)

@@ -194,7 +194,7 @@ def test_samples_of_another_wiring_are_refused(arm: CommissionedArm, served: Ser
     (part,) = (arm.folder / "identify").glob("*.mcap")
     text = (arm.folder / "config.yaml").read_text()
     (arm.folder / "config.yaml").write_text(text.replace("gear: 100", "gear: 110"))
-    refused(arm, served, part, "friction", live="changed since the daemon began: start it again",
+    refused(arm, served, part, "friction", live="changed since the daemon read it",
             log="was recorded with other drives, another wiring or another period")  # fmt: skip
     with pytest.raises(LogError, match="is of another arm, with the joints joint"):
         read_measured([part], load_robot(ROMEO).configuration)
@@ -207,7 +207,7 @@ def test_thresholds_are_those_of_the_values_in_force(
     (part,) = (arm.folder / "identify").glob("*.mcap")
     gap = file.GapEntry(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
     identify(arm.folder, "gap", gap)
-    refused(arm, served, part, "thresholds", live="residuals use older ones: start it again",
+    refused(arm, served, part, "thresholds", live="residuals use older ones: `contactctl disable`",
             log="than are in force now: start the daemon again, and record anew")  # fmt: skip
 
 

@@ -23,6 +23,7 @@ TAKEN = {
     "reset": {Door.CONTROL},
     "gain": {Door.CONTROL},
     "payload": {Door.CONTROL},
+    "reload": {Door.CONTROL},
     "status": {Door.CONTROL, Door.VIEW},
     "subscribe": {Door.CONTROL, Door.VIEW},
 }

@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -151,6 +152,32 @@ def test_pictures(recording: Path, tmp_path: Path, suffix: str) -> None:
     target = tmp_path / f"a{suffix}"
     assert plotted(recording, "-o", target).exit_code == 0
     assert target.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("missing", "said"),
+    [
+        (("matplotlib",), f"install it by `{sys.executable} -m pip install matplotlib`"),
+        (("matplotlib", "pip"), f"{sys.prefix} is the service's and takes no more packages"),
+    ],
+)
+def test_without_matplotlib_it_says_what_to_do(
+    recording: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    missing: tuple[str, ...],
+    said: str,
+) -> None:
+    for name in missing:
+        monkeypatch.setitem(sys.modules, name, None)
+    target = tmp_path / "a.png"
+    answer = plotted(recording, "-o", target)
+    assert (answer.exit_code, target.exists()) == (65, False)
+    assert (
+        "a.png: a picture needs matplotlib; write an .html, which needs none, or" in answer.stderr
+    )
+    assert said in answer.stderr
+    assert plotted(recording, "-o", tmp_path / "a.html").exit_code == 0
 
 
 @pytest.mark.parametrize("version", FORMATS)

@@ -46,6 +46,20 @@ def received(manager: socket.socket) -> list[bytes]:
             return messages
 
 
+def test_while_the_files_are_read_anew_the_watchdog_waits_as_at_a_start(
+    manager: socket.socket, connect: Connect
+) -> None:
+    notifier = connect(address_of(manager), 2.0)
+    notifier.ready("off")
+    notifier.reloading("reading", 12.5)
+    notifier.ready("off")
+    assert received(manager) == [
+        b"READY=1\nWATCHDOG_USEC=2000000\nSTATUS=off",
+        b"RELOADING=1\nMONOTONIC_USEC=12500000\nWATCHDOG_USEC=60000000\nSTATUS=reading",
+        b"READY=1\nWATCHDOG_USEC=2000000\nSTATUS=off",
+    ]
+
+
 def test_ready_status_and_stopping(manager: socket.socket, connect: Connect) -> None:
     notifier = connect(address_of(manager))
     notifier.ready("off, not armed")

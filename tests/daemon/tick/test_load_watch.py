@@ -197,6 +197,21 @@ def test_a_person_who_was_taken_for_a_load_lets_go_and_nothing_moves(rig: Rig) -
     rig.arm.external_torque[3] = 0.0
 
 
+def test_a_mass_that_is_confirmed_as_another_is_said_again(rig: Rig) -> None:
+    give(rig, CUP)
+    believe(rig, CUP)
+    believed = msgspec.structs.replace(CUP, mass=0.55)
+    assert not [text for text in news(rig, 0.1) if "looks like" in text]
+    rig.tick.loads._said_kg = CUP.mass
+    before = rig.tick.loads.found
+    for found, said in ((believed, 0), (JUG, 1)):
+        rig.tick.loads._recognition.found = found
+        texts = [notice.text for notice in rig.tick.loads._news(before, often=False)]
+        assert len(texts) == said
+        before = found
+    assert texts[0].startswith("looks like a load of 1 kg")
+
+
 def test_it_is_forgotten_with_the_drives(rig: Rig) -> None:
     give(rig, CUP)
     believe(rig, CUP)

@@ -128,6 +128,15 @@ def test_health_for_a_person_a_program_and_a_picture(tmp_path: Path) -> None:
     assert os.listdir(folder).count("2026-06-02.json") == 1  # a reader sets nothing aside
 
 
+def test_records_of_which_none_can_be_read_are_not_well(tmp_path: Path) -> None:
+    folder = tmp_path / "trends" / "arm"
+    folder.mkdir(parents=True)
+    (folder / "2026-06-02.json").write_text("{")
+    code, out, _ = health("--directory", str(tmp_path))
+    assert (code, "a damaged record: " in out) == (65, True)
+    assert health("--directory", str(tmp_path), "--json")[0] == 65
+
+
 def test_gears_that_are_well_are_status_0(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     for day in days(6, lambda k, r: worn(0, r), rng):

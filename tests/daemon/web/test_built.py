@@ -27,6 +27,8 @@ def test_it_is_what_the_sources_give() -> None:
 def test_it_is_small_and_complete() -> None:
     files = {path.name: path.read_bytes() for path in BUILT.iterdir()}
     assert {"index.html", "enter.html", "page.js", "scene.js", "page.css"} <= set(files)
+    for path in (PAGE / "src").glob("*.html"):
+        assert files[path.name] == path.read_bytes(), "run make web"
     assert all(Path(name).suffix in TYPES for name in files)
     sizes = {name: len(gzip.compress(data)) for name, data in files.items()}
     assert sum(sizes.values()) < 250_000

@@ -13,9 +13,9 @@ import pytest
 
 from bench.rigs.network import Network, network
 from bench.rigs.page import Page, page_of
-from bench.rigs.screens import PATIENCE_MS, PHONE, Screens
-from daemon.faults.symptoms import advice_of
-from daemon.faults.table import Condition
+from bench.rigs.screens import AXE, PATIENCE_MS, PHONE, Screens
+from daemon.faults.symptoms import SECTION_OF
+from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import Mode
 
 FakeDaemon = Any  # of tests/daemon/conftest.py, which nothing imports
@@ -92,9 +92,25 @@ def test_a_fault_that_ended_the_daemon_says_what_to_do(
     with gone(arm):
         screen.old()
         assert screen.text("#fault-cause") == "It was a fault: bus off: can0"
-        advice = advice_of(Condition.BUS_OFF).replace("`", "")
-        assert advice in screen.text("#fault-advice")
+        section = SECTION_OF[Condition.BUS_OFF]
+        advice = f"{TABLE[Condition.BUS_OFF].advice}; more: {section.replace('-', ' ')}"
+        assert advice.replace("`", "") in screen.text("#fault-advice")
         screen.picture("ended")
+        with screen.page.expect_popup() as opened:
+            screen.page.click("#fault-advice a")
+        more = opened.value
+        assert more.url.endswith(f"/troubleshooting.html#{section}")
+        assert more.inner_text(":target") == "A drive falls silent"
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="NOT TRIED: page/node_modules is not there (make web)")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_that_a_fault_links_to_can_be_read_by_all(
+    screens: Screens, page: Page, scheme: str
+) -> None:
+    screen = screens.open(f"{page.url}troubleshooting.html#it-presses", PHONE, scheme)
+    assert screen.faults_of_access() == []
+    screen.picture(f"troubleshooting_{scheme}")
 
 
 @pytest.fixture

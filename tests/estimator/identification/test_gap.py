@@ -244,6 +244,19 @@ def test_errors_that_repeat_with_a_turn_are_told_and_hide_no_gap(turns):
     assert "scatter of phi" in blind.reason
 
 
+@pytest.mark.parametrize("measured", [True, False])
+def test_an_encoder_that_was_not_read_is_not_accused(measured):
+    turns = 100.0
+    t, q, theta = two_encoders(0.0, 0.0015)
+    off = 0.0005 * np.sin(turns * theta + 1.0)
+    columns = (np.zeros_like(t), q + off, np.gradient(theta, t))
+    position = theta[:, None] if measured else None
+    log = MotionLog(("j",), t, *(one[:, None] for one in columns), position)
+    assert (
+        "motor" in {one.encoder for one in identify_gap(log, 0, 1.0, turns).harmonics}
+    ) is measured
+
+
 def test_good_encoders_are_not_accused():
     t, q, theta = two_encoders(0.0, 0.004)
     assert from_motion("j", t, q, theta, np.gradient(theta, t), gear=100.0).harmonics == ()

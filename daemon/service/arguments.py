@@ -1,0 +1,30 @@
+"""Arguments of requests: which command takes which field."""
+
+from daemon.protocol.messages import Request
+
+
+def misplaced(request: Request) -> list[str]:
+    """Fields of a request that its command does not take."""
+    takers = {
+        "header": ("load",),
+        "rows": ("load",),
+        "loaded": ("start",),
+        "lease_s": ("arm", "renew"),
+        "detached": ("arm",),
+        "joint": ("gain",),
+        "gain": ("gain",),
+        "name": ("payload",),
+        "mass": ("payload",),
+        "com": ("payload",),
+        "pose": ("go",),
+        "targets": ("go",),
+        "speed": ("go",),
+        "plan": ("go",),
+        "planned_from": ("go",),
+        "attended": ("go",),
+    }
+    return [
+        f"`{field}` belongs to {' and '.join(commands)}"
+        for field, commands in takers.items()
+        if getattr(request, field) not in (None, False) and request.command not in commands
+    ]

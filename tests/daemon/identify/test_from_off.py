@@ -1,0 +1,119 @@
+"""`contactd identify` at an arm that is off: it is enabled for the step, off after it, and what was
+found is taken up; in lockstep."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from bench.rigs.generated_arms import generate, in_yaml
+from bench.rigs.person import CommissionedArm
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from bench.rigs.typed_session import TypedCommand, stopped, wired_joint
+from daemon.commands.simulated_robot import true_arm
+from daemon.config.load import load_robot
+from daemon.modes.table import Mode
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> CommissionedArm:
+    return wired_joint(tmp_path)
+
+
+@pytest.fixture
+def served(arm: CommissionedArm) -> Iterator[ServedDaemon]:
+    """Off."""
+    with arm.served() as served:
+        yield served
+
+
+def test_a_step_enables_the_drives_and_leaves_them_off_with_what_it_found_taken_up(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
+    (arm.folder / "identified.yaml").unlink()
+    assert served.contactctl("reload").exit_code == 0
+    assert not served.service.process.robot.identified
+    result = served.contactd("identify", "wiring", "--yes")
+    assert result.exit_code == 0, result.output
+    assert result.output.endswith("the drives are off, and it is taken up\n")
+    assert served.rig.mode is Mode.OFF
+    assert served.service.process.files.changed() == []
+    assert served.service.process.robot.identified == load_robot(arm.folder).identified
+    served.rig.enable()
+    assert not served.rig.tick.controller.motion.blind, "the links are trusted now"
+
+
+def test_nobody_is_asked_where_nobody_is(served: ServedDaemon) -> None:
+    result = served.contactd("identify", "wiring")
+    assert result.exit_code == 1
+    assert "nobody can be asked here: --yes enables them" in result.output
+    assert served.rig.mode is Mode.OFF
+
+
+def test_drives_that_somebody_enabled_stay_on(arm: CommissionedArm, served: ServedDaemon) -> None:
+    served.rig.enable()
+    result = served.contactd("identify", "wiring")
+    assert result.exit_code == 0, result.output
+    assert served.rig.mode is Mode.HOLDING
+    assert "taken up before the drives are enabled the next time" in result.output
+    assert served.service.process.files.changed() == ["identified.yaml"]
+
+
+def test_the_arm_goes_back_to_where_it_stood(served: ServedDaemon) -> None:
+    stood = float(served.rig.samples.link_position[0])
+    result = served.contactd("identify", "friction", "--seconds", "20", "--yes")
+    assert "all joints go back to where they stood" in result.output
+    assert served.rig.mode is Mode.OFF
+    assert float(served.rig.samples.link_position[0]) == pytest.approx(stood, abs=0.03)
+
+
+def test_what_somebody_disables_meanwhile_stays_off(served: ServedDaemon) -> None:
+    typed = TypedCommand(served, "friction", "--seconds", "20", "--yes")
+    typed.moves(1.0)
+    served.contactctl("disable", "--no-wait")
+    assert typed.ends()[0] == 1
+    assert served.rig.mode is Mode.OFF
+
+
+def test_ctrl_c_leaves_it_holding_and_says_so(served: ServedDaemon) -> None:
+    status, said = stopped(served, "friction", "--seconds", "20", "--yes")
+    assert status == 1
+    assert "the drives stay on, and the arm holds; `contactctl disable` ends that" in said
+    assert served.rig.mode is Mode.HOLDING
+
+
+def turned(folder: Path, names: list[str]) -> None:
+    """Turn the motors' signs of these joints in config.yaml."""
+
+    def turn(written: dict[str, Any]) -> None:
+        for joint in written["joints"]:
+            if joint["name"] in names:
+                joint["wiring"]["motor_sign"] *= -1
+
+    path = folder / "config.yaml"
+    written = yaml.safe_load(path.read_text())
+    turn(written)
+    path.write_text(in_yaml(written))
+
+
+def test_every_wrong_sign_is_found_at_once_and_taken_up_when_corrected(tmp_path: Path) -> None:
+    folder = generate(3).write(tmp_path / "arm")
+    joints = [joint.name for joint in load_robot(folder).configuration.joints]
+    wrong = [joints[1], joints[-1]]
+    turned(folder, wrong)
+    with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
+        result = served.contactd("identify", "wiring", "--yes")
+        said = " ".join(result.output.split())
+        assert result.exit_code == 1
+        for name in joints:
+            assert (f"{name}: the link goes the other way" in said) == (name in wrong), said
+        good = [name for name in joints if name not in wrong]
+        assert f"identified.yaml: {', '.join(good)}" in said
+        assert served.rig.mode is Mode.OFF
+        turned(folder, wrong)
+        result = served.contactd("identify", "wiring", *wrong, "--yes")
+        assert "the link goes the other way" not in " ".join(result.output.split())
+        assert "link/motor 1." in result.output
+        assert served.rig.mode is Mode.OFF

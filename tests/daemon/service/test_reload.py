@@ -1,0 +1,226 @@
+"""Files read anew by a running daemon, in lockstep: changed while off, while on, badly, half-way,
+by two at once, and while somebody records."""
+
+import shutil
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from daemon.clients import recorder
+from daemon.clients.client import Client
+from daemon.clients.reload import reload
+from daemon.modes.table import Mode
+from daemon.protocol.messages import Snapshot, State
+from errors import ContactdError, ControlError
+
+Edit = Callable[[dict[str, Any]], None]
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    """A folder of its own, to be edited."""
+    shutil.copytree(ROMEO, tmp_path / ROMEO.name)  # whose EDS the joint's drive refers to
+    shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
+    return tmp_path / "arm"
+
+
+@pytest.fixture
+def served(arm: Path) -> Iterator[ServedDaemon]:
+    with served_daemon(arm.parent, arm) as opened:
+        yield opened
+
+
+def edit(arm: Path, change: Edit) -> None:
+    path = arm / "config.yaml"
+    written = yaml.safe_load(path.read_text())
+    change(written)
+    path.write_text(yaml.safe_dump(written))
+
+
+def softer(written: dict[str, Any]) -> None:
+    written["joints"][0]["admittance_gain"] = 0.111
+
+
+def gain_of(served: ServedDaemon) -> float:
+    return served.service.process.robot.configuration.joints[0].admittance_gain
+
+
+def bad_gear(written: dict[str, Any]) -> None:
+    written["joints"][0]["wiring"]["gear"] = -100
+
+
+def test_enable_takes_up_what_was_edited(served: ServedDaemon, arm: Path) -> None:
+    edit(arm, softer)
+    result = served.contactctl("enable")
+    assert (result.exit_code, result.stdout) == (
+        0,
+        "taking up config.yaml\nholding: drives enabled\n",
+    )
+    assert gain_of(served) == 0.111
+    assert served.contactctl("gain", "joint").stdout.split() == ["joint", "0.111"]
+
+
+def test_a_program_that_enables_is_told_to_reload(served: ServedDaemon, arm: Path) -> None:
+    edit(arm, softer)
+    with Client(served.path) as client:
+        reply = served.ask(client, "enable")
+        assert reply.reasons == ["changed since it was read: config.yaml; `contactctl reload`"]
+        # The very text of before is no change, whenever it was written.
+        text = (SINGLE_JOINT / "config.yaml").read_text()
+        (arm / "config.yaml").write_text(text)
+        assert served.ask(client, "enable").ok
+
+
+@pytest.mark.parametrize("name", ["identified.yaml", "config.yaml", "URDF", "EDS"])
+def test_every_file_counts(served: ServedDaemon, arm: Path, name: str) -> None:
+    c = served.service.process.robot.configuration
+    eds = next(iter(c.drives.values())).eds
+    path = arm / {"URDF": c.urdf, "EDS": eds}.get(name, name)
+    assert served.service.process.files.changed() == []
+    path.write_text(path.read_text() + "\n" if path.exists() else "version: 1\n")
+    changed = {"URDF": c.urdf, "EDS": eds}.get(name, name)
+    assert served.service.process.files.changed() == [changed]
+    found = served.contactctl("status").stdout
+    assert f"changed since it was read: {changed}" in " ".join(found.split())
+    assert served.contactctl("reload").stdout == f"reload: taken up: {changed}\n"
+    assert served.service.process.files.changed() == []
+    path.unlink()
+    assert served.service.process.files.changed() == [changed], "gone is changed"
+
+
+def test_never_while_the_drives_are_on(served: ServedDaemon, arm: Path) -> None:
+    assert served.contactctl("enable").exit_code == 0
+    edit(arm, softer)
+    result = served.contactctl("reload")
+    assert result.exit_code == 1
+    assert "the drives must be off, not holding: `contactctl disable` first" in result.stderr
+    assert served.rig.mode is Mode.HOLDING
+    assert gain_of(served) != 0.111
+    assert served.contactctl("arm").exit_code == 0, "it goes on as it is"
+    assert served.contactctl("disable").exit_code == 0
+    assert served.contactctl("reload").stdout == "reload: taken up: config.yaml\n"
+    assert gain_of(served) == 0.111
+    assert served.rig.mode is Mode.OFF
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda path: edit(path.parent, bad_gear), "wiring.gear: must be a number above 0"),
+        (lambda path: path.write_text(path.read_text()[:700]), "config.yaml:"),  # half-way
+        (lambda path: path.write_text(""), "config.yaml"),
+        (lambda path: path.unlink(), "config.yaml"),
+    ],
+)
+def test_what_is_bad_is_not_taken_up_and_nothing_is_enabled(
+    served: ServedDaemon, arm: Path, spoil: Callable[[Path], None], words: str
+) -> None:
+    before = gain_of(served)
+    text = (arm / "config.yaml").read_text()
+    spoil(arm / "config.yaml")
+    for command in ("reload", "enable"):
+        result = served.contactctl(command)
+        assert result.exit_code == 1
+        assert "not taken up: " in result.stderr
+        assert words in result.stderr
+    with Client(served.path) as client:
+        reply = served.ask(client, "enable")
+    assert "not taken up: " in reply.reasons[0]
+    assert served.rig.mode is Mode.OFF
+    assert gain_of(served) == before
+    assert "not taken up" in served.contactctl("status").stdout
+    # Mended, it is taken up; as it was before, there is nothing to take up.
+    (arm / "config.yaml").write_text(text)
+    assert served.contactctl("enable").stdout == "holding: drives enabled\n"
+
+
+def test_a_fault_is_reset_first(served: ServedDaemon) -> None:
+    served.rig.enable()
+    served.rig.tick.controller.machine.mode = Mode.FAULTED
+    with Client(served.path) as client:
+        reply = served.ask(client, "reload")
+    assert reply.reasons == ["the drives must be off, not faulted: `contactctl reset` first"]
+
+
+def test_two_callers_at_once(served: ServedDaemon, arm: Path) -> None:
+    edit(arm, softer)
+    outcomes: list[str] = []
+
+    def ask() -> None:
+        try:
+            outcomes.append(reload(served.path).mode)
+        except ContactdError as error:
+            outcomes.append(str(error))
+
+    def both() -> None:
+        threads = [threading.Thread(target=ask) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+
+    served.until(both)
+    assert Mode.OFF in outcomes
+    assert len(outcomes) == 2
+    assert gain_of(served) == 0.111
+    assert served.contactctl("enable").exit_code == 0
+
+
+def test_who_asks_for_anything_meanwhile_is_refused(served: ServedDaemon) -> None:
+    with Client(served.path) as first, Client(served.path) as second:
+        served.service.reloading = True
+        # As in the tick in which it was asked for.
+        replies = []
+        for client, command in ((first, "enable"), (second, "reload")):
+            thread = threading.Thread(
+                target=lambda c=client, w=command: replies.append(c.request(w))
+            )
+            thread.start()
+            while thread.is_alive():
+                served.rig.step()
+                served.service.doors()
+        assert [reply.reasons for reply in replies] == [["the daemon reads its files anew"]] * 2
+
+
+def test_a_recording_ends_whole(served: ServedDaemon, arm: Path, tmp_path: Path) -> None:
+    file = tmp_path / "states.mcap"
+    begun = threading.Event()
+    made: list[recorder.Recording] = []
+
+    def record() -> None:
+        made.append(recorder.record(lambda: Client(served.path), file, begun=begun.set))
+
+    thread = threading.Thread(target=record)
+    thread.start()
+    while not begun.is_set():
+        served.tick()
+    served.run(0.5)
+    edit(arm, softer)
+    assert served.contactctl("reload").exit_code == 0
+    served.until(thread.join)
+    assert made[0].ended, "the daemon hung up"
+    kinds = [type(message) for message in recorder.read_log(file)]
+    assert kinds[0] is Snapshot
+    assert kinds.count(State) == made[0].states > 40
+
+
+def test_a_new_reader_sees_the_new_files(served: ServedDaemon, arm: Path) -> None:
+    edit(arm, softer)
+    assert served.contactctl("reload").exit_code == 0
+    with Client(served.path) as client:
+        snapshot, _ = served.until(client.subscribe)
+    assert "0.111" in snapshot.configuration
+
+
+def test_a_reload_that_is_not_taken_up_is_an_error_to_programs(
+    served: ServedDaemon, arm: Path
+) -> None:
+    edit(arm, bad_gear)
+    with pytest.raises(ControlError, match=r"not taken up: .*gear"):
+        served.until(lambda: reload(served.path))
