@@ -19,7 +19,7 @@ from estimator.identification.body_motion import (
     rows_of_joints,
     with_friction,
 )
-from estimator.identification.body_rows import BodiesFit, JointRows, fitted, without_bodies
+from estimator.identification.body_rows import BodiesFit, JointRows, fitted, unbent, without_bodies
 from estimator.identification.coupling import coupled
 from estimator.identification.friction_verdict import saturated, unexcited, wider
 from estimator.identification.log_intervals import play
@@ -129,7 +129,7 @@ def identify_masses(
             replace(one, torque=one.torque - made_possible[:, i]) for i, one in enumerate(joints)
         ]
         fit = fitted(joints, whole, arm.nominal, motion.rows.period_s)
-        touched = motion.touched(joints, fit.difference, fit.friction)
+        touched = motion.touched(joints, *unbent(joints, whole, arm.nominal, motion.rows.period_s))
         transmission = with_friction(transmission, fit.friction)
     reasons = _reasons(log, motion, joints, fit, transmission, _gravity_unknown(model, arm, fit))
     return Masses(
