@@ -144,10 +144,11 @@ def solve_joint(
         more[pair] = True
         if (better := _held_out(A, N, y, weight, more, train)) > r2 + _WORTH:
             used, r2 = more, better
-    coefficients, nuisance, errors, condition = solve(A, N, y, weight, used, rows.time_s)
+    coefficients, errors, condition = solve(A, N, y, weight, used, rows.time_s)
     left = _unexplained(A, N, y, weight, used)
     touched = touches(rows, left, clean, float(coefficients[0]))
     # Once more with the rows near rest, which all others had to do without.
+    _, nuisance = _lsq(A, N, y, weight, used)
     stiction, stiction_error = sticking_share(
         y - A @ coefficients - N[:, :2] @ nuisance[:2],
         coefficients[0] * N[:, 2],
@@ -222,17 +223,17 @@ def _held_out(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train
 
 def solve(
     A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, time_s: Vector
-) -> tuple[Vector, Vector, Vector, float]:
-    """Coefficients (9,), those of the nuisance, standard errors, NaN of columns that are not used,
-    and the condition number while engaged, of the whole motion."""
+) -> tuple[Vector, Vector, float]:
+    """Coefficients (9,) and standard errors, NaN of columns that are not used, and the condition
+    number while engaged, of the whole motion."""
     errors = np.full(A.shape[1], np.nan)
     X = np.hstack([A[:, used], N]) * weight[:, None]
     scale = np.sqrt(np.square(X).mean(axis=0))
     seen = scale > 1e-12
     count = int(used.sum())
     if weight.sum() < 50.0 or not seen[:count].all():
-        return np.zeros(A.shape[1]), np.zeros(N.shape[1]), errors, float("inf")
-    coefficients, nuisance = _lsq(A, N, y, weight, used)
+        return np.zeros(A.shape[1]), errors, float("inf")
+    coefficients, _ = _lsq(A, N, y, weight, used)
     X = X[:, seen] / scale[seen]
     # What is left is alike for long, so rows are not independent: take blocks (sandwich).
     inverse = np.linalg.pinv(X.T @ X)
@@ -242,7 +243,7 @@ def solve(
     sums = np.add.reduceat(left, starts, axis=0)
     variance = np.diag(inverse @ (sums.T @ sums) @ inverse)
     errors[used] = np.sqrt(variance[:count]) / scale[:count]
-    return coefficients, nuisance, errors, _condition(A[:, _ENGAGED], weight)
+    return coefficients, errors, _condition(A[:, _ENGAGED], weight)
 
 
 def _condition(A: Matrix, weight: Vector) -> float:
