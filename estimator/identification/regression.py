@@ -224,7 +224,7 @@ def _held_out(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train
 def solve(
     A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, time_s: Vector
 ) -> tuple[Vector, Vector, float]:
-    """Coefficients (9,) and standard errors, NaN of columns that are not used, and the condition
+    """Coefficients (9,), standard errors, NaN of columns that are not used, and the condition
     number while engaged, of the whole motion."""
     errors = np.full(A.shape[1], np.nan)
     X = np.hstack([A[:, used], N]) * weight[:, None]

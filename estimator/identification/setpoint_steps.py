@@ -49,7 +49,7 @@ def missed(found: Regression, solved: Sequence[Solution], rows: Intervals) -> tu
         if not used[_B]:
             continue
         A, N, y = found.columns[:, i], found.nuisance[:, i], found.r_nl[:, i]
-        alone, _, _ = solve(A, N, y, one.weight, used, rows.time_s)
+        alone, *_ = solve(A, N, y, one.weight, used, rows.time_s)
         N = np.column_stack([N, found.asked[:, i]])
         beside, errors, _ = solve(A, N, y, one.weight, used, rows.time_s)
         whole = max(float(one.coefficients[_B]), 1e-12)
