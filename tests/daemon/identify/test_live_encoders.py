@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from daemon.clients.replay import Replay, replay
 from daemon.commands.simulated_robot import describe
 from daemon.config import identified as file
 from daemon.config.load import Robot, load_robot
+from daemon.identify import session
 from daemon.protocol.messages import Snapshot, State
 from simulator.description import ArmDescription, EncoderError
 from simulator.truth import SimulationFile
@@ -40,7 +42,9 @@ def small_gap(written: Written) -> None:
 
 
 @pytest.fixture
-def arm(tmp_path: Path) -> CommissionedArm:
+def arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CommissionedArm:
+    # Of a machine that is busy with others, too.
+    monkeypatch.setattr(session, "Client", partial(Client, timeout_s=60.0))
     arm = CommissionedArm(
         tmp_path, SINGLE_JOINT, described=erring, change=small_gap, really=small_gap
     )
@@ -63,7 +67,7 @@ def worst(arm: CommissionedArm, path: Path) -> float:
             return len(off) >= 400
 
         def watch() -> None:
-            record(lambda: Client(served.path), path, stop=enough)
+            record(lambda: Client(served.path, timeout_s=60.0), path, stop=enough)
 
         watching = threading.Thread(target=watch)
         watching.start()

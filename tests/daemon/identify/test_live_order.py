@@ -1,5 +1,6 @@
 """The order of a commissioning whose masses are wrong, typed live: masses, friction, thresholds."""
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -7,8 +8,10 @@ import pytest
 from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.person import CommissionedArm, Written
 from bench.rigs.typed_session import identify
+from daemon.clients.client import Client
 from daemon.config import identified as file
 from daemon.config.load import load_robot
+from daemon.identify import session
 
 ENTRY = {"date": "2026-01-02T03:04:05+00:00", "log": "0"}
 
@@ -23,8 +26,10 @@ def to_be_found(written: Written) -> None:
 
 
 @pytest.fixture
-def arm(tmp_path: Path) -> CommissionedArm:
+def arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CommissionedArm:
     """The single joint, wiring and gap known, whose bar is a fifth lighter than its URDF says."""
+    # Of a machine that is busy with others, too.
+    monkeypatch.setattr(session, "Client", partial(Client, timeout_s=60.0))
     arm = CommissionedArm(tmp_path, SINGLE_JOINT, change=to_be_found, really=known)
     urdf = arm.folder / "arm.urdf"
     urdf.write_text(urdf.read_text().replace('<mass value="1.0"/>', '<mass value="1.2"/>'))
