@@ -259,7 +259,7 @@ class Status(TypedDict):
     gears: NotRequired[list[str]]
     # load that nobody told, in words, with what to do; empty without one
     recognised: NotRequired[str]
-    # Files that say something else than those it runs by; looked at while the arm is at rest.
+    # Files that say something else than those it runs by; looked at while the drives are off.
     changed: NotRequired[list[str]]
     # why a `reload` went on with the old ones, with file and field
     not_taken_up: NotRequired[str]

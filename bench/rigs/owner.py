@@ -9,8 +9,8 @@ import io
 import re
 import threading
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -21,10 +21,11 @@ import yaml
 from click.testing import CliRunner
 
 from bench.rigs.generated_arms import EDS, PROFILE, URDF, GeneratedArm, in_yaml
-from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from bench.rigs.served_daemon import ServedDaemon, served_daemon, unhurried_drives
 from daemon.commands import contactd
 from daemon.commands.simulated_robot import true_arm
 from daemon.modes.table import Mode
+from daemon.tick.felt import felt_now
 from errors import ContactdError
 from simulator.hand import Gap, Lean, Release
 
@@ -131,16 +132,16 @@ class Owner:
             raise GivenUpError(f"zero: {result.output}")
 
     def _wiring(self, served: ServedDaemon) -> None:
-        """Check it, and turn the motors' signs that are said to be wrong, until all is good."""
+        """Check it, and turn the motors' signs that are said to be wrong, until all is good; what
+        is as data sheets say is checked once more."""
         for _ in range(TRIES):
             good, output = self.identify(served, "wiring")
             if good:
                 return
             said = " ".join(output.split())
             wrong = [name for name in self.arm.names if f"{name}: the link goes the other" in said]
-            if not wrong:
-                break
-            self._edit(partial(self._turn, wrong))
+            if wrong:
+                self._edit(partial(self._turn, wrong))
         raise GivenUpError(f"wiring: {output}")
 
     def _turn(self, names: list[str], written: dict[str, Any]) -> None:
@@ -171,11 +172,13 @@ class Owner:
                 return
             if "the arm is faulted" in output:
                 self.control(served, "reset")
-            if told := TOLD.search(output):
+            told = TOLD.search(output)
+            if told:
                 self._edit(partial(self._set, told[1], told[2], float(told[3])))
-            elif "identify masses" in output and MASSES not in self.story.commands:
+            asked = "identify masses" in output and MASSES not in self.story.commands
+            if asked:
                 self._identified(served, "masses")
-            else:
+            if not told and not asked:
                 break
         raise GivenUpError(f"{step}: {output}")
 
@@ -184,15 +187,18 @@ class Owner:
         self.story.seen.append(f"{part}.{name}")
 
     def _arm_and_lead(self, served: ServedDaemon) -> None:
-        """Arm, lean on the shoulder with twice what is felt, and see whether the arm yields."""
+        """Arm, lean on the shoulder with twice what `arm` says is felt at rest, and see whether it
+        yields."""
         self.control(served, "enable")
+        served.run(0.5)
         self.control(served, "arm")
         self.story.armed = True
         rig = served.rig
-        joint = rig.robot.configuration.joints[1]
-        torque = 2.0 * joint.thresholds.contact + joint.friction.motor_coulomb
+        felt = felt_now(rig.tick)
+        assert felt is not None
         before = float(rig.arm.plant.q[1])
-        rig.arm.hand.take(Lean(at_s=0.0, joint=joint.name, torque=torque))
+        torque = 2.0 * (felt.resting[1] or 0.0)
+        rig.arm.hand.take(Lean(at_s=0.0, joint=felt.joints[1], torque=torque))
         served.run(1.5)
         yields = rig.mode is Mode.ADMITTANCE
         self.story.led = yields and float(rig.arm.plant.q[1]) - before > 0.01
@@ -201,12 +207,17 @@ class Owner:
 
     # -- how commands are typed ------------------------------------------------------------------
 
-    def running(self) -> AbstractContextManager[ServedDaemon]:
+    @contextmanager
+    def running(self) -> Iterator[ServedDaemon]:
         """The daemon started anew."""
         self.note("contactd run")
-        return served_daemon(
-            self.folder.parent, self.folder, described=lambda robot, _: true_arm(robot)[0]
-        )
+        with (
+            unhurried_drives(),
+            served_daemon(
+                self.folder.parent, self.folder, described=lambda robot, _: true_arm(robot)[0]
+            ) as served,
+        ):
+            yield served
 
     def note(self, command: str) -> None:
         """Count a command that is typed."""

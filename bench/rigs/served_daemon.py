@@ -30,6 +30,7 @@ from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
+from drivers.boot.sdo import ObjectAccess
 from errors import ContactdError
 
 _PATIENCE_S = 5.0
@@ -59,6 +60,23 @@ class PatientConnection(Connection):
     def exchange(self, request: bytes, timeout_s: float) -> bytes:
         """As usual, but for the patience."""
         return super().exchange(request, max(timeout_s, ANSWERED_S))
+
+
+class PatientAccess(ObjectAccess):
+    """Objects of a simulated drive, waited for as long as a busy machine takes to answer."""
+
+    def __init__(self, network: Any, setup: Any, timeout_s: float, *more: Any) -> None:
+        super().__init__(network, setup, max(timeout_s, ANSWERED_S), *more)
+
+
+@contextmanager
+def unhurried_drives() -> Iterator[None]:
+    """Inside, no drive is too slow by this machine's clock: for where none is to be silent."""
+    with (
+        mock.patch("drivers.boot.boot_up.ObjectAccess", PatientAccess),
+        mock.patch("drivers.boot.boot_up.STEP_TIMEOUTS", 600.0),
+    ):
+        yield
 
 
 ANSWERED_S = 300.0

@@ -328,7 +328,7 @@ def identification(
         return Identification(robot, Recorded(logs, robot.configuration), console, dry=dry)
     if threading.current_thread() is threading.main_thread():
         stop_once()
-    session = open_session(socket, console, lambda: yes or _may_enable(robot))
+    session = open_session(socket, console, lambda: yes or may_enable(robot))
     with ExitStack() as refused:
         refused.callback(session.close)
         session.take_up_changes()
@@ -341,7 +341,7 @@ def identification(
     return Identification(robot, arm, console, dry=dry)
 
 
-def _may_enable(robot: Robot) -> bool:
+def may_enable(robot: Robot) -> bool:
     """Ask the person to have the drives enabled; they are not where nobody can be asked."""
     if not sys.stdin.isatty():
         raise ControlError("the drives are off, and nobody can be asked here: --yes enables them")

@@ -40,7 +40,9 @@ class Files:
         others = [profile.eds for profile in c.drives.values()]
         if c.trajectory.file is not None:
             others.append(c.trajectory.file)
-        return cls(robot.folder, read | {name: _content(robot.folder / name) for name in others})
+        files = cls(robot.folder, read | {name: _content(robot.folder / name) for name in others})
+        files.changed()  # so that nothing is read later, unless it is written
+        return files
 
     def changed(self) -> list[str]:
         """Names of those that say something else now. Asks the file system for each, and reads only
@@ -69,7 +71,9 @@ def _stamp(path: Path) -> Stamp | None:
 def _content(path: Path) -> str | None:
     try:
         with open_regular(path) as stream:
-            return _digest(stream.read(LARGEST_TEXT_BYTES))
+            # No more room than it takes: a process that locks its memory pays for all of it.
+            size = os.fstat(stream.fileno()).st_size
+            return _digest(stream.read(size)) if size <= LARGEST_TEXT_BYTES else None
     except OSError:
         return None
 

@@ -82,7 +82,7 @@ def _motion(measured: Measured) -> Motion:
     if r is None or raised is None or touched is None or unsure is None:
         raise LogError("thresholds need residuals: a recording of `contactctl record`, not a CSV")
     if measured.outdated:
-        raise LogError(f"{measured.outdated}: start the daemon again, and record anew")
+        raise LogError(f"{measured.outdated}: `contactctl reload`, and record anew")
     log = measured.log
     return Motion(time_s=log.time_s, position=log.link_position, velocity=log.motor_velocity,
                   residual=r, raised=raised, touched=touched, unsure=unsure)  # fmt: skip

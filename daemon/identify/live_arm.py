@@ -118,9 +118,10 @@ class LiveArm:
         return self._session.client.ask_status().mode
 
     def _go_back(self, there: Vector) -> None:
-        here = np.array(self._session.hold().link_position)
+        here, bounds = np.array(self._session.hold().link_position), bounds_of(self._c)
+        there = np.clip(there, bounds.lower, bounds.upper)
         if float(np.abs(there - here).max()) > MOVED:
-            way = point_to_point(here, there, slow(bounds_of(self._c)), self._c.period_s)
+            way = point_to_point(here, there, slow(bounds), self._c.period_s)
             text = "all joints go back to where they stood"
             self._move("way-back", text, way, warning=discarded, touch_ends=True, to_go_on="")
             self._forget("way-back")

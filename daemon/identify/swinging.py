@@ -34,7 +34,7 @@ def told(cycles: Sequence[LimitCycle], gain: float | None) -> str:
     lower = f"{ENDING_SHARE * gain:.2g} (it was {gain:g})"
     return (
         f"{about}: the position loop is too fast for its gap. Set control.position_gain to "
-        f"{lower}, start the daemon again, and repeat"
+        f"{lower}, and repeat"
     )
 
 

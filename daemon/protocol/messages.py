@@ -372,6 +372,6 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     poses: dict[str, dict[str, float]] = {}  # that `go` can be asked for: joints by name [rad]
     gears: list[str] = []  # what their trends say, a line for each joint (`contactctl health`)
     recognised: str = ""  # load that nobody told, in words, with what to do; empty without one
-    # Files that say something else than those it runs by; looked at while the arm is at rest.
+    # Files that say something else than those it runs by; looked at while the drives are off.
     changed: list[str] = []
     not_taken_up: str = ""  # why a `reload` went on with the old ones, with file and field

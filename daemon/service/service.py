@@ -262,19 +262,17 @@ class Service:
         if mode is not Mode.OFF:
             return self._reply(request, [f"the drives must be off, not {mode}: {_TO_OFF[mode]}"])
         self.reloading = True
-        _log.info(
-            "reload: asked for by %s; changed: %s", who, ", ".join(self.process.files.changed())
-        )
+        changed = ", ".join(self.process.files.changed()) or "nothing"
+        _log.info("reload: asked for by %s; changed: %s", who, changed)
         return self._reply(request, done="the files are read, and the drives set up anew")
 
     def _newer(self) -> list[str]:
-        # Only an arm that is off is enabled, and only at rest a tick may wait for files.
+        # No tick waits for files while the drives are on.
         off = self.loop.tick.controller.machine.mode is Mode.OFF
         return self.process.newer() if off else []
 
     def _status(self) -> Status:
-        if self._at_rest:
-            self.process.newer()
+        self._newer()
         permit = self.permission.permit(self.loop.time_s)
         status = status_of(
             self.process, self.loop, self.boot.identities, permit, len(self.control.readers)

@@ -84,8 +84,9 @@ def _poor(r2: float, gravity: float) -> str:
         return (f"{about}gravity fits at {gravity:.2f}: check masses or `torque_constant`, or run "
                 "`contactd identify masses`")  # fmt: skip
     return (
-        f"{about}hands off, and nothing in its way? Else the URDF's masses and inertias, or a "
-        "friction that is none (a spring, a hose): friction.png shows what is left"
+        f"{about}hands off, and nothing in its way? Else masses or `torque_constant`: run "
+        "`contactd identify masses`; or a friction that is none (a spring, a hose): friction.png "
+        "shows what is left"
     )
 
 

@@ -9,7 +9,18 @@ import pytest
 
 from bench.rigs.lockstep import ROMEO, lockstep_rig
 from errors import ConfigurationError
-from simulator.hand import Give, Guide, Hand, Hold, Push, Release, read_script
+from simulator.hand import (
+    TAKING_S,
+    VISIT_S,
+    Gap,
+    Give,
+    Guide,
+    Hand,
+    Hold,
+    Push,
+    Release,
+    read_script,
+)
 
 NAMES = ("a", "b")
 Q = np.array([0.1, -0.2])
@@ -45,6 +56,20 @@ def test_push(shape: Any, expected: list[float]) -> None:
     assert one.update(101.5, Q) == ["end push b 2 Nm"]
     assert torque(one) == [0.0, 0.0]
     assert one.done
+
+
+@pytest.mark.parametrize(("asked", "pressed"), [(None, 0.08), (0.5, 0.5)])
+def test_in_a_gap_it_presses_with_a_hundredth_of_what_the_motor_gives_or_as_asked(
+    asked: float | None, pressed: float
+) -> None:
+    one = Hand((), NAMES, np.full(2, 10.0), strongest=np.array([3.0, 8.0]))
+    one.take(Gap(at_s=0.0, joint="b", torque=asked))
+    one.update(0.0, Q)
+    seen = []
+    for visit in range(4):
+        one.update(TAKING_S + (visit + 0.9) * VISIT_S, Q)
+        seen.append(torque(one)[1])
+    assert seen == pytest.approx([pressed, -pressed, pressed, -pressed])
 
 
 def test_two_pushes_add_up() -> None:

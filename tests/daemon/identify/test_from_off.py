@@ -1,7 +1,9 @@
 """`contactd identify` at an arm that is off: it is enabled for the step, off after it, and what was
 found is taken up; in lockstep."""
 
+import io
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +11,16 @@ import pytest
 import yaml
 
 from bench.rigs.generated_arms import generate, in_yaml
+from bench.rigs.lockstep import ROMEO
 from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from bench.rigs.typed_session import TypedCommand, stopped, wired_joint
+from daemon.commands.identify import may_enable
 from daemon.commands.simulated_robot import true_arm
 from daemon.config.load import load_robot
+from daemon.identify.session import Session
 from daemon.modes.table import Mode
+from errors import ControlError
 
 
 @pytest.fixture
@@ -52,6 +58,24 @@ def test_nobody_is_asked_where_nobody_is(served: ServedDaemon) -> None:
     assert served.rig.mode is Mode.OFF
 
 
+class Terminal(io.StringIO):
+    """A person who types."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(("typed", "may"), [("y\n", True), ("n\n", False), ("\n", False)])
+def test_a_person_is_asked(
+    typed: str, may: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", Terminal(typed))
+    assert may_enable(load_robot(ROMEO)) is may
+    said = " ".join(capsys.readouterr().out.split())
+    assert "its joints end as configured (hold: LShoulderPitch" in said
+    assert "the emergency stop must be in yours" in said
+
+
 def test_drives_that_somebody_enabled_stay_on(arm: CommissionedArm, served: ServedDaemon) -> None:
     served.rig.enable()
     result = served.contactd("identify", "wiring")
@@ -74,6 +98,18 @@ def test_what_somebody_disables_meanwhile_stays_off(served: ServedDaemon) -> Non
     typed.moves(1.0)
     served.contactctl("disable", "--no-wait")
     assert typed.ends()[0] == 1
+    assert served.rig.mode is Mode.OFF
+
+
+def test_a_step_enables_only_once(served: ServedDaemon, tmp_path: Path) -> None:
+    """Between two motions of it somebody may have disabled the arm, and reached in."""
+    session = Session(served.path, tmp_path, print, may_enable=lambda: True)
+    with closing(session):
+        served.until(session.hold)
+        assert served.rig.mode is Mode.HOLDING
+        assert served.contactctl("disable").exit_code == 0
+        with pytest.raises(ControlError, match="the drives were switched off: disable by"):
+            served.until(session.hold)
     assert served.rig.mode is Mode.OFF
 
 

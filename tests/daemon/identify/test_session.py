@@ -208,7 +208,7 @@ def test_thresholds_are_those_of_the_values_in_force(
     gap = file.GapEntry(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.025, confidence=0.0)
     identify(arm.folder, "gap", gap)
     refused(arm, served, part, "thresholds", live="residuals use older ones: `contactctl disable`",
-            log="than are in force now: start the daemon again, and record anew")  # fmt: skip
+            log="than are in force now: `contactctl reload`, and record anew")  # fmt: skip
 
 
 ENDED = "identify friction came to its end"

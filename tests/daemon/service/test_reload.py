@@ -3,6 +3,7 @@ by two at once, and while somebody records."""
 
 import shutil
 import threading
+import tracemalloc
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import yaml
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from contactd_client.client import Joined, Lost, follow
 from daemon.clients import recorder
 from daemon.clients.client import Client
 from daemon.clients.reload import reload
@@ -92,6 +94,27 @@ def test_every_file_counts(served: ServedDaemon, arm: Path, name: str) -> None:
     assert served.service.process.files.changed() == []
     path.unlink()
     assert served.service.process.files.changed() == [changed], "gone is changed"
+
+
+def test_looking_takes_no_more_room_than_the_files(served: ServedDaemon, arm: Path) -> None:
+    """In locked memory each page costs: 64 MB of them would cost the drives their heartbeat."""
+    files = served.service.process.files
+    edit(arm, softer)
+    tracemalloc.start()
+    try:
+        assert files.changed() == ["config.yaml"]
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 1 << 20
+
+
+def test_files_are_not_looked_at_while_the_drives_are_on(served: ServedDaemon, arm: Path) -> None:
+    assert served.contactctl("enable").exit_code == 0
+    edit(arm, softer)
+    assert "changed since" not in served.contactctl("status").stdout
+    assert served.contactctl("disable").exit_code == 0
+    assert "changed since it was read: config.yaml" in served.contactctl("status").stdout
 
 
 def test_never_while_the_drives_are_on(served: ServedDaemon, arm: Path) -> None:
@@ -216,6 +239,31 @@ def test_a_new_reader_sees_the_new_files(served: ServedDaemon, arm: Path) -> Non
     with Client(served.path) as client:
         snapshot, _ = served.until(client.subscribe)
     assert "0.111" in snapshot.configuration
+
+
+def test_whoever_follows_comes_back_by_itself(served: ServedDaemon, arm: Path) -> None:
+    """The page, the door to ROS 2 and programs follow so."""
+    followed: list[str] = []
+
+    def watch() -> None:
+        for seen in follow(served.path, retry_s=0.01):
+            match seen:
+                case Joined():
+                    followed.append("0.111" if "0.111" in seen.snapshot["configuration"] else "old")
+                case Lost():
+                    followed.append("lost")
+            if followed[-1:] == ["0.111"]:
+                return
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    while "old" not in followed:
+        served.tick()
+    edit(arm, softer)
+    assert served.contactctl("reload").exit_code == 0
+    served.until(thread.join)
+    assert (followed[0], followed[-1]) == ("old", "0.111")
+    assert "lost" in followed
 
 
 def test_a_reload_that_is_not_taken_up_is_an_error_to_programs(
