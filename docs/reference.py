@@ -3,7 +3,7 @@
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
 `contactctl.md` from the commands' own help; `schemas/` and `contactd_client/messages.py` from the
 messages of the socket; `concepts/` from `drawings.py`; `daemon/ros/type_hashes.py` from the
-definitions of ROS 2; `page/src/troubleshooting.html` from the document of that name. `faults.md`,
+definitions of ROS 2; the page's `troubleshooting.html` from the document of that name. `faults.md`,
 `modes.md`, `mistakes.md`, `recording.md` and `rehearsing.md` are written by hand but for the parts
 between two markers, which come from what the program runs on.
 tests/docs/test_reference.py says when to run it again.
@@ -346,12 +346,13 @@ def files() -> dict[Path, str]:
     made = {DOCS / f"{name}.md": page() for name, page in PAGES.items()}
     made |= {DOCS / "schemas" / f"{name}.json": schema(cls) for name, cls in SCHEMAS.items()}
     made |= {DOCS / "concepts" / name: svg for name, svg in drawings().items()}
+    # In both places: whoever changes a word of it needs no node.
+    trouble = help_page((DOCS / "troubleshooting.md").read_text(encoding="utf-8"))
+    places = (DOCS.parent / place for place in ("page/src", "daemon/web/built"))
+    made |= {place / "troubleshooting.html": trouble for place in places}
     return made | {
         DOCS.parent / "contactd_client/messages.py": client_messages(),
         DOCS.parent / "daemon/ros/type_hashes.py": type_hashes(),
-        DOCS.parent / "page/src/troubleshooting.html": help_page(
-            (DOCS / "troubleshooting.md").read_text(encoding="utf-8")
-        ),
     }
 
 
