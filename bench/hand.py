@@ -1,7 +1,8 @@
 """Torque and work of leading the arm by hand, in lockstep: a hand of 1500 N/m takes it from pose to
 pose, against the same arm with its drives off, weightless, where only friction resists.
 
-    python -m bench.hand [--speed RAD_S] [--gain K_A]... [--mass S] [--seed N] [--json]
+    python -m bench.hand [--speed RAD_S] [--gain K_A]... [--mass S] [--no-learning] [--no-even]
+                         [--seed N] [--json]
 
 The hand holds the last link; to each joint it is a spring of 1500 N/m and a damper of 20 N s/m at
 its lever. First it leads each joint alone while the trajectory runs, lets go in full motion, and
@@ -12,8 +13,9 @@ each asks for, with these gains and with those of `contactctl gain --balance` (s
 --no-even leaves it out).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import click
@@ -41,12 +43,13 @@ ROUND = (
 )
 
 
-def measure(
-    speed: float, gains: Mapping[str, float], mass_s: float | None, seed: int
-) -> dict[str, Any]:
+Tune = Callable[[Configuration], Configuration]
+
+
+def measure(speed: float, tune: Tune, seed: int) -> dict[str, Any]:
     """Everything, in one run."""
     with lockstep_rig(
-        configure=lambda c: tuned(c, gains, mass_s),
+        configure=tune,
         simulate=lambda s: msgspec.structs.replace(s, seed=seed),
     ) as rig:
         c = rig.robot.configuration
@@ -74,12 +77,10 @@ def measure(
         }
 
 
-def how_even(
-    speed: float, gains: Mapping[str, float], mass_s: float | None, seed: int
-) -> dict[str, Evenness]:
+def how_even(speed: float, tune: Tune, seed: int) -> dict[str, Evenness]:
     """Forces at the hand with these gains, and with balanced ones."""
     robot = load_robot(ROMEO)
-    c = tuned(robot.configuration, gains, mass_s)
+    c = tune(robot.configuration)
     return {
         "today": evenness(c, speed, seed),
         "balanced": evenness(balanced_of(c, robot.urdf), speed, seed),
@@ -112,8 +113,10 @@ def print_even(names: Sequence[str], found: Mapping[str, Evenness]) -> None:
         click.echo(f"  {what}: {' -> '.join(f'{each:.1f}' for each in ratio)}")
 
 
-def tuned(c: Configuration, gains: Mapping[str, float], mass_s: float | None) -> Configuration:
-    """The robot with other gains K_a, or another virtual mass."""
+def tuned(
+    c: Configuration, gains: Mapping[str, float], mass_s: float | None, *, learning: bool
+) -> Configuration:
+    """The robot with other gains K_a, another virtual mass, or levels that know of no doubt."""
     if strangers := set(gains) - set(c.joint_names):
         raise click.BadParameter(f"{', '.join(strangers)}: none of {', '.join(c.joint_names)}")
     joints = [
@@ -123,7 +126,8 @@ def tuned(c: Configuration, gains: Mapping[str, float], mass_s: float | None) ->
     admittance = c.admittance
     if mass_s is not None:
         admittance = msgspec.structs.replace(admittance, virtual_mass_s=mass_s)
-    return msgspec.structs.replace(c, joints=joints, admittance=admittance)
+    estimator = msgspec.structs.replace(c.estimator, learning=learning)
+    return msgspec.structs.replace(c, joints=joints, admittance=admittance, estimator=estimator)
 
 
 def print_rows(title: str, rows: Sequence[dict[str, Any]], off: Sequence[dict[str, Any]]) -> None:
@@ -157,7 +161,8 @@ def even_targets(found: Mapping[str, Evenness]) -> list[Target]:
 
 
 def targets_of(data: dict[str, Any]) -> list[Target]:
-    """Held against what the prototype of this design showed."""
+    """Held against what is reached since levels follow what is known of friction: at rest, where
+    the hand begins, they are higher than before (decision 0040)."""
     alone = data["alone"]
     at_rest = [row["coast_mrad"] for rows in data["whole"] for row in rows]
     commanded = [row["commanded_mrad"] for rows in data["whole"] for row in rows]
@@ -166,10 +171,10 @@ def targets_of(data: dict[str, Any]) -> list[Target]:
         row["work_j"] / limp["work_j"] for row, limp in zip(alone, data["alone_off"], strict=True)
     ]
     return [
-        Target("usual torque, joints alone", max(r["usual_nm"] for r in alone), 4, "Nm", "lower"),
+        Target("usual torque, joints alone", max(r["usual_nm"] for r in alone), 4.6, "Nm", "lower"),
         Target("tremble, joints alone", max(r["tremble"] for r in alone), 0.25, "", "lower"),
         Target("work, of that with drives off, median", float(np.median(ratios)), 5, "x", "lower"),
-        Target("coasting, let go at rest", max(at_rest), 23, "mrad", "lower"),
+        Target("coasting, let go at rest", max(at_rest), 31, "mrad", "lower"),
         Target("told to go on, let go at rest", max(commanded), 5, "mrad", "lower"),
         Target("let go in motion, soonest to go on", min(resumed), 2.0, "s", "higher"),
         Target("let go in motion, latest to go on", max(resumed), 2.1, "s", "lower"),
@@ -189,13 +194,16 @@ def read_gains(pairs: Sequence[str]) -> dict[str, float]:
 @click.option("--gain", "gains", multiple=True, metavar="JOINT=K_A", help="Another K_a.")
 @click.option("--mass", type=float, help="Another virtual mass, as its time constant [s].")
 @click.option("--even/--no-even", default=True, show_default=True, help="How even it feels.")
+@click.option("--learning/--no-learning", default=True, help="Of friction and levels.")
 @SEED
 @click.option("--json", "as_json", is_flag=True)
 def main(
-    speed: float, gains: tuple[str, ...], mass: float | None, even: bool, seed: int, as_json: bool
-) -> None:
-    data = measure(speed, read_gains(gains), mass, seed)
-    found = how_even(speed, read_gains(gains), mass, seed) if even else {}
+    speed: float, gains: tuple[str, ...], mass: float | None, even: bool, learning: bool, seed: int,
+    as_json: bool,
+) -> None:  # fmt: skip
+    tune = partial(tuned, gains=read_gains(gains), mass_s=mass, learning=learning)
+    data = measure(speed, tune, seed)
+    found = how_even(speed, tune, seed) if even else {}
     data["even"] = even_data(found)
     if not as_json:
         click.echo(f"led at {speed:g} rad/s, seed {seed}; torques [Nm], work [J], moved [rad]")

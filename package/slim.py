@@ -4,8 +4,8 @@
 
 The wheels of Pinocchio bring headers and static libraries for those who compile against it, and
 each shared library under up to three names as so many copies, since a wheel has no links; numpy
-and scipy bring their tests. pip and setuptools have done their work by then: nothing is ever
-installed into a service.
+and scipy bring their tests, zstandard the same library once more for PyPy. pip and setuptools have
+done their work by then: nothing is ever installed into a service.
 """
 
 import os
@@ -19,9 +19,10 @@ UNUSED = (
     "cmeel.prefix/bin",
     "cmeel.prefix/lib/cmake",
     "cmeel.prefix/lib/pkgconfig",
-    "cmeel.prefix/lib/**/*.a",
+    "**/*.a",
     "scipy/**/tests",
-    "numpy/*/tests",
+    "numpy/**/tests",
+    "zstandard/_cffi.*",
     "pip",
     "pip-*.dist-info",
     "setuptools",

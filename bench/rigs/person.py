@@ -4,7 +4,7 @@ lockstep, and a hand at each link when it is asked for."""
 import re
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, cast
@@ -20,7 +20,6 @@ from daemon.commands.simulated_robot import describe
 from daemon.config.identified import IdentifiedJoint
 from daemon.config.load import Robot, load_robot
 from daemon.modes.table import Mode
-from errors import DriveError
 from estimator.model import Model
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.hand import Hand
@@ -35,6 +34,10 @@ Written = dict[str, Any]
 # Raised a little, so that the shoulder carries something; friction holds it while it is off.
 POSE = {"LShoulderPitch": 1.3}
 _TOLD = re.compile(r"Set\s+control\.position_gain\s+to\s+(\S+)")
+_MASSES = re.compile(r"contactd\s+identify\s+masses")
+_LONGER = re.compile(r"a\s+longer\s+motion\s+\(`--seconds`\)\s+tells\s+it\s+better")
+_AGAIN = re.compile(r"same\s+command\s+(goes\s+on|begins\s+anew)")
+_REPEATS = 4  # of one step, at most
 HAND_S = 1.0  # after which the person has read what to do
 IDLE_S = 0.01  # between ticks while a step computes
 
@@ -49,10 +52,6 @@ def poor_guesses(written: Written) -> None:
         # So high that nothing stops the arm while its friction is not known.
         joint["thresholds"] = {"contact": 0.45 * peak, "collision": 2.9 * peak}
         joint.pop("known", None)
-
-
-Mistakes = Mapping[str, tuple[Callable[[Written], None], str]]
-"""What is wrong, and the joint at which `identify wiring` finds it."""
 
 
 class OneHand:
@@ -164,36 +163,6 @@ class CommissionedArm:
         return [known.get(name, IdentifiedJoint()) for name in self.joints]
 
 
-def swapped_sign(written: Written) -> None:
-    """The elbow's motor counts the other way."""
-    written["joints"][2]["wiring"]["motor_sign"] = -1
-
-
-def wrong_gear(written: Written) -> None:
-    """A gear ratio that is wrong by a tenth."""
-    written["joints"][3]["wiring"]["gear"] *= 1.1
-
-
-def swapped_pair(written: Written) -> None:
-    """Swapped cables of two drives."""
-    first, second = (joint["wiring"] for joint in written["joints"][:2])
-    first["node"], second["node"] = second["node"], first["node"]
-
-
-def alike_pair(written: Written) -> None:
-    """Two swapped drives of one kind and rating: only the load differs."""
-    first, second = (joint["wiring"] for joint in written["joints"][5:])
-    first["node"], second["node"] = second["node"], first["node"]
-
-
-MISTAKES: Mistakes = {
-    "swapped sign": (swapped_sign, "LElbowRoll"),
-    "gear wrong by 10 %": (wrong_gear, "LElbowYaw"),
-    "swapped pair of joints": (swapped_pair, "LShoulderPitch"),
-    "swapped pair of joints with drives alike": (alike_pair, "LWristPitch"),
-}
-
-
 class Person:
     """A person and the steps that they take, in order; each returns True where it went well."""
 
@@ -206,13 +175,14 @@ class Person:
         **about: Any,
     ) -> None:
         """model: folder of the arm; `about` as of `CommissionedArm`."""
-        self._folder, self._seed, self._show, self._model = folder, seed, show, model
+        self.show, self._folder, self._seed, self._model = show, folder, seed, model
         self._about = {"pose": POSE} | about
         self.took: dict[str, float] = {}
         """Time of each step, of the arm [s]"""
-        self.arm = self._arm("an arm")
+        self.arm = self.another_arm("an arm")
 
-    def _arm(self, name: str, **about: Any) -> CommissionedArm:
+    def another_arm(self, name: str, **about: Any) -> CommissionedArm:
+        """An arm of the same make, with its own folders; `about` as of `CommissionedArm`."""
         more = about.pop("simulate", lambda s: s)
         return CommissionedArm(
             self._folder / name,
@@ -225,47 +195,46 @@ class Person:
         """One command, shown with the time that it took."""
         begun = time.monotonic()
         good = arm.identify(*words, hand=hand)
-        self._show(f"$ contactd identify {' '.join(words)}")
-        self._show(arm.output.rstrip())
+        self.show(f"$ contactd identify {' '.join(words)}")
+        self.show(arm.output.rstrip())
         passed = f"{arm.lasted_s:.0f} s of the arm, {time.monotonic() - begun:.0f} s here"
-        self._show(f"[{'good' if good else 'not all is good'}, {passed}]\n")
+        self.show(f"[{'good' if good else 'not all is good'}, {passed}]\n")
         return good
 
     def from_zero_to_armed(self) -> dict[str, bool]:
         """All steps, and whether arming was refused before and allowed after them."""
         arm = self.arm
         before = arm.arming_refusals()
-        self._show(f"$ contactctl arm\nrefused: {'; '.join(before)}\n")
+        self.show(f"$ contactctl arm\nrefused: {'; '.join(before)}\n")
         went = {"refused before": any("never checked" in reason for reason in before)}
-        for step in ("wiring", "gap", "friction", "thresholds"):
-            went[step] = self.identify(arm, step)
-            self.took[step] = round(arm.lasted_s, 1)
-            if told := _TOLD.search(arm.output):
-                arm.set_position_gain(float(told[1]))
-                went[step] = self.identify(arm, step)
-                self.took[step] += round(arm.lasted_s, 1)
+        for step in ("wiring", "gap", "friction"):
+            went[step] = self._as_told(step)
+        if _MASSES.search(arm.output):
+            went["masses"] = self._as_told("masses")
+            went["friction again"] = self._as_told("friction", name="friction again")
+        if _LONGER.search(arm.output):
+            longer = self._as_told("friction", "--seconds", "120", name="longer friction")
+            went["longer friction"] = longer
+        went["thresholds"] = self._as_told("thresholds")
         after = arm.arming_refusals()
-        self._show(f"$ contactctl arm\n{'refused: ' + '; '.join(after) if after else 'armed'}\n")
+        self.show(f"$ contactctl arm\n{'refused: ' + '; '.join(after) if after else 'armed'}\n")
         return went | {"armed after": not after}
 
-    def mistakes_found(self, mistakes: Mistakes = MISTAKES) -> dict[str, bool]:
-        """True for each mistake found by `identify wiring`, or earlier, when the daemon sets the
-        drives up."""
-        found = {}
-        for name, (change, joint) in mistakes.items():
-            arm = self._arm(name, change=change)
-            try:
-                passed = self.identify(arm, "wiring", joint)
-            except DriveError as error:
-                self._show(f"$ contactd run\n{error}\n")
-                found[name] = True
-            else:
-                found[name] = not passed and "nothing written" in arm.output
-        return found
+    def _as_told(self, step: str, *words: str, name: str = "") -> bool:
+        """One step, repeated with another position gain, or to go on, as often as that is told."""
+        arm, name = self.arm, name or step
+        for _ in range(_REPEATS):
+            good = self.identify(arm, step, *words)
+            self.took[name] = round(self.took.get(name, 0.0) + arm.lasted_s, 1)
+            if told := _TOLD.search(arm.output):
+                arm.set_position_gain(float(told[1]))
+            elif not _AGAIN.search(arm.output):
+                break
+        return good
 
     def friction_beside(self, name: str, seconds: int, **about: Any) -> CommissionedArm:
         """The friction step on another arm, whose gaps are known from the first."""
-        arm = self._arm(name, **about)
+        arm = self.another_arm(name, **about)
         shutil.copy(self.arm.folder / "identified.yaml", arm.folder)
         self.identify(arm, "friction", "--seconds", str(seconds))
         return arm

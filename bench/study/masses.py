@@ -97,11 +97,12 @@ class Subjects:
         self.arms = [wrongly_weighed(arm, self.rng) for arm in plain]
 
     def moved(
-        self, arms: list[PlantParameters], seconds: float, seed: int, turn_s: float = 8.0
+        self, arms: list[PlantParameters], seconds: float, seed: int, *turn_s: float
     ) -> list[MotionLog]:
-        """Logs of an excitation of all joints."""
+        """Logs of an excitation of all joints; turn_s: its periods, where they are not the
+        usual."""
         period = self.c.period_s
-        motion = excitation(bounds_of(self.c), self.model, period, seed, turn_s)
+        motion = excitation(bounds_of(self.c), self.model, period, seed, *turn_s)
         path = motion.path(motion.motion.at(np.zeros(1))[0][0], seconds)
         return record_fleet(
             self.description, arms, along(path, period), len(path) * period, self.settings
@@ -211,7 +212,7 @@ def _load(subjects: Subjects, arm: PlantParameters, bodies: dict[str, BodyInerti
     rng = subjects.rng
     place = subjects.model.tool_place + rng.uniform(-AWAY_M, AWAY_M, 3)
     load = Payload.of(float(rng.uniform(LIGHTEST, HEAVIEST)), place.tolist())
-    log = subjects.moved([carrying(arm, subjects.model, load)], 10.0, seed=4, turn_s=10.0)[0]
+    log = subjects.moved([carrying(arm, subjects.model, load)], 10.0, 4, 10.0, 10.0)[0]
     c = with_bodies(subjects.c, bodies)
     fit = identify_payload(
         log, model_of(c, subjects.robot.urdf), build_transmission(c), c.estimator,

@@ -12,11 +12,14 @@ from daemon.config.dynamics import model_of
 from daemon.config.load import Robot
 from daemon.config.marks import marks
 from daemon.config.motion import row
+from daemon.config.schema import Configuration
 from daemon.config.worst_loads import Carrying
 from daemon.identify.measured import Measured
 from daemon.identify.steps import Line, Outcome
+from daemon.identify.swinging import told
 from errors import ConfigurationError
 from estimator.body_inertia import BodyInertia
+from estimator.identification.limit_cycle import limit_cycles
 from estimator.identification.log_checks import refuse_implausible
 from estimator.identification.masses import (
     SHORTEST_S,
@@ -49,6 +52,7 @@ def masses_step(
     found = identify_masses(
         measured.log, model, build_transmission(c), c.estimator, limit, limits, shortest_s
     )
+    found = replace(found, fits=_standing(found.fits, measured, c))
     nominal = [BodyInertia.of(p) if p[0] > 0.0 else None for p in model.parameters()]
     lines = [
         Line(
@@ -74,6 +78,20 @@ def masses_step(
             if fit.body is not None
         }
     return Outcome(lines, entries, measured.notes + _masses_notes(found))
+
+
+def _standing(fits: list[MassesFit], measured: Measured, c: Configuration) -> list[MassesFit]:
+    """Fits, without those of joints that swung by themselves, as far as that shows."""
+    if measured.reference is None:
+        return fits
+    cycles = limit_cycles(measured.log, measured.reference, row(c, lambda j: j.half_gap))
+    why = {one.joint: told([one], c.control.position_gain) for one in cycles if one.spoils}
+    return [
+        replace(fit, verdict=MassesVerdict.SWINGS, reason=why[fit.joint])
+        if fit.joint in why
+        else fit
+        for fit in fits
+    ]
 
 
 def _masses_figures(fit: MassesFit, nominal: BodyInertia | None) -> str:

@@ -39,7 +39,7 @@ def thresholds_step(
     log = measured.log
     levels = _standing(
         identify_levels(log.joints, log.period_s, _motion(measured), settings),
-        limit_cycles(log, measured.reference),
+        limit_cycles(log, measured.reference, row(c, lambda j: j.half_gap)),
         measured.gain or c.control.position_gain,
     )
     lines, entries, notes = [], dict[str, file.Entry](), list(measured.notes)

@@ -15,12 +15,14 @@ from arrays import Matrix, Vector
 from daemon.config.dynamics import model_of
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot
+from daemon.config.motion import row
 from daemon.faults.table import Condition
 from daemon.identify.live_strokes import StrokesOfJoint, UnobservableError, searched
 from daemon.identify.measured import Measured, read_measured, refuse_incompatible
 from daemon.identify.motions import (
     HAND_S,
     REPEATS_S,
+    SLOWEST_S,
     TURNS_S,
     WIDEST_GUESS,
     WIRING_TRAVEL,
@@ -74,6 +76,7 @@ class LiveArm:
         self._session, self._console = session, console
         self._c, self._names = robot.configuration, robot.configuration.joint_names
         self._model = model_of(self._c, robot.urdf)
+        self._half_gap = row(self._c, lambda j: j.half_gap)
         self._far = False  # it was moved by its links, and not by its motors a little
         if not samples_alike(session.configuration(), self._c):
             raise ConfigurationError(
@@ -209,7 +212,7 @@ class LiveArm:
         """Move all joints along a short one, with the load in the hand."""
         step = "payload"
         self._forget(step)  # of another load, perhaps
-        motion = excitation(bounds_of(self._c), self._model, self._c.period_s, 4, seconds)
+        motion = excitation(bounds_of(self._c), self._model, self._c.period_s, 4, seconds, seconds)
         path = motion.path(np.array(self._session.hold().link_position), seconds)
         text = f"all joints move with {name}, hands off"
         self._move(step, text, path, warning=load_felt, to_go_on="The same command begins anew")
@@ -217,7 +220,7 @@ class LiveArm:
 
     def encoders(self, seconds: float) -> Measured:
         """Move all joints slowly through most of their range."""
-        return self._excite("encoders", seconds, seed=1, repeats_s=TURNS_S)
+        return self._excite("encoders", seconds, seed=1, turns_s=(TURNS_S, TURNS_S))
 
     def thresholds(self, seconds: float) -> Measured:
         """Move all joints along another excitation, and take the residuals, too."""
@@ -312,10 +315,10 @@ class LiveArm:
         seed: int,
         *,
         residuals: bool = False,
-        repeats_s: float = REPEATS_S,
+        turns_s: tuple[float, float] = (REPEATS_S, SLOWEST_S),
     ) -> Measured:
         bounds, period_s = bounds_of(self._c), self._c.period_s
-        motion = excitation(bounds, self._model, period_s, seed, repeats_s)
+        motion = excitation(bounds, self._model, period_s, seed, *turns_s)
         already = 0.0
         if (before := self._before(step, residuals=residuals)) is not None:
             # Each began with the way to the excitation, which teaches little and does not count.
@@ -325,7 +328,7 @@ class LiveArm:
             self._tell(f"{already:.0f} s of {seconds:.0f} s are measured already")
         if seconds - already > 1.0:
             path = motion.path(np.array(self._session.hold().link_position), seconds - already)
-            watch = SwingWatch(self._names, self._c.control.position_gain)
+            watch = SwingWatch(self._names, self._c.control.position_gain, self._half_gap)
             self._move(step, "all joints move, hands off", path, watch.saw, warning=discarded)
         return self._read(step)
 

@@ -17,8 +17,11 @@ from estimator.model import Model
 
 SHARE = 0.7
 """Share of the range, velocity and acceleration that the limits allow."""
-REPEATS_S = 8.0
-"""Period of an excitation for friction and levels [s]."""
+REPEATS_S = 32.0
+"""Period of an excitation for masses, friction and levels [s]: what repeats tells nothing new, and
+what is wrong about it repeats, too."""
+SLOWEST_S = 8.0
+"""Period of its slowest harmonic [s]."""
 TURNS_S = 60.0
 """Of one that takes links through most of their range [s], for what encoders err with a turn."""
 HAND_S = 300.0
@@ -57,12 +60,17 @@ class Excitation:
 
 
 def excitation(
-    bounds: Bounds, model: Model, period_s: float, seed: int, repeats_s: float = REPEATS_S
+    bounds: Bounds,
+    model: Model,
+    period_s: float,
+    seed: int,
+    repeats_s: float = REPEATS_S,
+    slowest_s: float = SLOWEST_S,
 ) -> Excitation:
-    """Random excitation within the bounds, that repeats after so long; the same for the same
-    seed."""
-    rng = np.random.default_rng(seed)
-    motion = fourier_within(bounds.shrunk(SHARE), model, rng, period_s=repeats_s)
+    """Random excitation within the bounds, that repeats after so long, with a slowest harmonic of
+    so long; the same for the same seed."""
+    rng, lowest = np.random.default_rng(seed), round(repeats_s / slowest_s)
+    motion = fourier_within(bounds.shrunk(SHARE), model, rng, period_s=repeats_s, lowest=lowest)
     return Excitation(motion, slow(bounds), period_s)
 
 

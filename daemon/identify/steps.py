@@ -15,6 +15,7 @@ from daemon.identify.measured import Measured
 from daemon.identify.swinging import told
 from estimator.identification.friction import (
     SHORTEST_S,
+    WIDE,
     FrictionFit,
     Reconstruction,
     adopt,
@@ -101,8 +102,11 @@ def friction_step(
     refuse_implausible(measured.log, limit)
     old = build_transmission(c)
     model = model_of(c, robot.urdf)
-    cycles = limit_cycles(measured.log, measured.reference)
-    fits, shown = identify_friction(measured.log, model, old, c.estimator, limit, shortest_s)
+    cycles = limit_cycles(measured.log, measured.reference, old.half_gap)
+    weighed = any(joint.body is not None for joint in c.joints)
+    fits, shown = identify_friction(
+        measured.log, model, old, c.estimator, limit, shortest_s, weighed=weighed
+    )
     gain = None if measured.reference is None else measured.gain or c.control.position_gain
     if gain is not None:
         fits = _standing(fits, cycles, gain)
@@ -130,6 +134,8 @@ def friction_step(
                 rotor_inertia=rotor,
             )
     notes = measured.notes
+    if unsure := [fit for fit in fits if fit.verdict is Verdict.GOOD and fit.unsure > WIDE]:
+        notes += (_surer(unsure, weighed=weighed),)
     if now_and_then := [one for one in cycles if gain is None or not one.spoils]:
         notes += (told(now_and_then, gain),)
     if shown.touched:
@@ -139,6 +145,15 @@ def friction_step(
         notes += ("B is not trusted: the drives do not filter their current "
                   "(estimator.current_delay_ms is 0); the old values stay",)  # fmt: skip
     return Outcome(lines, entries, notes, shown)
+
+
+def _surer(fits: list[FrictionFit], *, weighed: bool) -> str:
+    """How friction that is good, and not known well, is known better."""
+    about = ", ".join(f"{fit.joint} to +-{50.0 * fit.unsure:.0f} %" for fit in fits)
+    if weighed:
+        return f"friction is known of {about}: a longer motion (`--seconds`) tells it better"
+    return (f"friction is known of {about}, as the URDF's masses may be off: run "
+            "`contactd identify masses`, then `friction` again")  # fmt: skip
 
 
 def _standing(fits: list[FrictionFit], cycles: list[LimitCycle], gain: float) -> list[FrictionFit]:

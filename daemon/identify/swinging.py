@@ -41,8 +41,9 @@ def told(cycles: Sequence[LimitCycle], gain: float | None) -> str:
 class SwingWatch:
     """Joints that swing while their States come: the last seconds, looked at now and then."""
 
-    def __init__(self, joints: Sequence[str], gain: float) -> None:
-        self._joints, self._gain = tuple(joints), gain
+    def __init__(self, joints: Sequence[str], gain: float, half_gap: Vector) -> None:
+        """gain: of the position loop [1/s]; half_gap (n,) [rad]."""
+        self._joints, self._gain, self._half_gap = tuple(joints), gain, half_gap
         self._states: list[State] = []
         self._told = False
 
@@ -55,7 +56,7 @@ class SwingWatch:
         begun, now = self._states[0].time_s if self._states else state.time_s, state.time_s
         if now - begun < _LOOKED_AT_S:
             return ""
-        text = told(limit_cycles(*self._log()), self._gain)
+        text = told(limit_cycles(*self._log(), self._half_gap), self._gain)
         self._told = bool(text)
         self._states = [s for s in self._states if now - s.time_s < _LOOKED_AT_S - _EVERY_S]
         return text

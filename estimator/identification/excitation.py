@@ -10,7 +10,7 @@ from errors import ModelError
 from estimator.model import Model
 
 HARMONICS = 6
-_SAMPLES = 200  # of one period, where bounds and conditioning are looked at
+_SAMPLES = 200  # of the slowest harmonic's period, where bounds and conditioning are looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,8 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class Fourier:
-    """q(s) = center + sum over k of sine_k sin(k w s) + cosine_k cos(k w s), w = 2 pi / period."""
+    """q(s) = center + sum over k >= lowest of sine_k sin(k w s) + cosine_k cos(k w s),
+    w = 2 pi / period."""
 
     center: Vector
     """(n,) [rad]"""
@@ -41,10 +42,12 @@ class Fourier:
     cosine: Matrix
     """(harmonics, n) [rad]"""
     period_s: float
+    lowest: int = 1
+    """Number of the first harmonic: that many turns fit into the period"""
 
     def at(self, s: Vector) -> tuple[Matrix, Matrix, Matrix]:
         """q, dq/ds and d2q/ds2 at path times s (N,), each of shape (N, n)."""
-        w = 2.0 * np.pi / self.period_s * np.arange(1, len(self.sine) + 1)
+        w = 2.0 * np.pi / self.period_s * (self.lowest + np.arange(len(self.sine)))
         angle = s[:, None] * w
         sin, cos = np.sin(angle), np.cos(angle)
         return (
@@ -60,23 +63,26 @@ def fourier_within(
     rng: np.random.Generator,
     *,
     period_s: float = 8.0,
+    lowest: int = 1,
     restarts: int = 100,
     sign_width: float = 0.02,
 ) -> Fourier:
     """The best conditioned of `restarts` random series that use the bounds as far as they can.
+
+    lowest: number of the slowest harmonic in `period_s`; the fastest is HARMONICS times as fast.
 
     Raises ModelError where a joint has no room to move.
     """
     for name, room in zip(model.names, bounds.upper - bounds.lower, strict=True):
         if not room > 0.0:
             raise ModelError(f"{name} has no room for an excitation")
-    candidates = (_random_series(bounds, rng, period_s) for _ in range(restarts))
+    candidates = (_random_series(bounds, rng, period_s, lowest) for _ in range(restarts))
     return min(candidates, key=lambda f: float(condition(f, model, sign_width).max()))
 
 
 def condition(motion: Fourier, model: Model, sign_width: float) -> Vector:
     """Condition number (n,) of each joint's scaled columns: Coulomb, viscous, rotor, gravity."""
-    s = np.linspace(0.0, motion.period_s, _SAMPLES, endpoint=False)
+    s = np.linspace(0.0, motion.period_s, motion.lowest * _SAMPLES, endpoint=False)
     q, v, a = motion.at(s)
     g = np.array([model.gravity(row) for row in q])
     columns = np.stack([np.tanh(v / sign_width), v, a, g, np.ones_like(g)], axis=2)
@@ -88,12 +94,14 @@ def condition(motion: Fourier, model: Model, sign_width: float) -> Vector:
     return np.asarray(values[:, 0] / smallest)
 
 
-def _random_series(bounds: Bounds, rng: np.random.Generator, period_s: float) -> Fourier:
-    n = len(bounds.lower)
-    fade = np.sqrt(1.0 / np.arange(1, HARMONICS + 1))[:, None]
-    sine, cosine = rng.standard_normal((2, HARMONICS, n)) * fade
-    raw = Fourier(np.zeros(n), sine, cosine, period_s)
-    q, v, a = raw.at(np.linspace(0.0, period_s, _SAMPLES))
+def _random_series(
+    bounds: Bounds, rng: np.random.Generator, period_s: float, lowest: int
+) -> Fourier:
+    n, number = len(bounds.lower), np.arange(lowest, HARMONICS * lowest + 1)
+    fade = np.sqrt(1.0 / number)[:, None]
+    sine, cosine = rng.standard_normal((2, len(number), n)) * fade
+    raw = Fourier(np.zeros(n), sine, cosine, period_s, lowest)
+    q, v, a = raw.at(np.linspace(0.0, period_s, lowest * _SAMPLES))
     low, high = q.min(axis=0), q.max(axis=0)
     scale = np.minimum.reduce(
         [
@@ -104,7 +112,7 @@ def _random_series(bounds: Bounds, rng: np.random.Generator, period_s: float) ->
     )
     # In the middle of the range where the motion is smaller than it.
     center = 0.5 * (bounds.lower + bounds.upper - scale * (low + high))
-    return Fourier(center, scale * sine, scale * cosine, period_s)
+    return Fourier(center, scale * sine, scale * cosine, period_s, lowest)
 
 
 def soft_run(length_s: float, ramp_s: float, dt: float) -> Vector:

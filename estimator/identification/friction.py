@@ -38,15 +38,23 @@ from estimator.identification.sticking import SURE, held
 from estimator.identification.touches import near
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
-from estimator.transmission import Transmission, smooth_sign, stiction_range
+from estimator.transmission import Transmission, stiction_range
 
 SHORTEST_S = 10.0
 """Least motion [s] unless less is asked for."""
 _ROUNDS = 3
-_MASSES_OFF = 0.03
-"""Least share by which masses of a URDF are believed to be off."""
+_BY_URDF, _IDENTIFIED = 0.03, 0.01
+"""Least shares by which masses are believed to be off."""
 _CONSTANT_OFF = 0.015
 """By which a torque constant is believed to be."""
+WIDE = 0.15
+"""Width of the interval of a friction over it, beyond which it is worth to know it better."""
+_95 = 1.96  # standard errors in half of a 95 % interval
+_MATTERS = 0.1
+_SHOWS = 0.3
+"""Of Coulomb friction, by which gravity changes at least where it is compared."""
+_NEAR_REST = 0.002
+"""Of Coulomb friction, by which it may seem to depend on speed: near rest it is not quite so."""
 _SURE = 6.0
 """Standard errors from zero at which friction seen in the gap is believed: they are those of noise,
 and it was up to four of them off the truth."""
@@ -70,7 +78,8 @@ class FrictionFit:
     condition: float
     """Condition number of the scaled columns that count while engaged."""
     gravity_scale: float
-    """K_c current over the URDF's torque, 1 where they agree; NaN where gravity does not act."""
+    """Gravity that the motor carries, by K_c, over the model's: 1 where they agree; NaN where
+    gravity hardly changes."""
     rotor_trusted: bool
     """False: the drives do not filter their current, and B comes from aliased samples."""
     stiction: float
@@ -82,6 +91,16 @@ class FrictionFit:
     def stiction_known(self) -> bool:
         """True where `stiction` showed clearly."""
         return self.stiction_error < SURE
+
+    @property
+    def unsure(self) -> float:
+        """Width of the 95 % interval of the friction over it, the wider of Coulomb and viscous;
+        viscous friction that is a tenth of the other at 1 rad/s does not matter."""
+        coulomb, viscous = self.values["K_theta_s"], self.values["K_theta_v"]
+        least = max(_MATTERS * coulomb, 1e-9)
+        wide = (self.errors["K_theta_s"] / max(coulomb, least),
+                self.errors["K_theta_v"] / max(viscous, least))  # fmt: skip
+        return 2.0 * _95 * max(wide)
 
     def link_friction(self, name: str) -> float | None:
         """K_q_s or K_q_v where the gap showed it clearly, else None."""
@@ -110,10 +129,13 @@ def identify_friction(
     settings: EstimatorSettings,
     max_current: Vector,
     shortest_s: float = SHORTEST_S,
+    *,
+    weighed: bool = False,
 ) -> tuple[list[FrictionFit], Reconstruction]:
     """Coefficients of every joint from contact-free motion.
 
-    transmission: half-gaps as identified, and friction to begin with; max_current (n,) [A].
+    transmission: half-gaps as identified, and friction to begin with; max_current (n,) [A];
+    weighed: the model has identified masses.
     Raises LogError for a log of less than `shortest_s`.
     """
     if log.measured_s + log.period_s < shortest_s - 1e-6:
@@ -139,7 +161,7 @@ def identify_friction(
             for i, one in enumerate(solved)
         ]
         transmission = adopt(transmission, fits)
-    fits = _with_what_is_believed(fits, solved, found, rows)
+    fits = _with_what_is_believed(fits, solved, found, rows, _IDENTIFIED if weighed else _BY_URDF)
     fits = _uncoupled(fits, solved, rows, transmission.sign_width)
     shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
     by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
@@ -148,13 +170,18 @@ def identify_friction(
 
 
 def _with_what_is_believed(
-    fits: list[FrictionFit], solved: list[Solution], found: Regression, rows: Intervals
+    fits: list[FrictionFit],
+    solved: list[Solution],
+    found: Regression,
+    rows: Intervals,
+    least_off: float,
 ) -> list[FrictionFit]:
-    """Fits whose errors also bear what a log cannot tell: the torque constant's own error, and the
-    URDF's inertial torque, which comes out as rotor and friction, off by as much as gravity is."""
+    """Fits whose errors also bear what a log cannot tell: the torque constant's own error; the
+    model's inertial torque, which comes out as rotor and friction, off by as much as gravity is,
+    and by a share of `least_off` at least; and Coulomb friction that is taken for viscous."""
     scales = np.array([fit.gravity_scale for fit in fits])
     shown = scales[np.isfinite(scales)]
-    off = max(float(np.sqrt(np.square(shown - 1.0).mean())) if len(shown) else 0.0, _MASSES_OFF)
+    off = max(float(np.sqrt(np.square(shown - 1.0).mean())) if len(shown) else 0.0, least_off)
     inertial = low_pass(rows.inertial - rows.gravity, rows, GAIN)
     new = []
     for i, (fit, one) in enumerate(zip(fits, solved, strict=True)):
@@ -166,6 +193,10 @@ def _with_what_is_believed(
             if name in errors:
                 parts = (errors[name], off * bias[k], _CONSTANT_OFF * fit.values[name])
                 errors[name] = float(np.linalg.norm(parts))
+        if "K_theta_v" in errors:
+            speed = max(float(np.sqrt(np.square(rows.theta_dot[:, i]).mean())), 1e-9)
+            near_rest = _NEAR_REST * fit.values["K_theta_s"] / speed
+            errors["K_theta_v"] = float(np.hypot(errors["K_theta_v"], near_rest))
         new.append(replace(fit, errors=errors))
     return new
 
@@ -235,7 +266,8 @@ def _judged(
     play_of_joint: float,
     settings: EstimatorSettings,
 ) -> FrictionFit:
-    gravity = _gravity_scale(i, rows, t, solved.coefficients)
+    shows = float(np.ptp(rows.gravity[:, i])) >= _SHOWS * solved.coefficients[0]
+    gravity = solved.gravity if shows else float("nan")
     verdict, reason = verdict_on(rows.theta_dot[:, i], float(cut[:, i].mean()), gravity, solved)
     if about := wider(play_of_joint, float(t.half_gap[i])):
         verdict, reason = Verdict.WRONG_GAP, about
@@ -253,15 +285,3 @@ def _judged(
         stiction=solved.stiction,
         stiction_error=solved.stiction_error,
     )
-
-
-def _gravity_scale(i: int, rows: Intervals, t: Transmission, coefficients: Vector) -> float:
-    """K_c current less friction and rotor over the links' torque by the URDF, both low-passed so
-    far (2 /s) that the gap does not matter. NaN where gravity is too small to compare."""
-    if float(np.ptp(rows.gravity[:, i])) < 0.3 * coefficients[0]:
-        return float("nan")
-    rub = coefficients[0] * smooth_sign(rows.theta_dot[:, i], t.sign_width)
-    rub = rub + coefficients[1] * rows.theta_dot[:, i] + coefficients[2] * rows.theta_ddot[:, i]
-    given = t.torque_constant[i] * rows.current[:, i] - rub
-    pair = low_pass(np.stack([given, rows.inertial[:, i]], axis=1), rows, 2.0)
-    return float(pair[:, 0] @ pair[:, 1] / (pair[:, 1] @ pair[:, 1]))

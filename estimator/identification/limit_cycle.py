@@ -2,8 +2,9 @@
 
 A loop on the link's position swings to and fro through a gap whose link nothing holds: by as much
 as the gap is wide, and at a frequency that falls with the loop's gain. It shows as a steady line in
-the motor's velocity beside what was commanded. What rings after a reversal fades; what an
-excitation commands lies below `LOWEST_HZ`.
+the motor's velocity beside what was commanded, and link and rotor meet both borders of the gap
+with each swing. What rings after a reversal fades, or at one border; what an excitation commands
+lies below `LOWEST_HZ`.
 """
 
 from dataclasses import dataclass
@@ -22,9 +23,14 @@ _LINE = 3  # bins to either side that a steady line takes under Hann's window
 _SHARE = 0.6  # of the power above `LOWEST_HZ` that one line has
 _SMALLEST = 0.001  # amplitude of the motor [rad at the link] that is worth telling
 _FADED = 0.3  # of its amplitude within a window: that rings, and ends
+_ACROSS = 0.6
+"""Of the half-gap that phi swings by: 1.2 and more where nothing disturbs it, 0.7 and more in an
+excitation; what rings after each reversal of one reached 0.5."""
 _STEADY = 0.2  # by which the frequency may wander from window to window
 _IN_A_ROW = 3  # windows: what repeats with an excitation is over by then
 _SPOILS = 0.4
+_LEAST = 0.001  # [rad]: of a joint without a gap, or with one that nobody knows
+_NONE = (0.0, 0.0)
 ENDING_SHARE = 0.25
 """Of the present gain, with which the cycle ends: `tests/bench/test_upright_arm.py`."""
 
@@ -48,15 +54,20 @@ class LimitCycle:
         return self.share > _SPOILS
 
 
-def limit_cycles(log: MotionLog, commanded: Matrix | None = None) -> list[LimitCycle]:
+def limit_cycles(
+    log: MotionLog, commanded: Matrix | None = None, half_gap: Vector | None = None
+) -> list[LimitCycle]:
     """Joints that swing by themselves, those that swing furthest first.
 
     commanded (N, n): reference of the link positions [rad], where it is known; without it, a motion
-    that was commanded above `LOWEST_HZ` is taken for a cycle, too.
+    that was commanded above `LOWEST_HZ` is taken for a cycle, too. half_gap (n,) [rad]: a joint
+    swings only if it crosses its gap; without it, what rings is taken for a cycle where it rings
+    all the time.
     """
     width = round(WINDOW_S / log.period_s)
     if width < 8:
         return []
+    across = np.zeros(log.n) if half_gap is None else _ACROSS * np.maximum(half_gap, _LEAST)
     found = []
     for i, name in enumerate(log.joints):
         runs: list[list[tuple[float, float]]] = []
@@ -67,7 +78,14 @@ def limit_cycles(log: MotionLog, commanded: Matrix | None = None) -> list[LimitC
                 asked = np.gradient(commanded[rows, i], log.time_s[rows])
             starts = range(0, len(w) - width + 1, max(1, round(_HOP * width)))
             windows = [slice(a, a + width) for a in starts]
-            runs += _steady([_line(w[part], asked[part], log.period_s) for part in windows])
+            lines = [_line(w[part], asked[part], log.period_s) for part in windows]
+            if across[i] > 0.0:
+                apart = log.link_position[rows, i] - np.cumsum(w) * log.period_s
+                lines = [
+                    line if _amplitude(apart[part], line[0], log.period_s) > across[i] else _NONE
+                    for line, part in zip(lines, windows, strict=True)
+                ]
+            runs += _steady(lines)
         if not runs:
             continue
         swung = [line for run in runs for line in run]
@@ -97,11 +115,17 @@ def _line(w: Vector, asked: Vector, period_s: float) -> tuple[float, float]:
         or line < _SHARE * whole
         or spectrum[k] < max(spectrum[k - 1], _spectrum(asked)[k])
     ):
-        return 0.0, 0.0
+        return _NONE
     at = float(power[near] @ frequency[near] / power[near].sum())
     amplitude = 2.0 * float(spectrum[k]) / float(np.hanning(len(w)).sum()) / (2.0 * np.pi * at)
     steady = amplitude > _SMALLEST and _faintest(w, at, period_s) > _FADED
-    return (at, amplitude) if steady else (0.0, 0.0)
+    return (at, amplitude) if steady else _NONE
+
+
+def _amplitude(x: Vector, hertz: float, period_s: float) -> float:
+    """Amplitude of the line near a frequency in a window (N,) [rad]."""
+    k = round(hertz * len(x) * period_s)
+    return 2.0 * float(_spectrum(x)[max(k - 1, 0) : k + 2].max()) / float(np.hanning(len(x)).sum())
 
 
 def _spectrum(w: Vector) -> Vector:

@@ -51,6 +51,7 @@ class MassesVerdict(StrEnum):
     WRONG_GAP = "the gap is wider"
     COUPLED = "coupled with another joint"
     WORSE = "worse on held-out motion"
+    SWINGS = "swings by itself"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -61,6 +61,8 @@ class Solution:
     r2: float
     condition: float
     """Condition number of the three columns that count while engaged"""
+    gravity: float
+    """What the motor carries of the model's gravity, by the torque constant: 1 where they agree"""
     touched: Mask
     """(N,) True where something else than friction acted"""
     stiction: float
@@ -138,11 +140,10 @@ def solve_joint(
         more[pair] = True
         if (better := _held_out(A, N, y, weight, more, train)) > r2 + _WORTH:
             used, r2 = more, better
-    coefficients, errors, condition = _solve(A, N, y, weight, used, rows.time_s)
+    coefficients, nuisance, errors, condition = _solve(A, N, y, weight, used, rows.time_s)
     left = _unexplained(A, N, y, weight, used)
     touched = touches(rows, left, clean, float(coefficients[0]))
     # Once more with the rows near rest, which all others had to do without.
-    _, nuisance = _lsq(A, N, y, weight, used)
     stiction, stiction_error = sticking_share(
         y - A @ coefficients - N[:, :2] @ nuisance[:2],
         coefficients[0] * N[:, 2],
@@ -150,8 +151,10 @@ def solve_joint(
         rows.time_s,
     )
     return Solution(
-        coefficients, errors, r2, condition, touched, stiction, stiction_error, left, weight
-    )
+        coefficients=coefficients, errors=errors, r2=r2, condition=condition,
+        gravity=1.0 - float(nuisance[0]), touched=touched, stiction=stiction,
+        stiction_error=stiction_error, left=left, weight=weight,
+    )  # fmt: skip
 
 
 def weights_of(rows: Intervals, i: int, where: Located, cut: Mask, rest: Vector) -> Vector:
@@ -215,16 +218,17 @@ def _held_out(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train
 
 def _solve(
     A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, time_s: Vector
-) -> tuple[Vector, Vector, float]:
-    """Coefficients, standard errors and condition number, of the whole motion."""
+) -> tuple[Vector, Vector, Vector, float]:
+    """Coefficients, those of the nuisance, standard errors and condition number, of the whole
+    motion."""
     errors = np.full(A.shape[1], np.nan)
     X = np.hstack([A[:, used], N]) * weight[:, None]
     scale = np.sqrt(np.square(X).mean(axis=0))
     seen = scale > 1e-12
     count = int(used.sum())
     if weight.sum() < 50.0 or not seen[:count].all():
-        return np.zeros(A.shape[1]), errors, float("inf")
-    coefficients, _ = _lsq(A, N, y, weight, used)
+        return np.zeros(A.shape[1]), np.zeros(N.shape[1]), errors, float("inf")
+    coefficients, nuisance = _lsq(A, N, y, weight, used)
     X = X[:, seen] / scale[seen]
     # What is left is alike for long, so rows are not independent: take blocks (sandwich).
     inverse = np.linalg.pinv(X.T @ X)
@@ -234,7 +238,7 @@ def _solve(
     sums = np.add.reduceat(left, starts, axis=0)
     variance = np.diag(inverse @ (sums.T @ sums) @ inverse)
     errors[used] = np.sqrt(variance[:count]) / scale[:count]
-    return coefficients, errors, _condition(A[:, _ENGAGED], weight)
+    return coefficients, nuisance, errors, _condition(A[:, _ENGAGED], weight)
 
 
 def _condition(A: Matrix, weight: Vector) -> float:

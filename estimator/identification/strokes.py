@@ -131,7 +131,7 @@ def _fitted(
     alpha, fit = half, None
     for _ in range(6):
         free, off = _free_torque(seen, seen.phi - center, alpha)
-        rows = _carried(seen, seen.phi - center, alpha, free)
+        rows = _carried(seen, seen.phi - center, alpha, free, off)
         if rows is None:
             break
         # As far as theta drifts, phi does: the motor stands where the middle of the gap says.
@@ -168,7 +168,7 @@ class _Carried:
     stroke: Vector
 
 
-def _carried(seen: Samples, phi: Vector, alpha: float, free: float) -> _Carried | None:
+def _carried(seen: Samples, phi: Vector, alpha: float, free: float, off: float) -> _Carried | None:
     side = -np.sign(phi)
     outer = np.abs(phi) > 0.5 * alpha
     plateau = seen.late & outer & (np.abs(seen.follows) < 0.25)
@@ -179,7 +179,8 @@ def _carried(seen: Samples, phi: Vector, alpha: float, free: float) -> _Carried 
     enough = 0.3 * np.where(side > 0.0, usual[1.0], usual[-1.0])
     into = seen.late & ~plateau & outer & (side == seen.direction)
     noise = 1.4826 * float(np.median(np.abs(np.diff(seen.torque)))) / np.sqrt(2.0)
-    into &= load * side > np.maximum(enough, 4.0 * noise)
+    # What a link that falls through its gap seems to load, friction being no better known, is none.
+    into &= load * side > np.maximum(enough, max(4.0 * noise, off))
     block = np.round(seen.time_s / _BLOCK_S)
     keys = np.where(plateau, block, -1.0 - np.arange(len(phi)))
     rows = plateau | into

@@ -15,6 +15,7 @@ KEPT = (
     "lib/python3.11/site-packages/cmeel.prefix/lib/libcoal.so.1",
     "lib/python3.11/site-packages/daemon/tests.py",
     "lib/python3.11/site-packages/numpy/testing/__init__.py",
+    "lib/python3.11/site-packages/zstandard/backend_c.cpython-311-x86_64-linux-gnu.so",
     "pyvenv.cfg",
 )
 GONE = (
@@ -22,9 +23,13 @@ GONE = (
     "bin/assimp",
     "lib/python3.11/site-packages/cmeel.prefix/include/coal/coal.hh",
     "lib/python3.11/site-packages/cmeel.prefix/lib/liboctomap.a",
+    "lib/python3.11/site-packages/numpy/_core/lib/libnpymath.a",
+    "lib/python3.11/site-packages/numpy/ma/tests/test_it.py",
+    "lib/python3.11/site-packages/numpy/tests/test_it.py",
     "lib/python3.11/site-packages/pip/__init__.py",
     "lib/python3.11/site-packages/pip-23.0.1.dist-info/METADATA",
     "lib/python3.11/site-packages/scipy/optimize/tests/test_it.py",
+    "lib/python3.11/site-packages/zstandard/_cffi.cpython-311-x86_64-linux-gnu.so",
 )
 
 

@@ -28,6 +28,7 @@ from tests.system.stand import (
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--system", action="store_true", help="use this machine's systemd and can0")
     parser.addoption("--package", help="install this Debian package on a machine that has none")
+    parser.addoption("--upgrade", help="and update it to this one, which is newer")
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -45,6 +46,12 @@ def file_of(request: pytest.FixtureRequest, option: str) -> Path:
 def package(request: pytest.FixtureRequest) -> Path:
     """The package to install on this machine, which keeps nothing of what it had."""
     return file_of(request, "--package")
+
+
+@pytest.fixture(scope="session")
+def upgrade(request: pytest.FixtureRequest) -> Path:
+    """The newer package."""
+    return file_of(request, "--upgrade")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -7,6 +7,7 @@ test_package_rebooted.py.
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tests.system.owner import (
     INSTALLED,
@@ -22,6 +23,12 @@ from tests.system.owner import (
 from tests.system.stand import run, wait_for
 
 PAGE = "installing.md"
+SHARED = (
+    "man/man1/{}.1",
+    "bash-completion/completions/{}",
+    "zsh/vendor-completions/_{}",
+    "fish/vendor_completions.d/{}.fish",
+)
 
 
 @pytest.fixture(scope="module")
@@ -41,8 +48,8 @@ def test_it_is_installed_and_nothing_of_it_runs(owner: Owner, vcan: bool) -> Non
     assert not INSTALLED.exists()
     for name in ("contactd", "contactctl", "contactd-web", "contactd-zenoh"):
         owner.shell(f"{name} --help >/dev/null")
-    for name in ("man/man1/contactctl.1", "bash-completion/completions/contactctl"):
-        owner.shell(f"test -r /usr/share/{name}")
+        for page in SHARED:
+            owner.shell(f"test -r /usr/share/{page.format(name)}")
     put_up_the_arm(vcan)
 
 
@@ -66,20 +73,19 @@ def test_it_is_started_and_the_owner_may_command_it_and_read_its_log(
     assert "ready, off" in owner.shell("journalctl -u contactd --no-pager").stdout
 
 
-def test_it_is_identified(owner: Owner) -> None:
-    owner.enables()
-    # Again where a machine that stood still for a moment ended it: the arm holds.
-    assert any(owner.tries(PAGE, "sudo contactd identify wiring") for _ in range(5))
-    assert "wiring" in (INSTALLED / "identified.yaml").read_text()
-    before = pid()
-    owner.types(PAGE, "sudo systemctl restart contactd")
-    wait_for(lambda: pid() not in (0, before), "another daemon")
-    owner.sees("off")
+@pytest.mark.parametrize("step", ["wiring", "gap", "friction", "thresholds"])
+def test_it_is_identified(owner: Owner, step: str) -> None:
+    command = f"sudo contactd identify {step}"
+    owner.repeats(lambda: owner.tries(PAGE, command), command)
+    found = yaml.safe_load((INSTALLED / "identified.yaml").read_text())["joints"]["joint"]
+    assert found[step]
+    owner.restarts()
 
 
 def test_it_may_be_armed(owner: Owner) -> None:
-    owner.enables()
+    owner.types("commissioning.md", "contactd identify")  # nothing is missing
+    owner.holds()
     owner.arms()
     assert owner.status()["armed"]
-    owner.shell("contactctl disable")
+    owner.types(PAGE, "contactctl disable")
     owner.sees("off")

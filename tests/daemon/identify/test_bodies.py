@@ -1,6 +1,7 @@
 """`contactd identify masses` and `payload` on logs: from a CSV to the model of every other part."""
 
 import csv
+import dataclasses
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,9 +19,13 @@ from daemon.config.evidence import outdated, parameters_missing
 from daemon.config.identified import residuals_alike, write_identified
 from daemon.config.load import Robot, load_robot, parse_configuration
 from daemon.config.worst_loads import worst_loads
+from daemon.identify import bodies
+from daemon.identify.bodies import masses_step
+from daemon.identify.measured import read_measured
 from daemon.identify.overview import overview
 from daemon.service.payloads import Payloads
 from errors import ConfigurationError
+from estimator.identification.limit_cycle import LimitCycle
 from estimator.identification.motion_log import MotionLog
 from estimator.model import Model
 from estimator.payload import Payload
@@ -44,7 +49,7 @@ def motion(subjects: Subjects) -> Columns:
 @pytest.fixture(scope="module")
 def carried(subjects: Subjects) -> Columns:
     arm = carrying(subjects.arms[0], subjects.model, LOAD)
-    return columns(subjects.moved([arm], 10.0, seed=4, turn_s=10.0)[0])
+    return columns(subjects.moved([arm], 10.0, 4, 10.0, 10.0)[0])
 
 
 @pytest.fixture
@@ -120,6 +125,22 @@ def test_new_masses_void_friction_and_thresholds_that_were_identified(folder, mo
     row = overview(robot, NOW).cells["LElbowRoll"]
     assert row["masses"].good
     assert "kg, |r|" in row["masses"].text
+
+
+def test_masses_of_an_arm_that_swings_are_not_used(folder, motion, monkeypatch) -> None:
+    robot = load_robot(folder)
+    assert identify(folder, motion, "masses", "--dry-run").exit_code == 0
+    measured = read_measured([folder / "log.csv"], robot.configuration)
+    swings = LimitCycle("LElbowRoll", 2.1, 0.02, 20.0, 0.8)
+    monkeypatch.setattr(bodies, "limit_cycles", lambda *_: [swings])
+    # Another controller's log does not tell what was commanded.
+    assert masses_step(robot, measured, "2026-11-23").entries
+    commanded = dataclasses.replace(measured, reference=measured.log.link_position)
+    outcome = masses_step(robot, commanded, "2026-11-23")
+    assert outcome.entries == {}
+    (bad,) = (line for line in outcome.lines if not line.good)
+    assert (bad.joint, bad.verdict) == ("LElbowRoll", "swings by itself")
+    assert "Set control.position_gain to 2" in bad.reason
 
 
 def test_nothing_is_written_dry(folder, motion) -> None:

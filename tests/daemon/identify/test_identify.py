@@ -1,6 +1,7 @@
 """`contactd identify` on logs: from measurements to identified.yaml, and from there to arming."""
 
 import csv
+import dataclasses
 import itertools
 import shutil
 from pathlib import Path
@@ -15,6 +16,7 @@ from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.commands.contactd import main
 from daemon.config import evidence
 from daemon.config import identified as file
+from daemon.config.dynamics import model_of
 from daemon.config.load import load_robot, parse_configuration
 from daemon.identify.levels import thresholds_step
 from daemon.identify.measured import from_states, moved, raised
@@ -23,6 +25,7 @@ from daemon.modes.table import Event, Mode
 from daemon.motion.sampled_path import PathBuilder
 from daemon.protocol.messages import Check
 from errors import ConfigurationError, LogError
+from estimator.body_inertia import BodyInertia
 
 DAY = "2026-01-02T03:04:05+00:00"
 
@@ -186,6 +189,32 @@ def test_friction_without_the_touched_stretch(states, folder):
     assert outcome.entries["joint"].r2 > 0.9
     assert f.stiction < 0.1  # the plant's is smooth
     assert "stiction 0.0" in outcome.lines[0].figures
+
+
+@pytest.mark.parametrize(
+    ("weighed", "says"),
+    [
+        (False, "masses may be off: run `contactd identify masses`, then `friction` again"),
+        (True, "a longer motion (`--seconds`) tells it better"),
+    ],
+)
+def test_friction_that_is_not_known_well_says_what_to_do(
+    states, folder, monkeypatch, weighed, says
+):
+    robot = load_robot(folder)
+    if weighed:
+        joint = msgspec.structs.replace(
+            robot.configuration.joints[0],
+            body=BodyInertia.of(model_of(robot.configuration, robot.urdf).parameters()[0]),
+        )
+        c = msgspec.structs.replace(robot.configuration, joints=(joint,))
+        robot = dataclasses.replace(robot, configuration=c)
+    measured = from_states(states[:1400], ["joint"])
+    assert friction_step(robot, measured, DAY).notes == ()
+    monkeypatch.setattr("daemon.identify.steps.WIDE", 0.02)
+    (note,) = friction_step(robot, measured, DAY).notes
+    assert note.startswith("friction is known of joint to +-")
+    assert says in note
 
 
 def test_a_short_log_is_taken_on_request_only(states, folder):

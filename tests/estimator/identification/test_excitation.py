@@ -17,10 +17,12 @@ from estimator.identification.excitation import (
 from tests.examples import scaled
 
 
+@pytest.mark.parametrize("lowest", [1, 4])
 @pytest.mark.parametrize("seed", range(3))
-def test_keeps_within_its_bounds(arm, seed):
-    bounds = arm.bounds.shrunk(0.7)
-    motion = fourier_within(bounds, arm.model, np.random.default_rng(seed), restarts=3)
+def test_keeps_within_its_bounds(arm, seed, lowest):
+    bounds, rng = arm.bounds.shrunk(0.7), np.random.default_rng(seed)
+    turn = {"period_s": 8.0 * lowest, "lowest": lowest}
+    motion = fourier_within(bounds, arm.model, rng, restarts=3, **turn)
     q = trajectory(motion, 0.5 * (bounds.lower + bounds.upper), bounds, 16.0, 0.01)
     v = np.diff(q, axis=0) / 0.01
     a = np.diff(v, axis=0) / 0.01
@@ -29,6 +31,19 @@ def test_keeps_within_its_bounds(arm, seed):
     assert (np.abs(v) < 1.02 * bounds.velocity).all()
     assert (np.abs(a) < 1.2 * bounds.acceleration).all()
     assert np.abs(v[[0, -1]]).max() < 0.01
+
+
+def test_it_repeats_after_its_period_and_not_before(arm):
+    bounds, rng = arm.bounds.shrunk(0.7), np.random.default_rng(0)
+    motion = fourier_within(bounds, arm.model, rng, period_s=32.0, lowest=4, restarts=3)
+    s = np.linspace(0.0, 8.0, 50)
+    q, _, _ = motion.at(s)
+    assert motion.at(s + 32.0)[0] == pytest.approx(q, abs=1e-9)
+    for turn in (8.0, 16.0, 24.0):
+        assert (np.abs(motion.at(s + turn)[0] - q).max(axis=0) > 0.1 * np.ptp(q, axis=0)).all()
+    # The same band as of one of 8 s.
+    spectrum = np.abs(np.fft.rfft(motion.at(np.arange(0.0, 32.0, 0.1))[0], axis=0)).max(axis=1)
+    assert set(np.flatnonzero(spectrum[1:] > 1e-6) + 1) == set(range(4, 25))
 
 
 def test_restarts_are_worth_it(arm):

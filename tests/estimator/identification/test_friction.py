@@ -114,6 +114,29 @@ def test_held_out_motion_is_explained_where_the_inertias_are_right(fitted):
     assert (left < 0.1 * np.square(shown.r_nl).mean(axis=0)).all()
 
 
+def test_gravity_shows_the_torque_constant_where_the_masses_are_right(fitted, moved, arm):
+    """As exactly as the fit is, also of a light joint whose friction hides much of it."""
+    fits, _ = fitted[0]
+    off = arm.transmission.torque_constant / moved.arms[0].torque_constant
+    shown = np.array([fit.gravity_scale for fit in fits])
+    assert np.isfinite(shown).sum() >= 4
+    assert shown[np.isfinite(shown)] == pytest.approx(off[np.isfinite(shown)], abs=0.02)
+
+
+def test_masses_that_were_identified_are_believed_more(moved, identify, arm):
+    log, true = moved.filtered[0], moved.arms[0]
+    known = replace(arm.transmission, half_gap=true.half_gap)
+    settings = arm.configuration.estimator
+    weighed, _ = identify_friction(log, arm.model, known, settings, arm.max_current, weighed=True)
+    by_urdf, _ = identify(log, true.half_gap)
+    for one, other in zip(weighed, by_urdf, strict=True):
+        assert one.values == other.values
+        assert one.unsure < other.unsure
+        assert one.unsure == pytest.approx(
+            3.92 * max(one.errors[k] / one.values[k] for k in ("K_theta_s", "K_theta_v"))
+        )
+
+
 def test_standard_errors_are_no_decoration(fitted, moved):
     fits, _ = fitted[0]
     sums = moved.arms[0].coulomb.reshape(2, -1).sum(axis=0)
@@ -153,7 +176,8 @@ def test_what_is_wrong_is_named_and_keeps_its_values(moved, identify, arm):
     most = np.where(cut, limit, arm.max_current)
     fits, _ = identify_friction(spoilt, arm.model, known, settings, most)
     assert fits[0].verdict is Verdict.WRONG_GRAVITY, fits[0]
-    assert 1.7 < fits[0].gravity_scale < 2.3
+    off = arm.transmission.torque_constant[0] / true.torque_constant[0]
+    assert fits[0].gravity_scale == pytest.approx(2.0 * off, rel=0.03)
     assert fits[2].verdict is Verdict.NOT_EXCITED, fits[2]
     assert fits[4].verdict is Verdict.SATURATED, fits[4]
     assert all(fits[i].reason for i in (0, 2, 4))

@@ -156,7 +156,7 @@ def weighed(subjects: Subjects, log: MotionLog, model: Model, unsure: float = 0.
 @pytest.fixture(scope="module")
 def carried(subjects: Subjects) -> MotionLog:
     arm = carrying(subjects.arms[0], subjects.model, LOAD)
-    return subjects.moved([arm], 10.0, seed=4, turn_s=10.0)[0]
+    return subjects.moved([arm], 10.0, 4, 10.0, 10.0)[0]
 
 
 def test_ten_seconds_tell_mass_and_centre_of_a_load(subjects, carried) -> None:
@@ -195,7 +195,7 @@ def test_an_arm_whose_masses_may_be_off_widens_the_errors_by_as_much(
     ],
 )
 def test_what_shows_no_load_is_refused(subjects, change, verdict, says) -> None:
-    empty = subjects.moved(subjects.arms, 10.0, seed=4, turn_s=10.0)[0]
+    empty = subjects.moved(subjects.arms, 10.0, 4, 10.0, 10.0)[0]
     fit = weighed(subjects, change(empty), true_model(subjects))
     assert fit.verdict is verdict, fit
     assert says in fit.reason
@@ -206,7 +206,7 @@ def test_an_arm_lighter_than_its_model_is_no_load(subjects) -> None:
     true = true_bodies(subjects.arms[0])
     loaded = true | true_bodies(carrying(subjects.arms[0], subjects.model, LOAD))
     model = Model(subjects.robot.urdf, subjects.c.joint_names, loaded)
-    empty = subjects.moved(subjects.arms, 10.0, seed=4, turn_s=10.0)[0]
+    empty = subjects.moved(subjects.arms, 10.0, 4, 10.0, 10.0)[0]
     fit = weighed(subjects, empty, model)
     assert fit.verdict is PayloadVerdict.NOT_EXCITED
     assert "lighter than its model" in fit.reason

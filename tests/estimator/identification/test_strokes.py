@@ -16,6 +16,7 @@ from estimator.identification.gap_result import GapResult, GapVerdict
 from estimator.identification.gap_search import FURTHEST, WIDEST, Search, Strokes, search
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.stroke_samples import stroking
+from estimator.identification.strokes import from_strokes
 from estimator.model import Model
 from simulator.description import SimulationSettings
 
@@ -179,3 +180,23 @@ def test_strokes_are_told_from_a_hand_and_from_fast_motion(handled, moved):
     assert stroking(stroke_log(0.06, 0.03, 1.0).motor_velocity[:, 0])
     for log in (handled[0], moved.filtered[0]):
         assert not any(stroking(log.motor_velocity[:, i]) for i in range(log.n))
+
+
+def test_a_link_that_falls_through_its_gap_is_not_carried_there():
+    """Its motor is hardly seen inside the gap, so that its friction is not known: what seems to be
+    load beyond it, while the link falls, is none."""
+    t = np.arange(0.0, 5 * 5.0, 0.01)
+    direction = np.where(t // 5.0 % 2.0 < 1.0, 1.0, -1.0)
+    theta_dot = 0.016 * direction
+    theta = np.cumsum(theta_dot) * 0.01 - 0.04
+    alpha, ahead = 0.006, direction * theta  # of the balance, beyond which the link falls
+    load = -4.0 * theta + 0.02 * direction
+    fallen = np.clip((ahead - 0.005) / 0.016 / 0.25, 0.0, 1.0)
+    falls = (fallen > 0.0) & (fallen < 1.0)
+    phi = alpha * direction * (2.0 * fallen**3 - 1.0) - 0.0008 * np.where(falls, 0.0, load)
+    torque = np.where(falls, 0.0, load) + 0.35 * direction
+    torque += 0.003 * np.random.default_rng(1).standard_normal(len(t))
+    found = from_strokes("j", t, theta + phi, theta, theta_dot, torque)
+    assert found.verdict is GapVerdict.CLEAR, found.reason
+    assert found.half_gap == pytest.approx(alpha, abs=found.confidence)
+    assert found.confidence < 0.0003
