@@ -114,7 +114,7 @@ def record_fleet(
     )  # fmt: skip
     period = description.period_s
     ticks, inner = round(seconds / period), round(SERVO_PERIOD_S / settings.step_s)
-    rows = np.empty((len(sensors), ticks, 4, n * count))
+    rows = np.empty((len(sensors), ticks, 5, n * count))  # setpoints last
     for k in range(-round(SETTLE_S / period), ticks):
         now = max(k, 0) * period
         for _ in range(round(period / SERVO_PERIOD_S)):
@@ -128,12 +128,13 @@ def record_fleet(
         # Row 0 is written again and again until the log begins.
         for each, row in zip(sensors, rows[:, max(k, 0)], strict=True):
             r = each.read(plant.q, plant.theta, plant.theta_dot)
-            row[:] = (r.current, r.link_position, r.motor_velocity, r.motor_position)
-            np.multiply(row, scale, out=row)
+            counts = (r.current, r.link_position, r.motor_velocity, r.motor_position)
+            np.multiply(counts, scale, out=row[:4])
         q_d, qd_d = (np.tile(x, count) for x in reference(max(k + 1, 0) * period))
         velocity = qd_d
         if not motors_only:
             velocity = velocity + POSITION_GAIN * (q_d - rows[0, max(k, 0), 1])
+        rows[:, max(k, 0), 4] = velocity
         # What `Servo.follow` does for one joint.
         servo.target[:] = velocity
         servo.rate[:] = np.abs(velocity - servo.reference) / round(period / SERVO_PERIOD_S)
@@ -141,7 +142,7 @@ def record_fleet(
     names = tuple(joint.name for joint in description.joints)
     return [
         [
-            MotionLog(names, time_s, *(rows[s, :, c, a * n : (a + 1) * n].copy() for c in range(4)))
+            MotionLog(names, time_s, *(rows[s, :, c, a * n : (a + 1) * n].copy() for c in range(5)))
             for a in range(count)
         ]
         for s in range(len(sensors))

@@ -199,7 +199,7 @@ class Harness:
         )
         self.servo = Servo(description, self.parameters.usual_link)
         self.sensors = Sensors(description, settings, self.plant.q)
-        self._periods = ServoPeriods(
+        self.periods = ServoPeriods(
             self.servo, self.sensors, self.plant.masses, self.parameters.torque_constant
         )
         drives = c.joint_drives
@@ -234,12 +234,16 @@ class Harness:
         for joint, counts in enumerate(self._encoder.encode(velocity)):
             self.servo.follow(joint, counts * self._velocity_unit[joint], self._over_s)
 
+    def run(self, milliseconds: int) -> None:
+        """So many milliseconds, in which nobody touches the arm."""
+        self.periods.run(milliseconds, self._steps, None)
+
     def period(self, external: Matrix) -> None:
         """One period; external: torque on the links (per_tick, n) in each of its milliseconds."""
         plant = self.plant
         for i in range(self.per_tick):
             plant.external_torque[:] = external[i]
-            self._periods.run(1, self._steps, None)
+            self.periods.run(1, self._steps, None)
             self.phi[i] = plant.phi
             self.gear_torque[i] = plant.gear_torque
 

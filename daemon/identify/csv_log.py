@@ -15,7 +15,8 @@ from errors import LogError
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 from regular_file import open_text
 
-COLUMNS = ("current", "link_position", "motor_velocity", "motor_position")
+COLUMNS = ("current", "link_position", "motor_velocity", "motor_position", "setpoint")
+_SIDES = COLUMNS[2:4]
 _ALSO = "torque"
 _JITTER = 0.2  # of the period: beyond it, samples are put on a raster
 
@@ -27,9 +28,10 @@ def read_csv(
 
     Its columns are `time` [s] and, for every joint, `current.JOINT` [A], or `torque.JOINT` [Nm at
     the link] (divided by the torque constant), `link_position.JOINT` [rad], `motor_velocity.JOINT`
-    [rad/s at the link] and perhaps `motor_position.JOINT` [rad at the link]. A gap (`of_gap`) needs
-    either of the last two. Other columns may hold anything; a file of names and units beside the
-    log (`log_names`) says where they stand if they are called otherwise.
+    [rad/s at the link] and perhaps `motor_position.JOINT` [rad at the link] and `setpoint.JOINT`
+    [rad/s at the link]. A gap (`of_gap`) needs either of the motor's two. Other columns may hold
+    anything; a file of names and units beside the log (`log_names`) says where they stand if they
+    are called otherwise.
 
     Times rounded so coarsely that neighbours are equal are spread evenly, and samples at uneven
     times put on an even raster. Raises LogError.
@@ -44,7 +46,7 @@ def read_csv(
             table.setdefault(f"current.{joint}", torque / constants[joint])
         wanted = COLUMNS[:2] if of_gap else COLUMNS[:3]
         missing += [f"{name}.{joint}" for name in wanted if f"{name}.{joint}" not in table]
-        sides = [f"{name}.{joint}" for name in COLUMNS[2:]]
+        sides = [f"{name}.{joint}" for name in _SIDES]
         if of_gap and not any(side in table for side in sides):
             missing.append(" or ".join(sides))
     if missing:
@@ -188,6 +190,7 @@ def _on_a_raster(log: MotionLog, notes: tuple[str, ...]) -> tuple[MotionLog, tup
         link_position=rastered(log.link_position),
         motor_velocity=rastered(log.motor_velocity),
         motor_position=None if log.motor_position is None else rastered(log.motor_position),
+        setpoint=None if log.setpoint is None else rastered(log.setpoint),
     )
     about = f"times jitter by {1e3 * jitter:.2g} ms: resampled every {1e3 * period:.3g} ms"
     return even, (*notes, about)

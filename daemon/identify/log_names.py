@@ -44,7 +44,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "torque": {"Nm": 1.0, "mNm": 1e-3},
 }
 """Units of each quantity, the first of them meant where none is said; in SI."""
-_ALIKE = {"motor_position": "link_position"}
+_ALIKE = {"motor_position": "link_position", "setpoint": "motor_velocity"}
 
 
 class Named(Settings, frozen=True, kw_only=True):
@@ -65,7 +65,9 @@ class Rows(Settings, frozen=True, kw_only=True):
     most: float = math.inf
 
 
-Quantity = Literal["link_position", "motor_position", "motor_velocity", "current", "torque"]
+Quantity = Literal[
+    "link_position", "motor_position", "motor_velocity", "current", "torque", "setpoint"
+]
 
 
 class LogNames(Settings, frozen=True, kw_only=True):

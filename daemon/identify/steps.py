@@ -124,7 +124,11 @@ def friction_step(
                 date=date,
                 log=measured.sha256,
                 friction=Friction(**values, stiction=known),
-                errors={name: float(f"{e:.3g}") for name, e in fit.errors.items()},
+                errors={
+                    name: float(f"{e:.3g}")
+                    for name, e in fit.errors.items()
+                    if name != "B" or fit.rotor_trusted
+                },
                 r2=round(fit.r2, 4),
                 condition=round(fit.condition, 2),
                 gap_spring=GapSpring(
@@ -141,10 +145,18 @@ def friction_step(
     if shown.touched:
         notes += (f"{shown.discarded_s:.1f} s discarded: {', '.join(shown.touched)} was touched, "
                   "or met something",)  # fmt: skip
-    if not fits[0].rotor_trusted:
-        notes += ("B is not trusted: the drives do not filter their current "
-                  "(estimator.current_delay_ms is 0); the old values stay",)  # fmt: skip
-    return Outcome(lines, entries, notes, shown)
+    return Outcome(lines, entries, notes + _doubts(fits), shown)
+
+
+def _doubts(fits: list[FrictionFit]) -> tuple[str, ...]:
+    """Sentences about rotors that are not taken, one for each reason, with the joints' names."""
+    good = [fit for fit in fits if fit.verdict is Verdict.GOOD]
+    why = dict.fromkeys(fit.rotor_doubt for fit in good if fit.rotor_doubt)
+    return tuple(
+        f"B of {', '.join(fit.joint for fit in good if fit.rotor_doubt == doubt)} is not taken: "
+        f"{doubt}"
+        for doubt in why
+    )
 
 
 def _surer(fits: list[FrictionFit], *, weighed: bool) -> str:
@@ -174,7 +186,8 @@ def _friction_figures(fit: FrictionFit) -> str:
             return ""
         return f"{name} {fit.values[name]:.3g} +- {fit.errors[name]:.1g} {unit}"
 
-    parts = [one("K_theta_s", "Nm"), one("K_theta_v", "Nm s/rad"), one("B", "kg m2")]
+    parts = [one("K_theta_s", "Nm"), one("K_theta_v", "Nm s/rad")]
+    parts.append(one("B", "kg m2") if fit.rotor_trusted else "B not taken")
     if fit.stiction_known:
         parts.append(f"stiction {fit.stiction:.2f} +- {fit.stiction_error:.1g}")
     parts += [f"R2 {fit.r2:.3f}", f"cond {fit.condition:.0f}"]

@@ -34,6 +34,14 @@ from estimator.identification.regression import (
     regression,
     solve_joint,
 )
+from estimator.identification.setpoint_steps import (
+    NO_SETPOINTS,
+    STEP_GAIN,
+    STEPS,
+    missed,
+    stepping,
+    unsure,
+)
 from estimator.identification.sticking import SURE, held
 from estimator.identification.touches import near
 from estimator.model import Model
@@ -60,6 +68,12 @@ _SURE = 6.0
 and it was up to four of them off the truth."""
 
 
+_UNFILTERED = (
+    "the drives do not filter their current (estimator.current_delay_ms is 0), and it is sampled "
+    "between two steps: B keeps its value"
+)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionFit:
     """Coefficients fitted to one joint's motion; SI at the link side."""
@@ -80,12 +94,17 @@ class FrictionFit:
     gravity_scale: float
     """Gravity that the motor carries, by K_c, over the model's: 1 where they agree; NaN where
     gravity hardly changes."""
-    rotor_trusted: bool
-    """False: the drives do not filter their current, and B comes from aliased samples."""
+    rotor_doubt: str
+    """Reason why B is not that of the rotor, and what to do; empty where it is."""
     stiction: float
     """Share of K_theta_s that near rest is what the last motion left; NaN where it did not show"""
     stiction_error: float
     """Its standard error"""
+
+    @property
+    def rotor_trusted(self) -> bool:
+        """True where B may be used."""
+        return not self.rotor_doubt
 
     @property
     def stiction_known(self) -> bool:
@@ -163,6 +182,11 @@ def identify_friction(
         transmission = adopt(transmission, fits)
     fits = _with_what_is_believed(fits, solved, found, rows, _IDENTIFIED if weighed else _BY_URDF)
     fits = _uncoupled(fits, solved, rows, transmission.sign_width)
+    if log.setpoint is None:
+        fits = [replace(fit, rotor_doubt=fit.rotor_doubt or NO_SETPOINTS) for fit in fits]
+    else:
+        quick = regression(rows, transmission, where, sticking, STEP_GAIN)
+        fits = _doubted(fits, *missed(quick, solved, rows))
     shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
     by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
     discarded_s = float(rows.dt @ near(rows, touched))
@@ -217,6 +241,20 @@ def _uncoupled(
                      "round: one motor turns both, and the friction of either is not its own. "
                      "Give positions and currents of the joints, not of the motors")  # fmt: skip
             new[i] = replace(fits[i], verdict=Verdict.COUPLED, reason=about)
+    return new
+
+
+def _doubted(fits: list[FrictionFit], more: Vector, error: Vector) -> list[FrictionFit]:
+    """Fits with what drives may have kept from B, by shares and errors of `missed`, in its error;
+    and without the B of those that step."""
+    new = []
+    for i, (fit, steps) in enumerate(zip(fits, stepping(more, error), strict=True)):
+        errors = dict(fit.errors)
+        if "B" in errors:
+            hidden = fit.values["B"] * unsure(float(more[i]), float(error[i]))
+            errors["B"] = float(np.hypot(errors["B"], hidden))
+        doubt = fit.rotor_doubt or (STEPS if steps else "")
+        new.append(replace(fit, errors=errors, rotor_doubt=doubt))
     return new
 
 
@@ -281,7 +319,7 @@ def _judged(
         r2=solved.r2,
         condition=solved.condition,
         gravity_scale=gravity,
-        rotor_trusted=settings.current_delay_ms > 0.0,
+        rotor_doubt="" if settings.current_delay_ms > 0.0 else _UNFILTERED,
         stiction=solved.stiction,
         stiction_error=solved.stiction_error,
     )

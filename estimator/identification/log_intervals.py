@@ -59,6 +59,9 @@ class Intervals:
     """whether `advance` was measured"""
     ends: Matrix
     """(N, 5, n) at the end: `Alignment.aligned`, theta 0 where it was not measured"""
+    asked: Matrix
+    """Acceleration that the drives were asked for: change of the setpoint that they took over in
+    it [rad/s2]; 0 where the log has no setpoints"""
 
     @property
     def period_s(self) -> float:
@@ -93,6 +96,7 @@ def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inter
     if position is None:
         position = np.zeros_like(log.current)
     steps = np.diff(log.time_s, prepend=log.time_s[0] - period)
+    setpoint = np.zeros_like(log.current) if log.setpoint is None else log.setpoint
     samples = np.stack([log.current, log.motor_velocity, position, log.link_position], axis=1)
     given, aligned = np.asarray(alignment.samples), np.asarray(alignment.aligned)
     # `Alignment.aligned`: q, q_dot, current, theta_dot, theta; then momentum, beta, gravity.
@@ -124,6 +128,8 @@ def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inter
         advance=change[:, 4] if measured else span * mean[:, 3],
         measured=measured,
         ends=ends[1:, :5],
+        # What is sent after a SYNC acts at once or from the next on, and shows in the sample after.
+        asked=np.diff(setpoint, axis=0)[1:-1] / span,
     )
 
 

@@ -33,6 +33,9 @@ class MotionLog:
     """[rad/s]"""
     motor_position: Matrix | None = None
     """[rad], where the drives have it"""
+    setpoint: Matrix | None = None
+    """Target velocity of each sample's tick, which drives get with the next SYNC [rad/s]; None
+    where it is not in the log"""
 
     def __post_init__(self) -> None:
         size, n = len(self.time_s), len(self.joints)
@@ -40,7 +43,7 @@ class MotionLog:
             raise ShortLogError(
                 f"the log is too short: {size} samples, at least {SHORTEST} are needed"
             )
-        for name in ("current", "link_position", "motor_velocity", "motor_position"):
+        for name in ("current", "link_position", "motor_velocity", "motor_position", "setpoint"):
             values = getattr(self, name)
             if values is None:
                 continue
@@ -80,7 +83,10 @@ class MotionLog:
 
     def select(self, rows: slice) -> "MotionLog":
         """A stretch of the log."""
-        position = None if self.motor_position is None else self.motor_position[rows]
+        position, setpoint = (
+            None if values is None else values[rows]
+            for values in (self.motor_position, self.setpoint)
+        )
         return replace(
             self,
             time_s=self.time_s[rows],
@@ -88,6 +94,7 @@ class MotionLog:
             link_position=self.link_position[rows],
             motor_velocity=self.motor_velocity[rows],
             motor_position=position,
+            setpoint=setpoint,
         )
 
     def stretches(self, pause_s: float = 0.0) -> list[slice]:

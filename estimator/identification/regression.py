@@ -45,11 +45,12 @@ _GAP_SHARE = 0.02  # of the time, below which the gap shows nothing
 @dataclass(frozen=True, slots=True)
 class Regression:
     """Measurements and columns of the least squares, all filtered alike: r_nl (N, n) [Nm], columns
-    (N, n, 9) and nuisance columns (N, n, 3)."""
+    (N, n, 9) and nuisance columns (N, n, 3), and what drives were asked for (N, n) [rad/s2]."""
 
     r_nl: Matrix
     columns: Matrix
     nuisance: Matrix
+    asked: Matrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,9 @@ class Solution:
     weight: Vector
 
 
-def regression(rows: Intervals, t: Transmission, where: Located, held: Matrix) -> Regression:
+def regression(
+    rows: Intervals, t: Transmission, where: Located, held: Matrix, gain: float = GAIN
+) -> Regression:
     """(8)-(10) with DESIGN's corrections: friction columns carry a minus, springs start at the
     border, and every column passes the filter of r_nl.
 
@@ -98,9 +101,10 @@ def regression(rows: Intervals, t: Transmission, where: Located, held: Matrix) -
     r_nl = rows.inertial - t.torque_constant * rows.current * together
     nuisance = np.stack([rows.gravity, np.ones_like(rows.gravity), -held * together], axis=2)
     return Regression(
-        low_pass(r_nl, rows, GAIN),
-        low_pass(np.stack(columns, axis=2), rows, GAIN),
-        low_pass(nuisance, rows, GAIN),
+        low_pass(r_nl, rows, gain),
+        low_pass(np.stack(columns, axis=2), rows, gain),
+        low_pass(nuisance, rows, gain),
+        low_pass(rows.asked * together, rows, gain),
     )
 
 
@@ -140,10 +144,11 @@ def solve_joint(
         more[pair] = True
         if (better := _held_out(A, N, y, weight, more, train)) > r2 + _WORTH:
             used, r2 = more, better
-    coefficients, nuisance, errors, condition = _solve(A, N, y, weight, used, rows.time_s)
+    coefficients, errors, condition = solve(A, N, y, weight, used, rows.time_s)
     left = _unexplained(A, N, y, weight, used)
     touched = touches(rows, left, clean, float(coefficients[0]))
     # Once more with the rows near rest, which all others had to do without.
+    _, nuisance = _lsq(A, N, y, weight, used)
     stiction, stiction_error = sticking_share(
         y - A @ coefficients - N[:, :2] @ nuisance[:2],
         coefficients[0] * N[:, 2],
@@ -216,19 +221,19 @@ def _held_out(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train
     return 1.0 - missed / spread if spread > 0.0 else float("-inf")
 
 
-def _solve(
+def solve(
     A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, time_s: Vector
-) -> tuple[Vector, Vector, Vector, float]:
-    """Coefficients, those of the nuisance, standard errors and condition number, of the whole
-    motion."""
+) -> tuple[Vector, Vector, float]:
+    """Coefficients (9,), standard errors, NaN of columns that are not used, and the condition
+    number while engaged, of the whole motion."""
     errors = np.full(A.shape[1], np.nan)
     X = np.hstack([A[:, used], N]) * weight[:, None]
     scale = np.sqrt(np.square(X).mean(axis=0))
     seen = scale > 1e-12
     count = int(used.sum())
     if weight.sum() < 50.0 or not seen[:count].all():
-        return np.zeros(A.shape[1]), np.zeros(N.shape[1]), errors, float("inf")
-    coefficients, nuisance = _lsq(A, N, y, weight, used)
+        return np.zeros(A.shape[1]), errors, float("inf")
+    coefficients, _ = _lsq(A, N, y, weight, used)
     X = X[:, seen] / scale[seen]
     # What is left is alike for long, so rows are not independent: take blocks (sandwich).
     inverse = np.linalg.pinv(X.T @ X)
@@ -238,7 +243,7 @@ def _solve(
     sums = np.add.reduceat(left, starts, axis=0)
     variance = np.diag(inverse @ (sums.T @ sums) @ inverse)
     errors[used] = np.sqrt(variance[:count]) / scale[:count]
-    return coefficients, nuisance, errors, _condition(A[:, _ENGAGED], weight)
+    return coefficients, errors, _condition(A[:, _ENGAGED], weight)
 
 
 def _condition(A: Matrix, weight: Vector) -> float:

@@ -174,6 +174,7 @@ def test_another_prefix_is_where_everything_points_to(tmp_path: Path) -> None:
     assert make("install-files", tmp_path, PREFIX="/srv/feel").returncode == 0
     unit = (tmp_path / "usr/local/lib/systemd/system/contactd.service").read_text()
     assert "ExecStart=/srv/feel/bin/contactd run /etc/contactd\n" in unit
+    assert "ExecReload=/srv/feel/bin/contactctl reload\n" in unit
     assert "/opt/contactd" not in unit
     for name in (
         "bin/contactctl",

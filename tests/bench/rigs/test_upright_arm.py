@@ -6,10 +6,12 @@ import msgspec
 import numpy as np
 import pytest
 
+from arrays import Vector
 from bench.rigs import upright_arm
 from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.commands.simulated_robot import true_arm
-from daemon.config.load import load_robot
+from daemon.config.load import Robot, load_robot
+from daemon.config.motion import row
 from daemon.config.schema import Configuration
 from daemon.identify.measured import Measured, from_states
 from daemon.identify.steps import friction_step
@@ -36,9 +38,13 @@ def held(folder: Path, gain: float) -> tuple[Measured, list[str]]:
         nudge(rig)
         states = rig.states(11.0)
         names = rig.robot.configuration.joint_names
-        watch = SwingWatch(names, gain)
+        watch = SwingWatch(names, gain, half_gaps(rig.robot))
         said = [text for state in states if (text := watch.saw(state))]
         return from_states(states, names), said
+
+
+def half_gaps(robot: Robot) -> Vector:
+    return row(robot.configuration, lambda joint: joint.half_gap)
 
 
 def nudge(rig: Rig) -> None:
@@ -50,14 +56,15 @@ def nudge(rig: Rig) -> None:
 def test_upright_with_wide_gaps_it_swings_until_the_gain_is_what_was_told(tmp_path: Path) -> None:
     folder = upright_arm.write(tmp_path / "arm", gaps=3.0, start={})
     swinging, said = held(folder, GAIN)
-    cycles = limit_cycles(swinging.log, swinging.reference)
+    gaps = half_gaps(load_robot(folder))
+    cycles = limit_cycles(swinging.log, swinging.reference, gaps)
     assert {one.joint for one in cycles} == {"shoulder", "elbow", "wrist_pitch"}
     assert all(one.frequency_Hz == pytest.approx(2.1, abs=0.15) for one in cycles)
     (told,) = said
     assert "swing by themselves at 2.1 Hz" in told
     assert "control.position_gain to 2 (it was 8)" in told
     quiet, said = held(folder, ENDING_SHARE * GAIN)
-    assert limit_cycles(quiet.log, quiet.reference) == []
+    assert limit_cycles(quiet.log, quiet.reference, gaps) == []
     assert said == []
     # Friction of a swinging joint fits well, and is wrong.
     outcome = friction_step(load_robot(folder), swinging, "2026-11-23", shortest_s=5.0)

@@ -69,6 +69,25 @@ def test_other_joints_need_not_be_in_the_log_of_a_gap(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.abs(log.current).max(), 0.5)
 
 
+def test_setpoints_are_read_where_there_are_any(tmp_path: Path) -> None:
+    columns = pressed(0.02)
+    columns |= {"motor_velocity.joint": np.zeros_like(columns["time"])}
+    without, _ = read_csv(save(tmp_path / "log.csv", columns), ["joint"], {"joint": 2.0})
+    assert without.setpoint is None
+    columns["time"] = columns["time"] + 0.4 * T * np.sin(np.arange(len(columns["time"])))
+    columns["asked"] = 60.0 * np.sin(columns["time"])
+    path = save(tmp_path / "log.csv", columns)
+    names = [f"{name}: {{column: {name}.joint}}" for name in ("link_position", "torque")]
+    names += ["motor_velocity: {column: motor_velocity.joint}"]
+    names += ["setpoint: {column: asked, unit: deg/s}"]
+    text = "\n    ".join(["joints:\n  joint:", *names])
+    path.with_suffix(".yaml").write_text(text + "\n")
+    log, notes = read_csv(path, ["joint"], {"joint": 2.0})
+    assert "resampled" in notes[0]
+    assert log.setpoint is not None
+    np.testing.assert_allclose(log.setpoint[:, 0], np.pi / 3.0 * np.sin(log.time_s), atol=1e-3)
+
+
 def test_a_clock_that_jitters_is_resampled_and_said(tmp_path: Path) -> None:
     columns = pressed(0.02)
     rng = np.random.default_rng(1)

@@ -25,6 +25,7 @@ def bent(arm, torque: np.ndarray) -> Intervals:
         time_s=TIME, dt=np.full(len(TIME), PERIOD), first=TIME < 1.5 * PERIOD, inertial=load,
         current=ends[:, 2], gravity=load, q=zero, q_dot=zero, theta_dot=zero, theta_ddot=zero,
         advance=np.diff(ends[:, 4], axis=0, prepend=ends[:1, 4]), measured=True, ends=ends,
+        asked=zero,
     )  # fmt: skip
 
 

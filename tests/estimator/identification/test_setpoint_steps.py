@@ -1,0 +1,47 @@
+"""Verdict on drives by what the changes of their setpoints explain of B."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.identification.friction import adopt, identify_friction
+from estimator.identification.setpoint_steps import NO_SETPOINTS, stepping, unsure
+
+
+@pytest.mark.parametrize(
+    ("more", "error", "steps"),
+    [
+        ([0.0] * 7, 0.01, []),
+        ([0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.01, [0]),  # another make, or chance
+        ([0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.1, []),  # not clear
+        ([0.045, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.01, []),  # not large
+        ([0.045, 0.045, 0.045, 0.0, 0.0, 0.0, 0.0], 0.01, range(7)),  # a third: all are of a make
+        ([0.045, 0.045, 0.0, 0.0, 0.0, 0.0, 0.0], 0.01, []),
+        ([-0.2, -0.2, -0.2, 0.0, 0.0, 0.0, 0.0], 0.01, []),  # a fast loop that ramps shows that
+        ([-0.2, -0.2, -0.2, -0.2, 0.0, 0.0, 0.0], 0.01, range(7)),  # just before the sample
+        ([0.2], 0.01, [0]),
+        ([-0.2], 0.01, []),
+        ([0.0], np.inf, []),  # B was not fitted
+    ],
+)
+def test_who_steps(more, error, steps):
+    found = stepping(np.array(more), np.full(len(more), error))
+    assert np.flatnonzero(found).tolist() == list(steps)
+
+
+@pytest.mark.parametrize(
+    ("more", "error", "share"), [(0.0, 0.01, 0.01), (0.04, 0.0, 0.08), (-0.04, 0.01, 0.01)]
+)
+def test_what_may_be_hidden_is_stated(more, error, share):
+    assert unsure(more, error) == pytest.approx(share)
+
+
+def test_a_log_without_setpoints_leaves_the_rotor_alone(moved, arm):
+    log = replace(moved.filtered[0].select(slice(0, 1400)), setpoint=None)
+    known = replace(arm.transmission, half_gap=moved.arms[0].half_gap)
+    settings = arm.configuration.estimator
+    fits, _ = identify_friction(log, arm.model, known, settings, arm.max_current)
+    assert [fit.rotor_doubt for fit in fits] == [NO_SETPOINTS] * len(fits)
+    adopted = adopt(arm.transmission, fits)
+    assert (adopted.rotor_inertia == arm.transmission.rotor_inertia).all()
