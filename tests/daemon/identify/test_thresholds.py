@@ -38,6 +38,7 @@ def moved(state: State, seconds: float, c: Configuration, begins_s: float) -> li
             link_position=[0.2 * np.sin(T * k)],
             motor_velocity=[0.2 * np.cos(T * k)],
             motor_position=[0.2 * np.sin(T * k)],
+            setpoint=[0.2 * np.cos(T * k)],
             residual=[float(r)],
             thresholded=[0.0],
             level_share=None,
