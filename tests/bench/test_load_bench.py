@@ -20,8 +20,8 @@ from daemon.config.load import load_robot
 
 def result(given: float = 0.2, **changes: object) -> LoadResult:
     values = {
-        "enough": True, "found_s": 8.0, "seconds_s": 9.0, "mass": given, "told_before": 0,
-        "ratio": 1.0, "given": given,
+        "enough": True, "found_s": 8.0, "seconds_s": 9.0, "mass": given, "confirmed": given,
+        "told_before": 0, "ratio": 1.0, "given": given,
     }  # fmt: skip
     return LoadResult(job=LoadJob(ROMEO, "dahl", 1, (given,)), **values | changes)
 
@@ -38,6 +38,9 @@ def test_targets_of_loads() -> None:
     assert met([result(found_s=None, mass=np.nan), result(0.5)])
     assert not met([*good, result(enough=False, found_s=None, mass=np.nan)])
     assert met([result(mass=0.251), result(0.5)])
+    off = met([result(confirmed=0.251), result(0.5)])
+    assert off == ["0.2 kg: masses confirmed off by more than 15 % and 50 g, of 1"]
+    assert not met([result(confirmed=np.nan), result(0.5)])
     assert not met([result(0.2), result(0.5, mass=0.57)])
     assert met([result(0.2), result(0.5, mass=0.58)])
     assert met([result(ratio=1.2), result(0.5)])
