@@ -58,8 +58,11 @@ _FADES, _ALIKE, _ERRORS, _GAIN = 480.0, 0.3, (0.05, 0.005, 0.005, 0.005), 0.03
 # It is confirmed where so many more blocks in a row show it, with parts as much alike as this, and
 # joints that carry it having moved so far [rad].
 _CONFIRMS, _ALIKE_SHARE, _CONFIRMED_WAY = 8, 0.04, 0.5
-# What was recognised is forgotten when it did not explain what is felt for so long [s].
+# What was recognised is forgotten when it did not explain what is felt for so long [s], or when the
+# last blocks, so many or more since then, clearly show a mass that is off by this share: below the
+# levels nothing is felt.
 _FORGOTTEN_S: Final = 0.5
+_SINCE, _ANOTHER = 8, 0.5
 
 
 def weighed(model: Model, mean: Matrix, gravity: Vector) -> tuple[Matrix, Vector, Vector]:
@@ -122,9 +125,9 @@ class Recognition:
         # Of the last blocks in motion, the newest last: columns and residuals over their deviation.
         self._columns = np.zeros((_BLOCKS, n, 4))
         self._motors, self._shown, self._way = np.zeros((3, _BLOCKS, n))
-        # Of these, which tell of the model's errors: joints that moved while nothing touched.
-        self._free = np.zeros((_BLOCKS, n), dtype=np.bool_)
-        self._filled = 0
+        # Of these, joints that moved; and those that tell of the model's errors: nothing touched.
+        self._moves, self._free = np.zeros((2, _BLOCKS, n), dtype=np.bool_)
+        self._filled = self._since = 0  # the latter since one was found
         self._prior = np.diag(np.array([*_ERRORS, *[_GAIN] * n]) ** -2.0)
         self._information, self._evidence = np.zeros((4 + n, 4 + n)), np.zeros(4 + n)
 
@@ -188,19 +191,36 @@ class Recognition:
         columns, motors, shown = weighed(self._model, mean, gravity)
         if self._filled == _BLOCKS and self.found is None:
             self._take_errors(self._free[0])
-        free = (mean[1] > _MOVES) & (not touched)
+        moves = mean[1] > _MOVES
         for kept, new in (
             (self._columns, columns),
             (self._motors, motors),
             (self._shown, shown),
             (self._way, way),
-            (self._free, free),
+            (self._moves, moves),
+            (self._free, moves & (not touched)),
         ):
             kept[:-1] = kept[1:]
             kept[-1] = new
         self._filled = min(self._filled + 1, _BLOCKS)
-        if self._filled == _BLOCKS and not self.confirmed:
-            self._judge(self._fit())
+        self._since = 0 if self.found is None else self._since + 1
+        if self._filled == _BLOCKS:
+            if self.found is not None and self._is_another(self.found):
+                self.forget()
+            elif not self.confirmed:
+                self._judge(self._fit())
+
+    def _is_another(self, found: Payload) -> bool:
+        """True if the last blocks since then clearly show another mass in its place, or none."""
+        if self._since < _SINCE:
+            return False
+        last = slice(-min(self._since, _BLOCKS), None)
+        off_tool = np.asarray(found.com) - self._model.tool_place
+        per_kg = self._columns[last] @ np.array([1.0, *off_tool]) * self._moves[last]
+        known = float(np.sum(per_kg**2))
+        mass = float(np.sum(per_kg * self._less_errors()[last])) / (known + 1e-12)
+        off = abs(mass - found.mass)
+        return off > _ANOTHER * found.mass and off * np.sqrt(known) > _SURE
 
     def _judge(self, fit: _Fit | None) -> None:
         """Count the blocks in a row that show a load, and then those that confirm it."""
@@ -221,11 +241,16 @@ class Recognition:
         self._information += _ALIKE * (moved.T @ moved) - self._information / _FADES
         self._evidence += _ALIKE * (moved.T @ self._shown[0, free]) - self._evidence / _FADES
 
+    def _less_errors(self) -> Matrix:
+        """What the last blocks show (blocks, n), less what the model's errors look like."""
+        errors = np.linalg.solve(self._prior + self._information, self._evidence)
+        left: np.ndarray = self._shown - self._columns @ errors[:4] - self._motors * errors[4:]
+        return left
+
     def _fit(self) -> _Fit | None:
         """The load that the last blocks show, None where they show none."""
-        errors = np.linalg.solve(self._prior + self._information, self._evidence)
+        shown = self._less_errors()
         x = self._columns.reshape(-1, 4)
-        shown = self._shown - self._columns @ errors[:4] - self._motors * errors[4:]
         y = shown.reshape(-1)
         power = float(y @ y)
         fitted = fitted_load(x, y)

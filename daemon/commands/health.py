@@ -60,7 +60,15 @@ def _state(directory: Path | None) -> Path:
     if directory is not None:
         return directory
     own = default_directory()
-    return own if (own / "trends").exists() or not (_SERVICE / "trends").exists() else _SERVICE
+    return own if _is_there(own / "trends") or not _is_there(_SERVICE / "trends") else _SERVICE
+
+
+def _is_there(folder: Path) -> bool:
+    """True for a folder that this user may not look at, too: who reads it says so."""
+    try:
+        return folder.exists()
+    except OSError:
+        return True
 
 
 def _folders(state: Path) -> list[Path]:

@@ -196,6 +196,29 @@ def test_it_is_forgotten_when_it_explains_what_is_felt_no_more(romeo: Model, aft
     assert recognition.found is None
 
 
+@pytest.mark.parametrize("confirmed", [True, False])
+@pytest.mark.parametrize("after", [0.0, 0.165], ids=["gone", "more"])
+def test_a_load_below_the_levels_is_forgotten_when_motion_shows_another(
+    romeo: Model, after: float, confirmed: bool
+) -> None:
+    """Neither it nor what comes after it is ever felt, so that no tick says that it is gone."""
+    recognition, level = Recognition(romeo, T), np.array([0.8, 0.5, 0.4, 0.3, 0.2, 0.2, 0.2])
+    found_s = 0.0
+    for k in range(round(40.0 / T)):
+        q, q_dot = motion(k * T, 0.3)
+        mass = after if found_s else 0.1 * (k * T > 15.0)
+        torque = load(mass)(romeo, 0.0, q)
+        assert not (np.abs(torque) > level).any()
+        recognition.step(q, q_dot, torque, level, touched=False)
+        if not found_s and recognition.found is not None:
+            if recognition.confirmed or not confirmed:
+                found_s = k * T
+        elif found_s and k * T > found_s + 11.0:
+            break
+    assert found_s
+    assert recognition.found is None or recognition.found.mass == pytest.approx(after, rel=0.1)
+
+
 def test_what_the_models_errors_look_like_is_taken_off(romeo: Model) -> None:
     """A hand that is 40 g heavier than the model's, and then takes 200 g."""
     recognition = Recognition(romeo, T)

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
 from daemon.commands import contactctl
+from daemon.commands import health as health_command
 from daemon.modes.table import Event
 from daemon.service.trend_line import TrendLine, identified_dates
 from daemon.trends.day import read_days, write_day
@@ -143,3 +144,14 @@ def test_gears_that_are_well_are_status_0(tmp_path: Path) -> None:
         write_day(tmp_path / "trends" / "arm", day)
     code, out, _ = health("--directory", str(tmp_path))
     assert (code, "nothing is to be said of any joint" in out) == (0, True)
+
+
+def test_health_of_a_service_that_may_not_be_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = tmp_path / ("x" * 300)  # refused to everybody, root too
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "own"))
+    monkeypatch.setattr(health_command, "_SERVICE", service)
+    code, _, error = health()
+    assert code == 65
+    assert error.strip().endswith(f"{service / 'trends'}: File name too long")
