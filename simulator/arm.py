@@ -65,7 +65,7 @@ class SimulatedArm:
             hand_script,
             [joint.name for joint in description.joints],
             0.3 * parameters.lightest_link / settings.step_s,
-            lambda given: self.plant.carry(given.mass, np.array(given.com)),
+            lambda given: self.plant.carry(given.mass, given.com),
             self.plant.weight,
             parameters.torque_constant
             * np.array([joint.max_current_A for joint in description.joints]),

@@ -87,11 +87,11 @@ class Gap(Act, frozen=True, kw_only=True, tag="gap"):
 
 
 class Give(Act, frozen=True, kw_only=True, tag="give"):
-    """Put a mass [kg] into the arm's hand, at a place in the frame of the URDF's last link [m];
-    0 takes it away again."""
+    """Put a mass [kg] into the arm's hand, at a place in the frame of the URDF's last link [m],
+    without one where a hand would hold it (`Plant.held_at`); 0 takes it away again."""
 
     mass: NotNegative
-    com: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    com: tuple[float, float, float] | None = None
 
 
 AnyAct = Push | Lean | Hold | Clamp | Guide | Gap | Release | Give

@@ -6,7 +6,7 @@ from typing import Any, Final, cast
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from arrays import Matrix, Vector
 from compiled import uncompiled
@@ -16,6 +16,7 @@ from simulator.mismatch import PlantParameters
 from simulator.two_masses import TwoMasses
 
 SMOOTH: Final = FrictionLaw()
+_OFF_AXIS: Final = 0.01  # [m]; nearer to the last joint, a load has no lever about it
 External = Callable[[Vector, Vector, Vector], None]
 """(q, q_dot, out): writes the external joint torque of this instant [Nm] into out (n,)."""
 
@@ -126,11 +127,21 @@ class Plant:
         self._coulomb[:] = self.parameters.coulomb.reshape(2, self.n) * factor
         self._viscous[:] = self.parameters.viscous.reshape(2, self.n) * factor
 
-    def carry(self, mass: float, place: Vector) -> None:
+    @property
+    def held_at(self) -> Vector:
+        """Where the hand holds what it is given (3,), in the frame of the last joint [m]: at the
+        origin of the URDF's last link if that is off the joint's axis, as a tool's is; else at
+        the centre of mass of what the joint moves."""
+        origin = last_link(self._model).placement.translation
+        return np.array(origin if np.linalg.norm(origin) > _OFF_AXIS else self._hand.lever)
+
+    def carry(self, mass: float, place: ArrayLike | None = None) -> None:
         """Have the hand carry a point mass [kg] from now on, at a place (3,) in the frame of the
-        URDF's last link [m], instead of what it carried; 0 takes that away."""
+        URDF's last link [m], without one `held_at`, instead of what it carried; 0 takes that
+        away."""
         frame = last_link(self._model)
-        load = pin.Inertia(mass, frame.placement.act(np.array(place)), np.zeros((3, 3)))
+        at = self.held_at if place is None else frame.placement.act(np.array(place))
+        load = pin.Inertia(mass, at, np.zeros((3, 3)))
         body = self._hand + load if mass > 0.0 else self._hand
         self._model.inertias[self.n] = body  # of `energy`, too
         self.masses.links.load(self.n - 1, body.mass, body.lever.copy(), body.inertia.copy())

@@ -135,10 +135,17 @@ def clamp(door: Path, joints: tuple[str, ...]) -> None:
 
 @hand.command()
 @click.argument("mass", type=Measure("kg"))
+@click.option(
+    "--com",
+    nargs=3,
+    type=float,
+    metavar="X Y Z",
+    help="Its centre of mass in the frame of the URDF's last link [m].  [default: the tool point]",
+)
 @click.pass_obj
-def carry(door: Path, mass: float) -> None:
+def carry(door: Path, mass: float, com: tuple[float, float, float] | None) -> None:
     """Put MASS into the arm's hand; 0 takes it away."""
-    _do(door, act="give", mass=mass)
+    _do(door, act="give", mass=mass, com=com)
 
 
 @hand.command()

@@ -221,3 +221,15 @@ def test_an_arm_carries_what_its_hand_is_given() -> None:
         rig.run(2.0)
         assert rig.arm.hand.began
         assert rig.arm.plant.parameters.model.inertias[7].mass == pytest.approx(mass + 0.3)
+
+
+def test_a_load_without_a_place_lies_where_the_daemon_takes_it_to_lie() -> None:
+    with lockstep_rig(ROMEO, hand=(Give(at_s=0.0, mass=0.5),)) as rig:
+        body = rig.arm.plant.parameters.model.inertias[7]
+        bare, held = body.mass, body.lever.copy()
+        place = rig.tick.estimator.model.tool_place
+        rig.enable()
+        rig.run(0.1)
+        body = rig.arm.plant.parameters.model.inertias[7]
+        load = (body.mass * body.lever - bare * held) / 0.5
+        np.testing.assert_allclose(load, place, atol=0.005)

@@ -121,6 +121,8 @@ def door(tmp_path: Path):
         (["clamp", "elbow", "shoulder"], Clamp(at_s=0, joints=("elbow", "shoulder"))),
         (["gap", "elbow", "--torque", "2Nm"], Gap(at_s=0, joint="elbow", torque=2, times=40)),
         (["carry", "0.5kg"], Give(at_s=0, mass=0.5)),
+        (["carry", "0.5kg", "--com", "0.1", "0", "-0.02"],
+         Give(at_s=0, mass=0.5, com=(0.1, 0.0, -0.02))),
         (["release"], Release(at_s=0)),
     ],
 )  # fmt: skip
