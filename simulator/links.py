@@ -254,9 +254,8 @@ class Links:
                 x[j] -= share * x[i]
                 j = self._parent[j]
         for i in range(self.n):
-            solved = x[i] / self._M[i, i]
+            x[i] /= self._M[i, i]
             j = self._parent[i]
             while j >= 0:
-                solved -= self._M[i, j] * x[j]
+                x[i] -= self._M[i, j] * x[j]
                 j = self._parent[j]
-            x[i] = solved

@@ -12,3 +12,10 @@ cdef class ServoPeriods:
 
     cpdef int begin(self) except -1
     cpdef int run(self, Py_ssize_t periods, Py_ssize_t steps, object touch) except -1
+    cpdef int record(
+        self,
+        double[:, ::1] external,
+        Py_ssize_t steps,
+        double[:, ::1] phi,
+        double[:, ::1] gear_torque,
+    ) except -1

@@ -8,7 +8,7 @@ Ordinary Python, which runs as it is; `servo_periods.pxd` names the types for th
 
 from collections.abc import Callable
 
-from arrays import Vector
+from arrays import Matrix, Vector
 from simulator.sensors import Sensors
 from simulator.servo import Servo
 from simulator.two_masses import TwoMasses
@@ -36,3 +36,15 @@ class ServoPeriods:
         for _ in range(periods):
             self.begin()
             self._masses.advance(steps, touch)
+
+    def record(self, external: Matrix, steps: int, phi: Matrix, gear_torque: Matrix) -> None:
+        """A period for each row of `external`, torque on the links in it [Nm]; write phi [rad] and
+        what the gear hands to the link [Nm] after each; all (periods, n)."""
+        masses = self._masses
+        for period in range(external.shape[0]):
+            for i in range(masses.n):
+                masses.external[i] = external[period, i]
+            self.begin()
+            masses.advance(steps, None)
+            for i in range(masses.n):
+                phi[period, i], gear_torque[period, i] = masses.phi[i], -masses.gear[i]

@@ -240,12 +240,7 @@ class Harness:
 
     def period(self, external: Matrix) -> None:
         """One period; external: torque on the links (per_tick, n) in each of its milliseconds."""
-        plant = self.plant
-        for i in range(self.per_tick):
-            plant.external_torque[:] = external[i]
-            self.periods.run(1, self._steps, None)
-            self.phi[i] = plant.phi
-            self.gear_torque[i] = plant.gear_torque
+        self.periods.record(external, self._steps, self.phi, self.gear_torque)
 
 
 def _displace(model: pin.Model, distance_m: float, seed: int) -> None:
