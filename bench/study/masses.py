@@ -22,7 +22,8 @@ from daemon.config.schema import Configuration, Friction
 from daemon.identify.motions import bounds_of, excitation
 from estimator.body_inertia import BodyInertia
 from estimator.estimate import SampleRows
-from estimator.identification.friction import adopt, identify_friction
+from estimator.identification.friction import identify_friction
+from estimator.identification.friction_fit import adopt
 from estimator.identification.masses import identify_masses
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.payload_fit import PayloadVerdict, identify_payload

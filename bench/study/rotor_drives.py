@@ -22,7 +22,8 @@ from daemon.assembly import build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import load_robot
 from daemon.identify.motions import bounds_of, excitation
-from estimator.identification.friction import FrictionFit, identify_friction
+from estimator.identification.friction import identify_friction
+from estimator.identification.friction_fit import FrictionFit
 from estimator.identification.friction_verdict import Verdict
 from estimator.identification.motion_log import MotionLog
 from estimator.model import Model
