@@ -1,5 +1,6 @@
 """Arms whose masses and centres are not the URDF's, and what their residuals become by each model:
-the URDF's, the true one, and the identified one, with friction identified alike."""
+the URDF's, the true one, and the identified one, with friction identified alike; by drives of any
+sort."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -10,6 +11,7 @@ import pinocchio as pin
 
 from arrays import Matrix, Vector
 from bench.rigs.arm_batch import Reference, Scatter, random_arm, record_fleet
+from bench.rigs.following import RAMPING, Following
 from bench.rigs.lockstep import ROMEO
 from daemon.assembly import build_estimator, build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
@@ -80,7 +82,8 @@ def with_bodies(c: Configuration, bodies: dict[str, BodyInertia]) -> Configurati
 class Subjects:
     """The left arm of Romeo as configured, and arms that differ from it."""
 
-    def __init__(self, arms: int, seed: tuple[int, int]) -> None:
+    def __init__(self, arms: int, seed: tuple[int, int], following: Following = RAMPING) -> None:
+        self.following = following
         self.robot = load_robot(ROMEO)
         self.c = self.robot.configuration
         self.model = Model(self.robot.urdf, self.c.joint_names)
@@ -105,7 +108,12 @@ class Subjects:
         motion = excitation(bounds_of(self.c), self.model, period, seed, *turn_s)
         path = motion.path(motion.motion.at(np.zeros(1))[0][0], seconds)
         return record_fleet(
-            self.description, arms, along(path, period), len(path) * period, self.settings
+            self.description,
+            arms,
+            along(path, period),
+            len(path) * period,
+            self.settings,
+            following=self.following,
         )[0]
 
     def friction_with(self, bodies: dict[str, BodyInertia], log: MotionLog) -> Configuration:
@@ -166,6 +174,7 @@ class MassesJob:
     arms: int
     seconds: float
     seed: tuple[int, int]
+    following: Following = RAMPING
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +183,7 @@ class MassesFound:
     NaN where masses were refused. Loads: true and found mass [kg], distance of the centres [m] and
     standard errors, (arms, 5), NaN where refused."""
 
+    job: MassesJob
     by_urdf: Matrix
     by_identified: Matrix
     loads: Matrix
@@ -182,7 +192,7 @@ class MassesFound:
 
 def examine(job: MassesJob) -> MassesFound:
     """Simulate and identify."""
-    subjects = Subjects(job.arms, job.seed)
+    subjects = Subjects(job.arms, job.seed, job.following)
     fitted = subjects.moved(subjects.arms, job.seconds, seed=3)
     for_friction = subjects.moved(subjects.arms, job.seconds, seed=1)
     tested = subjects.moved(subjects.arms, job.seconds, seed=2)
@@ -204,7 +214,7 @@ def examine(job: MassesJob) -> MassesFound:
         by_found.append(rms(bodies) / exact if masses.usable else none)
         refused += [f"{f.joint}: {f.verdict.value}: {f.reason}" for f in masses.fits if f.reason]
         loads.append(_load(subjects, arm, bodies if masses.usable else {}))
-    return MassesFound(np.array(by_urdf), np.array(by_found), np.array(loads), refused)
+    return MassesFound(job, np.array(by_urdf), np.array(by_found), np.array(loads), refused)
 
 
 def _load(subjects: Subjects, arm: PlantParameters, bodies: dict[str, BodyInertia]) -> Vector:
