@@ -7,7 +7,7 @@ times, rotors 1.25 times. It moves without contact to have its masses identified
 with them; judged is the residual on another motion, to which nothing was fitted, beside that of the
 same arm whose masses are known exactly. Then a load of 0.1 to 0.5 kg comes into its hand for ten
 seconds. All this by drives that ramp from setpoint to setpoint, and again, by as many arms of each
-sort, by drives that do not (bench/rigs/following.py), of whose current a part of the acceleration
+sort, by drives that do not (bench/rigs/reaching.py), of whose current a part of the acceleration
 is missing. Simulated without a bus; an arm takes some five seconds of CPU time.
 """
 
@@ -18,8 +18,8 @@ import numpy as np
 
 from bench.options import JOBS, SEED, help_of
 from bench.report import Target, print_report
-from bench.rigs.following import RAMPING, Following
 from bench.rigs.lockstep import ROMEO
+from bench.rigs.reaching import RAMPING, Reaching
 from bench.study.identification_report import summary
 from bench.study.masses import MassesFound, MassesJob, examine
 from bench.study.monte_carlo import spread
@@ -32,9 +32,9 @@ WITHIN = 1.5
 """95 % intervals, within which every load lies."""
 _95 = 1.96
 OTHERS = (
-    Following(way="steps"),
-    Following(way="steps", bandwidth_Hz=40.0),
-    Following(way="accelerates", bandwidth_Hz=40.0, acceleration=60.0),
+    Reaching(way="steps"),
+    Reaching(way="steps", bandwidth_Hz=40.0),
+    Reaching(way="accelerates", bandwidth_Hz=40.0, acceleration=60.0),
 )
 """Drives that do not ramp from setpoint to setpoint."""
 
@@ -88,14 +88,14 @@ def _of_masses(found: MassesFound, by: str) -> list[Target]:
 @click.option("--json", "as_json", is_flag=True)
 def main(arms: int, seconds: float, processes: int, seed: int, as_json: bool) -> None:
     todo = [
-        MassesJob(min(TOGETHER, arms - first), seconds, (seed, first), following)
-        for following in (RAMPING, *OTHERS)
+        MassesJob(min(TOGETHER, arms - first), seconds, (seed, first), reaching)
+        for reaching in (RAMPING, *OTHERS)
         for first in range(0, arms, TOGETHER)
     ]
     count = arms * (1 + len(OTHERS))
     parts = list(spread(examine, todo, processes, f"{count} arms"))
-    found = joined([part for part in parts if part.job.following == RAMPING])
-    others = joined([part for part in parts if part.job.following != RAMPING])
+    found = joined([part for part in parts if part.job.reaching == RAMPING])
+    others = joined([part for part in parts if part.job.reaching != RAMPING])
     names = load_robot(ROMEO).configuration.joint_names
     data: dict[str, Any] = {
         "joints": names,

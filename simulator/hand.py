@@ -33,12 +33,17 @@ class Push(Act, frozen=True, kw_only=True, tag="push"):
     shape: Literal["step", "ramp", "pulse"] = "step"
 
 
+STRONGEST = 4.0
+"""Torque of a hand at a joint, unless told otherwise [Nm]."""
+
+
 class Grip(Act, frozen=True, kw_only=True):
     """Spring [Nm/rad], damper [Nm s/rad] and strongest torque [Nm] per joint."""
 
     stiffness: Positive = 40.0
     damping: NotNegative = 2.0
-    max_torque: Positive = 4.0
+    # LEADING of what the joint's motor can give, and no more than STRONGEST, if None
+    max_torque: Positive | None = STRONGEST
 
 
 class Hold(Grip, frozen=True, kw_only=True, tag="hold"):
@@ -100,6 +105,8 @@ TAKING_S, VISIT_S, WAY_S = 1.5, 0.9, 0.25
 the way takes."""
 SOFT = 0.01
 """Share of a motor's torque with which a hand presses that is to feel it, and not to turn it."""
+LEADING = 0.2
+"""The same of one that is to be followed, and not taken for a crash."""
 Script = tuple[AnyAct, ...]
 
 
@@ -160,6 +167,7 @@ class Hand:
         # Pressed with so much, since when, around which position.
         self._gap: tuple[Gap, float, float, float] | None = None
         self._soft = SOFT * np.broadcast_to(strongest, n)
+        self._leading = np.minimum(LEADING * np.broadcast_to(strongest, n), STRONGEST)
         self._asked: list[AnyAct] = []
         self._anchor, self._goal, self._speed, self._rate = np.zeros((4, n))
         self._stiffness, self._damping, self._strongest = np.zeros((3, n))
@@ -281,7 +289,8 @@ class Hand:
             i = self._index[name]
             if self._stiffness[i] == 0.0:  # a hand that holds already leads on from its own place
                 self._anchor[i] = q[i]
-            self._stiffness[i], self._strongest[i] = act.stiffness, act.max_torque
+            most = float(self._leading[i]) if act.max_torque is None else act.max_torque
+            self._stiffness[i], self._strongest[i] = act.stiffness, most
             self._damping[i] = min(act.damping, self._damping_limit[i])
             self._goal[i] = act.to[name] if isinstance(act, Guide) else self._anchor[i]
             self._speed[i] = act.speed if isinstance(act, Guide) else 0.0

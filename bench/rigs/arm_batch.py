@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from arrays import Vector
-from bench.rigs.following import RAMPING, Following
+from bench.rigs.reaching import RAMPING, Reaching
 from estimator.identification.motion_log import MotionLog
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.mismatch import PlantParameters, contact
@@ -90,7 +90,7 @@ def record_fleet(
     push: Push | None = None,
     *,
     motors_only: bool = False,
-    following: Following = RAMPING,
+    reaching: Reaching = RAMPING,
 ) -> list[list[MotionLog]]:
     """Logs `[sensors][arm]` of one motion, as the sensors of `settings`, and those of each of
     `others`, report the same arms.
@@ -104,7 +104,7 @@ def record_fleet(
     plant = Plant(parameters, settings.step_s, settings.law)
     start = np.tile(reference(0.0)[0], count)
     plant.place(start)
-    servo = following.servo(fleet, parameters.usual_link)
+    servo = reaching.servo(fleet, parameters.usual_link)
     for joint in range(n * count):
         servo.energise(joint, 0.0)
     sensors = [Sensors(fleet, each, start) for each in (settings, *others)]
@@ -137,7 +137,7 @@ def record_fleet(
         if not motors_only:
             velocity = velocity + POSITION_GAIN * (q_d - rows[0, max(k, 0), 1])
         rows[:, max(k, 0), 4] = velocity
-        following.follow(servo, velocity, period)
+        reaching.reach(servo, velocity, period)
     time_s = period * np.arange(ticks, dtype=np.float64)
     names = tuple(joint.name for joint in description.joints)
     return [

@@ -11,8 +11,8 @@ import pinocchio as pin
 
 from arrays import Matrix, Vector
 from bench.rigs.arm_batch import Reference, Scatter, random_arm, record_fleet
-from bench.rigs.following import RAMPING, Following
 from bench.rigs.lockstep import ROMEO
+from bench.rigs.reaching import RAMPING, Reaching
 from daemon.assembly import build_estimator, build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.dynamics import model_of
@@ -83,8 +83,8 @@ def with_bodies(c: Configuration, bodies: dict[str, BodyInertia]) -> Configurati
 class Subjects:
     """The left arm of Romeo as configured, and arms that differ from it."""
 
-    def __init__(self, arms: int, seed: tuple[int, int], following: Following = RAMPING) -> None:
-        self.following = following
+    def __init__(self, arms: int, seed: tuple[int, int], reaching: Reaching = RAMPING) -> None:
+        self.reaching = reaching
         self.robot = load_robot(ROMEO)
         self.c = self.robot.configuration
         self.model = Model(self.robot.urdf, self.c.joint_names)
@@ -114,7 +114,7 @@ class Subjects:
             along(path, period),
             len(path) * period,
             self.settings,
-            following=self.following,
+            reaching=self.reaching,
         )[0]
 
     def friction_with(self, bodies: dict[str, BodyInertia], log: MotionLog) -> Configuration:
@@ -175,7 +175,7 @@ class MassesJob:
     arms: int
     seconds: float
     seed: tuple[int, int]
-    following: Following = RAMPING
+    reaching: Reaching = RAMPING
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +193,7 @@ class MassesFound:
 
 def examine(job: MassesJob) -> MassesFound:
     """Simulate and identify."""
-    subjects = Subjects(job.arms, job.seed, job.following)
+    subjects = Subjects(job.arms, job.seed, job.reaching)
     fitted = subjects.moved(subjects.arms, job.seconds, seed=3)
     for_friction = subjects.moved(subjects.arms, job.seconds, seed=1)
     tested = subjects.moved(subjects.arms, job.seconds, seed=2)

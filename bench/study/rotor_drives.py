@@ -16,8 +16,8 @@ import numpy as np
 from arrays import Matrix, Vector
 from bench.report import Target
 from bench.rigs.arm_without_bus import Harness, Subject
-from bench.rigs.following import WAYS, Following
 from bench.rigs.lockstep import ROMEO
+from bench.rigs.reaching import WAYS, Reaching
 from daemon.assembly import build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import load_robot
@@ -40,7 +40,7 @@ _95: Final = 1.96
 class Drives:
     """Drives of one arm, and by how much its masses are off."""
 
-    following: Following
+    reaching: Reaching
     filter_ms: float = 3.0
     taken_ms: int = 10
     """after the SYNC whose samples a setpoint answers; a whole period: with the next"""
@@ -78,7 +78,7 @@ def random_drives(number: int, seed: int) -> Drives:
     acceleration = between(5.0, 100.0)
     way = WAYS[number % len(WAYS)]
     return Drives(
-        following=Following(way=way, bandwidth_Hz=bandwidth_Hz, acceleration=acceleration),
+        reaching=Reaching(way=way, bandwidth_Hz=bandwidth_Hz, acceleration=acceleration),
         filter_ms=filter_ms,
         taken_ms=taken_ms,
         seed=int(rng.integers(10**6)),
@@ -105,7 +105,7 @@ def identified(drives: Drives, seconds: float = SECONDS) -> tuple[list[FrictionF
         mismatch=mismatch, current_filter_ms=drives.filter_ms, seed=drives.seed
     )
     harness = Harness(Subject(robot=robot, settings=settings))
-    _tune(harness, drives.following)
+    _tune(harness, drives.reaching)
     model = Model(robot.urdf, c.joint_names)
     motion = excitation(bounds_of(c), model, c.period_s, seed=1)
     start = motion.motion.at(np.zeros(1))[0][0]
@@ -118,11 +118,11 @@ def identified(drives: Drives, seconds: float = SECONDS) -> tuple[list[FrictionF
     return fits, harness.parameters.rotor_inertia
 
 
-def _tune(harness: Harness, following: Following) -> None:
-    """Give the harness drives that follow so."""
+def _tune(harness: Harness, reaching: Reaching) -> None:
+    """Give the harness drives that reach them so."""
     description = describe(robot := load_robot(ROMEO), read_simulation(robot))
     p = harness.parameters
-    harness.servo = following.servo(description, p.usual_link)
+    harness.servo = reaching.servo(description, p.usual_link)
     harness.periods = ServoPeriods(
         harness.servo, harness.sensors, harness.plant.masses, p.torque_constant
     )
@@ -140,10 +140,10 @@ def _excited(harness: Harness, drives: Drives, path: Matrix, gain: float) -> Mot
     for k in range(-round(SETTLING_S / period_s), len(path)):
         # `before` was asked a period before `now`; it is taken over with this SYNC.
         if not late:
-            drives.following.follow(harness.servo, before, period_s)
+            drives.reaching.reach(harness.servo, before, period_s)
         harness.run(late)
         if late:
-            drives.following.follow(harness.servo, now, period_s)
+            drives.reaching.reach(harness.servo, now, period_s)
         harness.run(harness.per_tick - late)
         sample, at = harness.sample(), max(k, 0)
         moving = speed[at] if k >= 0 else np.zeros(n)
@@ -162,7 +162,7 @@ def random_rotors(job: tuple[int, int]) -> Rotors:
 
 def targets(found: list[Rotors]) -> list[Target]:
     """Targets of the project."""
-    ramps = [one for one in found if one.drives.following.way == "ramps"]
+    ramps = [one for one in found if one.drives.reaching.way == "ramps"]
     refused = [1.0 - float(one.given.mean()) for one in ramps]
     return [
         Target("rotors that are given and off by over 1.5 times their stated interval",
@@ -176,7 +176,7 @@ def data(found: list[Rotors]) -> dict[str, dict[str, float]]:
     """Numbers behind the targets, by the way that drives follow."""
     table: dict[str, dict[str, float]] = {}
     for way in WAYS:
-        own = [one for one in found if one.drives.following.way == way]
+        own = [one for one in found if one.drives.reaching.way == way]
         if own:
             error, half, given = (
                 np.concatenate([getattr(one, name) for one in own])

@@ -3,7 +3,6 @@
 import sys
 from pathlib import Path
 
-import click
 from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
@@ -11,6 +10,7 @@ from rich.table import Table
 import compiled
 from daemon.assembly import build_setups
 from daemon.commands.felt_poses import felt_over_poses
+from daemon.commands.sentences import say
 from daemon.config.bounds import near
 from daemon.config.checks import suspects
 from daemon.config.evidence import unarmable
@@ -37,8 +37,8 @@ QUANTITY_UNITS = {
 }
 FORMULA = "value = sign * (offset + scale * counts); link_position at link, else at motor"
 TRAVEL_WORDS = (
-    "in all, of a drive that obeys nothing: until the fault is found; while it is told to stop\n"
-    "by setpoint, SDO and NMT; until it misses us; its quick stop. dies: the last two, where the\n"
+    "in all, of a drive that obeys nothing: until the fault is found; while it is told to stop by "
+    "setpoint, SDO and NMT; until it misses us; its quick stop. dies: the last two, where the "
     "daemon dies"
 )
 # Substitutes for quantities that a drive profile does not have.
@@ -77,43 +77,40 @@ def print_check(config: Path) -> None:
         for lack in lacks(setups[name], c.period_ms, c.bus.master_node):
             _remark(console, lack)
     console.print(wiring, joints, travels)
-    console.print(TRAVEL_WORDS, style="dim", highlight=False)
+    say(TRAVEL_WORDS, dim=True)
     console.print()
     for line in felt_over_poses(c, robot.urdf):
-        console.print(line, highlight=False, soft_wrap=True, markup=False)
+        say(line)
     frames = frame_table(c.joint_drives, c.period_s, c.bus.master_node)
     console.print(_frames(frames))
     load = bus_load(c.joint_drives, c.period_s, c.bus.bitrate)
     exchange_ms = 1000.0 * sum(f.bits for f in frames if f.every_tick) / c.bus.bitrate
-    console.print(
+    say(
         f"bus load at worst {load:.1%} of {c.bus.bitrate} bit/s (allowed {HIGHEST_LOAD:.0%}); "
-        f"one exchange takes {exchange_ms:.2f} of {c.period_ms} ms",
-        highlight=False,
+        f"one exchange takes {exchange_ms:.2f} of {c.period_ms} ms"
     )
     # At the end, where it is not overlooked.
     for joint, asked in zip(c.joints, loads, strict=True):
         if asked.too_much:
-            console.print(
+            say(
                 f"{joint.name}: gravity is more than the motor can hold ({asked.gravity:.4g} Nm of "
-                f"{asked.motor:.4g} Nm): are masses in kg and lengths in m?",
-                highlight=False,
-                soft_wrap=True,
+                f"{asked.motor:.4g} Nm): are masses in kg and lengths in m?"
             )
     for problem in (*near(c, robot.urdf), *suspects(c, robot.urdf, robot.folder)):
-        console.print(robot.in_words(problem), highlight=False, soft_wrap=True, markup=False)
+        say(robot.in_words(problem))
     for reason in unarmable(robot.identified, c, robot.urdf):
-        click.echo(f"`contactctl arm` will be refused: {reason}")
+        say(f"`contactctl arm` will be refused: {reason}")
     if plain := compiled.warning():
-        click.echo(plain)
-    click.echo(f"{robot.path}: good")
+        say(plain)
+    say(f"{robot.path}: good")
 
 
 def print_explanation(field: str) -> None:
     """Print what a field is, how to find it and what is typical. Raises ConfigurationError."""
     for place, about in explain(field).items():
-        click.echo(f"{place}: {about.what}")
-        click.echo(f"  how to find it: {about.find}")
-        click.echo(f"  typical: {about.typical}")
+        say(f"{place}: {about.what}")
+        say(f"  how to find it: {about.find}")
+        say(f"  typical: {about.typical}")
 
 
 def _remark(console: Console, text: str) -> None:

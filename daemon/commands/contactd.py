@@ -14,6 +14,7 @@ from compiled import refuse_stale
 from daemon.commands import recordings
 from daemon.commands.fleet import fleet
 from daemon.commands.options import PATH, Range
+from daemon.commands.sentences import say
 from errors import ContactdError, ProgramError
 
 ENDED_BY_CTRL_C = 130  # as shells say it
@@ -44,7 +45,7 @@ class _Group(click.Group):
 
             head = "<3>" if stderr_is_journal() else "contactd: "
             for line in str(error).splitlines():
-                click.echo(head + line, err=True)
+                say(head + line, err=True)
             ctx.exit(error.exit_code)
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise

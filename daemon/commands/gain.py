@@ -11,6 +11,7 @@ import click
 
 from daemon.commands.options import Options
 from daemon.commands.replies import answer, print_json
+from daemon.commands.sentences import say
 from daemon.protocol.messages import Reply, Request
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def balance(options: Options, *, apply: bool) -> None:
             if not reply.ok:
                 answer(options, reply)  # joints before it are changed; `gain` shows which
     if not options.json:
-        click.echo("changed until the daemon ends; to keep it: `admittance_gain` in config.yaml")
+        say("changed until the daemon ends; to keep it: `admittance_gain` in config.yaml")
 
 
 def balance_of(c: "Configuration", urdf: str) -> "Balance":

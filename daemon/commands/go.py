@@ -16,6 +16,7 @@ import click
 
 from daemon.commands.options import Options
 from daemon.commands.replies import POLL_S, RESTING, answer, carry_out, print_json
+from daemon.commands.sentences import say
 from daemon.modes.table import Mode
 
 if TYPE_CHECKING:
@@ -138,4 +139,4 @@ def _list_poses(options: Options) -> None:
         places = " ".join(f"{joint}={value:g}" for joint, value in values.items())
         click.echo(f"{name:16} {places}")
     if not poses:
-        click.echo("no `poses` in the configuration; `contactctl go JOINT=VALUE ...` needs none")
+        say("no `poses` in the configuration; `contactctl go JOINT=VALUE ...` needs none")

@@ -104,9 +104,13 @@ def lean(door: Path, joint: str, torque: float) -> None:
 @click.argument("position", type=Measure("rad"))
 @click.option("--speed", type=Range(min=0.01, max=5), default=0.3, show_default=True,
               help="rad/s.")  # fmt: skip
-@click.option("--torque", type=Measure("Nm"), default=4.0, show_default=True, help="At most.")
+@click.option(
+    "--torque",
+    type=Measure("Nm"),
+    help="At most; by default a fifth of what its motor can give, and no more than 4 Nm.",
+)
 @click.pass_obj
-def lead(door: Path, joint: str, position: float, speed: float, torque: float) -> None:
+def lead(door: Path, joint: str, position: float, speed: float, torque: float | None) -> None:
     """Take JOINT and lead it to POSITION; holds on until `release`."""
     _do(door, act="guide", to={joint: position}, speed=speed, max_torque=torque)
 

@@ -16,6 +16,7 @@ from rich.console import Console
 
 from arrays import Vector
 from daemon.clients.client import Client
+from daemon.commands.sentences import say
 from daemon.config.identified import Identified, write_identified
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import AnyStep, Configuration
@@ -41,6 +42,10 @@ from daemon.identify.zero import zero_step
 from errors import ConfigurationError, ControlError
 from estimator.identification.gap_result import GapVerdict
 from estimator.identification.thresholds import LevelVerdict
+
+PLUS = (
+    "Where the right thumb lies along a joint's axis, as the URDF has it, the fingers point to +."
+)
 
 
 class Source(Protocol):
@@ -143,6 +148,8 @@ class Identification:
         trace: TracebackType | None,
     ) -> None:
         """List what was written, also if a step was stopped, and close the source."""
+        if kind is click.Abort:
+            self._tell("")  # Ctrl-C at a question leaves its line open
         path = self._robot.folder / self._robot.configuration.identified
         if self._written:
             self._tell(f"written to {path}: {', '.join(self._written)}")
@@ -164,6 +171,7 @@ class Identification:
     def zero(self, stated: dict[str, float]) -> bool:
         """Find sign and zero of the link encoders of joints that stand at `stated` [rad]."""
         outcomes = []
+        self._tell(PLUS)
         for name in self.joints(tuple(stated)):
             seen, upward = self._source.pushed(name, partial(self._which_way, name))
             outcome = zero_step(self._robot, name, seen, stated[name], upward=upward, date=now())
@@ -172,8 +180,7 @@ class Identification:
 
     def _which_way(self, name: str) -> bool:
         self._tell(f"{name} stands. Push its link a little, either way, and hold it there.")
-        text = "Which way did it go by the URDF (its axis along the right thumb: + is the fingers')"
-        return str(click.prompt(text, type=click.Choice(["+", "-"]))) == "+"
+        return str(click.prompt("Which way did it go", type=click.Choice(["+", "-"]))) == "+"
 
     def wiring(self, named: tuple[str, ...]) -> bool:
         """Check signs and scales, joint by joint."""
@@ -312,7 +319,8 @@ class Identification:
             self._tell(f"no picture: {error}")
 
     def _tell(self, text: str) -> None:
-        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+        whole = not self._console.is_terminal  # a file gets a sentence in one line
+        self._console.print(text, markup=False, highlight=False, soft_wrap=whole)
 
 
 def identification(
@@ -348,7 +356,7 @@ def may_enable(robot: Robot) -> bool:
     c = robot.configuration
     ends = {end: [j.name for j in c.joints if j.end == end] for end in ("hold", "brake", "limp")}
     later = "; ".join(f"{end}: {', '.join(names)}" for end, names in ends.items() if names)
-    click.echo(
+    say(
         "The drives are off. They are enabled for this, the arm moves, and at the end it goes back "
         f"to where it stands and its joints end as configured ({later}). Nobody may be in reach of "
         "it, and the emergency stop must be in yours."

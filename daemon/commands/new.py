@@ -59,8 +59,12 @@ def _say(folder: Path, written: str, remarks: Sequence[str]) -> None:
         click.echo(remark)
     click.echo(
         f"""next:
-  contactd check {folder}              what is wrong, and what follows from it
-  contactd check --explain FIELD       what a field is and how to find it
-  contactd scan {folder}               who is on the bus
-  contactd simulate {folder}           rehearse: the arm of {folder / "simulation.yaml"}"""
+  contactd check {folder}
+    says what is wrong, and what follows from it
+  contactd check --explain FIELD
+    what a field is and how to find it
+  contactd scan {folder}
+    who is on the bus
+  contactd simulate {folder}
+    rehearse, with the arm of simulation.yaml there"""
     )

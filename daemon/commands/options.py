@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from daemon.commands.sentences import say
 from errors import ContactdError
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ class Group(click.Group):
         try:
             return super().invoke(ctx)
         except ContactdError as error:
-            click.echo(f"contactctl: {error}", err=True)
+            say(f"contactctl: {error}", err=True)
             ctx.exit(error.exit_code)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from daemon.commands.options import Options
+from daemon.commands.sentences import say
 from daemon.modes.table import Mode
 
 if TYPE_CHECKING:
@@ -85,18 +86,18 @@ def answer(options: Options, reply: "Reply") -> None:
         print_json(reply)
     else:
         for check in reply.checks:
-            click.echo(check, err=not reply.ok)
+            say(str(check), err=not reply.ok)
         if reply.felt is not None:
             from daemon.clients.felt import felt_lines
 
-            click.echo("\n".join(felt_lines(reply.felt)))
-        said = reply.message or (reply.mode if reply.ok else "refused")
-        click.echo(said if reply.ok else f"contactctl: {said}", err=not reply.ok)
+            say("\n".join(felt_lines(reply.felt)))
+        said = reply.message or (str(reply.mode) if reply.ok else "refused")
+        say(said if reply.ok else f"contactctl: {said}", err=not reply.ok)
         for warning in reply.warnings:
-            click.echo(f"  warning: {warning}", err=True)
+            say(f"  warning: {warning}", err=True)
         # The failed checks are the reasons, already printed.
         for reason in reply.reasons if not reply.checks else ():
-            click.echo(f"  - {reason}", err=True)
+            say(f"  - {reason}", err=True)
     if not reply.ok:
         sys.exit(1)
 

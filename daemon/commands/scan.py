@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 import msgspec
 
+from daemon.commands.sentences import say
 from daemon.config.load import convert
 from daemon.config.yaml_source import Source, read_yaml
 from drivers.boot.data_sheet import load_data_sheet, makers_numbers
@@ -27,7 +28,7 @@ def run_scan(config: Path, port: int | None) -> None:
     if port is not None:
         bus = msgspec.structs.replace(bus, port=port)
     sheets = data_sheets(path.parent)
-    click.echo(f"listening for a master on {bus.interface} {bus.channel}, then asking 127 nodes")
+    say(f"listening for a master on {bus.interface} {bus.channel}, then asking 127 nodes")
     opened = open_bus(bus)
     try:
         found = scan(opened.wire)

@@ -20,7 +20,10 @@ _FRAGMENT = 0.25  # of the longest way: a link that strikes its border halts the
 _STEADY = 0.08  # change of the ratio of link and motor while the gear carries
 
 
-OTHER_WAY = "the link goes the other way than the motor: link_sign or motor_sign"
+OTHER_WAY = (
+    "the link goes the other way than the motor: link_sign or motor_sign is -1 in its `wiring` "
+    "(motor_sign, where `identify zero` found the link's)"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

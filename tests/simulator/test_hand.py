@@ -72,6 +72,17 @@ def test_in_a_gap_it_presses_with_a_hundredth_of_what_the_motor_gives_or_as_aske
     assert seen == pytest.approx([pressed, -pressed, pressed, -pressed])
 
 
+@pytest.mark.parametrize(("asked", "pulled"), [(None, [0.6, 4.0]), (0.5, [0.5, 0.5])])
+def test_a_hand_leads_with_a_fifth_of_what_the_motor_gives_or_as_asked(
+    asked: float | None, pulled: list[float]
+) -> None:
+    one = Hand((), NAMES, np.full(2, 10.0), strongest=np.array([3.0, 80.0]))
+    one.take(Guide(at_s=0.0, to={"a": 2.0, "b": 2.0}, speed=1000.0, max_torque=asked))
+    one.update(0.0, Q)
+    one.update(1.0, Q)
+    assert torque(one) == pytest.approx(pulled)
+
+
 def test_two_pushes_add_up() -> None:
     one = hand(
         Push(at_s=0.0, joint="a", torque=1.0, duration_s=1.0),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_
 
-from bench.rigs.following import Following
+from bench.rigs.reaching import Reaching
 from bench.study.masses import Subjects, carrying, true_bodies
 from daemon.assembly import build_transmission
 from errors import LogError
@@ -217,17 +217,17 @@ def test_an_arm_lighter_than_its_model_is_no_load(subjects) -> None:
 
 
 @pytest.mark.parametrize(
-    "following",
+    "reaching",
     [
-        Following(way="steps"),
-        Following(way="steps", bandwidth_Hz=40.0),
-        Following(way="accelerates", bandwidth_Hz=40.0, acceleration=60.0),
+        Reaching(way="steps"),
+        Reaching(way="steps", bandwidth_Hz=40.0),
+        Reaching(way="accelerates", bandwidth_Hz=40.0, acceleration=60.0),
     ],
     ids=str,
 )
-def test_the_rotors_take_what_currents_miss_and_bodies_and_loads_stay_true(following) -> None:
+def test_the_rotors_take_what_currents_miss_and_bodies_and_loads_stay_true(reaching) -> None:
     """Of the current for acceleration a fifth to two thirds is missing."""
-    subjects = Subjects(1, (7, 0), following)
+    subjects = Subjects(1, (7, 0), reaching)
     masses = identified(subjects, subjects.moved(subjects.arms, 24.0, seed=3)[0])
     assert masses.usable, masses
     bodies = {fit.joint: fit.body for fit in masses.fits}

@@ -20,8 +20,8 @@ _USUAL_HZ: Final = BANDWIDTH / (2.0 * np.pi)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Following:
-    """How the drives of one arm follow."""
+class Reaching:
+    """How the drives of one arm reach their setpoints."""
 
     way: Way = "ramps"
     bandwidth_Hz: float = _USUAL_HZ
@@ -35,7 +35,7 @@ class Following:
         share = self.bandwidth_Hz / _USUAL_HZ
         return Servo(description, share * (rotor + link_inertia) - rotor)
 
-    def follow(self, servo: Servo, velocity: Vector, period_s: float) -> None:
+    def reach(self, servo: Servo, velocity: Vector, period_s: float) -> None:
         """Give every drive its next setpoint (n,) [rad/s]."""
         servo.target[:] = velocity
         match self.way:
@@ -48,4 +48,4 @@ class Following:
                 servo.rate[:] = self.acceleration * SERVO_PERIOD_S
 
 
-RAMPING: Final = Following()
+RAMPING: Final = Reaching()

@@ -1,0 +1,30 @@
+"""Sentence for a person: at a terminal it goes on in the next line between two words, where the
+terminal alone would cut one in two. Files, pipes and the journal get it in one line."""
+
+import shutil
+import sys
+import textwrap
+
+import click
+
+
+def say(text: str, *, err: bool = False, dim: bool = False) -> None:
+    """Print one sentence or more, each line of `text` for itself; what a line is indented by, its
+    continuation is, too. With `err` on stderr."""
+    if (sys.stderr if err else sys.stdout).isatty():
+        width = shutil.get_terminal_size().columns
+        text = "\n".join(folded(line, width) for line in text.splitlines())
+    click.echo(click.style(text, dim=True) if dim else text, err=err)
+
+
+def folded(line: str, width: int) -> str:
+    """Line in as many of `width` columns as its words take."""
+    indent = line[: len(line) - len(line.lstrip())]
+    return textwrap.fill(
+        line.lstrip(),
+        width,
+        initial_indent=indent,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
