@@ -1,16 +1,15 @@
 """Reload: have the daemon read its files anew, and wait until it runs by them."""
 
-import time
 from contextlib import suppress
 from pathlib import Path
 
 from daemon.clients.client import Client
+from daemon.clients.waiting import asked_until
 from daemon.protocol.messages import Status
 from errors import ControlError, UnreachableError
 
 # As long as a start may take: all drives are set up.
 START_S = 60.0
-POLL_S = 0.02
 
 
 def reload(path: Path | None = None) -> Status:
@@ -26,9 +25,7 @@ def reload(path: Path | None = None) -> Status:
             client.packet()  # there is none: the daemon hangs up when it has ended its run
     # It listens all the time, and answers when it has begun anew.
     with Client(path, START_S) as client:
-        deadline = time.monotonic() + START_S
-        while not (found := client.ask_status()).drives and time.monotonic() < deadline:
-            time.sleep(POLL_S)
+        found = asked_until(client.ask_status, lambda status: bool(status.drives), START_S)
     if found.not_taken_up:
         raise ControlError(f"not taken up: {found.not_taken_up}")
     return found
