@@ -4,7 +4,9 @@ import math
 from types import SimpleNamespace
 
 import pytest
+from click.testing import CliRunner
 
+from daemon.commands.contactd import main
 from daemon.identify.surer import LONGEST_S, surer
 from estimator.identification.friction_verdict import Verdict
 
@@ -45,3 +47,10 @@ def fit(joint: str, unsure: float, seconds: float, verdict: Verdict = Verdict.GO
 )  # fmt: skip
 def test_what_would_make_it_narrower(fits, weighed, notes):
     assert surer(fits, weighed=weighed) == notes
+
+
+@pytest.mark.parametrize("seconds", [LONGEST_S, LONGEST_S + 1])
+def test_what_is_advised_is_what_friction_takes(seconds):
+    words = ["identify", "friction", "--seconds", str(seconds), "--config", "nowhere", "--log", "a"]
+    said = CliRunner().invoke(main, words).output
+    assert ("--seconds" in said) is (seconds > LONGEST_S), said
