@@ -371,11 +371,13 @@ def watch(options: Options) -> None:
     """Show the joints live, until Ctrl-C. With --json: every state, one line each."""
     if not options.json and not sys.stdout.isatty():
         raise click.UsageError("watch needs a terminal; use `contactctl watch --json` or `record`")
-    with options.connect() as client:
-        try:
-            stream_json(client) if options.json else show_live(client)
-        except KeyboardInterrupt:
-            return
+    try:
+        if options.json:
+            stream_json(options)
+        else:
+            show_live(options)
+    except KeyboardInterrupt:
+        return
 
 
 @main.command()
