@@ -62,6 +62,7 @@ JUDGE_S = 2.0
 LEAST_ROWS = 200
 ENOUGH = CROSSINGS + 5
 """Crossings after which a clear gap ends the step."""
+TO_READ_ANEW = "`contactctl disable` (after a fault `contactctl reset`)"
 _TOO_FAR = "its gap is larger than half_gap says, or a scale is wrong"
 _HEAVY = 1.0  # [Nm]: a hand lifts less than this softly
 
@@ -81,7 +82,7 @@ class LiveArm:
         if not samples_alike(session.configuration(), self._c):
             raise ConfigurationError(
                 f"drives, wiring or period in {robot.path} were changed since the daemon read it: "
-                "`contactctl disable`, then this again"
+                f"{TO_READ_ANEW}, then this again"
             )
 
     def serials(self) -> dict[str, int | None]:
@@ -227,7 +228,7 @@ class LiveArm:
         if not residuals_alike(self._session.configuration(), self._c):
             raise ConfigurationError(
                 "values of the joints were written since the daemon read its files, and its "
-                "residuals use older ones: `contactctl disable`, then this again"
+                f"residuals use older ones: {TO_READ_ANEW}, then this again"
             )
         return self._excite("thresholds", seconds, seed=2, residuals=True)
 
