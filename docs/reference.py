@@ -346,11 +346,9 @@ def files() -> dict[Path, str]:
     made = {DOCS / f"{name}.md": page() for name, page in PAGES.items()}
     made |= {DOCS / "schemas" / f"{name}.json": schema(cls) for name, cls in SCHEMAS.items()}
     made |= {DOCS / "concepts" / name: svg for name, svg in drawings().items()}
-    # In both places: whoever changes a word of it needs no node.
-    trouble = help_page((DOCS / "troubleshooting.md").read_text(encoding="utf-8"))
-    places = (DOCS.parent / place for place in ("page/src", "daemon/web/built"))
-    made |= {place / "troubleshooting.html": trouble for place in places}
+    trouble = (DOCS / "troubleshooting.md").read_text(encoding="utf-8")
     return made | {
+        DOCS.parent / "daemon/web/built/troubleshooting.html": help_page(trouble),
         DOCS.parent / "contactd_client/messages.py": client_messages(),
         DOCS.parent / "daemon/ros/type_hashes.py": type_hashes(),
     }

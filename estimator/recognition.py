@@ -185,6 +185,8 @@ class Recognition:
         before = velocity if self._before is None else self._before
         way = count * self._period_s * mean[1]
         self.pause()
+        if not np.isfinite(mean).all():
+            return  # else it would stay in what is followed of the model's errors
         self._before = velocity
         acceleration = (velocity - before) / (count * self._period_s)
         gravity = self._model.down - acceleration

@@ -8,7 +8,8 @@ import { fileURLToPath } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
 const out = join(here, "../daemon/web/built");
-const copied = ["index.html", "enter.html", "troubleshooting.html", "icon.svg"];
+const copied = ["index.html", "enter.html", "icon.svg"];
+const kept = "troubleshooting.html";  // of docs/reference.py
 
 const bundled = await build({
   absWorkingDir: here,
@@ -43,6 +44,7 @@ const licences = await Promise.all(libraries.map(async (name) => {
 }));
 files.set("licences.txt", Buffer.from(`${licences.join("\n\n")}\n`));
 for (const name of copied) files.set(name, await readFile(join(here, "src", name)));
+files.set(kept, await readFile(join(out, kept)));
 
 if (process.argv.includes("--check")) {
   const there = new Set(await readdir(out).catch(() => []));

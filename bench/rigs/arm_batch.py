@@ -12,13 +12,14 @@ import numpy as np
 import pinocchio as pin
 
 from arrays import Vector
+from bench.rigs.reaching import RAMPING, Reaching
 from estimator.identification.motion_log import MotionLog
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.mismatch import PlantParameters, contact
 from simulator.plant import Plant
 from simulator.profile import PROFILE
 from simulator.sensors import Sensors
-from simulator.servo import SERVO_PERIOD_S, Servo
+from simulator.servo import SERVO_PERIOD_S
 
 Reference = Callable[[float], tuple[Vector, Vector]]
 """Desired q and q_dot (n,) of every arm at a time [s]."""
@@ -89,6 +90,7 @@ def record_fleet(
     push: Push | None = None,
     *,
     motors_only: bool = False,
+    reaching: Reaching = RAMPING,
 ) -> list[list[MotionLog]]:
     """Logs `[sensors][arm]` of one motion, as the sensors of `settings`, and those of each of
     `others`, report the same arms.
@@ -102,7 +104,7 @@ def record_fleet(
     plant = Plant(parameters, settings.step_s, settings.law)
     start = np.tile(reference(0.0)[0], count)
     plant.place(start)
-    servo = Servo(fleet, parameters.usual_link)
+    servo = reaching.servo(fleet, parameters.usual_link)
     for joint in range(n * count):
         servo.energise(joint, 0.0)
     sensors = [Sensors(fleet, each, start) for each in (settings, *others)]
@@ -135,9 +137,7 @@ def record_fleet(
         if not motors_only:
             velocity = velocity + POSITION_GAIN * (q_d - rows[0, max(k, 0), 1])
         rows[:, max(k, 0), 4] = velocity
-        # What `Servo.follow` does for one joint.
-        servo.target[:] = velocity
-        servo.rate[:] = np.abs(velocity - servo.reference) / round(period / SERVO_PERIOD_S)
+        reaching.reach(servo, velocity, period)
     time_s = period * np.arange(ticks, dtype=np.float64)
     names = tuple(joint.name for joint in description.joints)
     return [

@@ -1,5 +1,6 @@
 """Arms whose masses and centres are not the URDF's, and what their residuals become by each model:
-the URDF's, the true one, and the identified one, with friction identified alike."""
+the URDF's, the true one, and the identified one, with friction identified alike; by drives of any
+sort."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -11,6 +12,7 @@ import pinocchio as pin
 from arrays import Matrix, Vector
 from bench.rigs.arm_batch import Reference, Scatter, random_arm, record_fleet
 from bench.rigs.lockstep import ROMEO
+from bench.rigs.reaching import RAMPING, Reaching
 from daemon.assembly import build_estimator, build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.dynamics import model_of
@@ -20,7 +22,8 @@ from daemon.config.schema import Configuration, Friction
 from daemon.identify.motions import bounds_of, excitation
 from estimator.body_inertia import BodyInertia
 from estimator.estimate import SampleRows
-from estimator.identification.friction import adopt, identify_friction
+from estimator.identification.friction import identify_friction
+from estimator.identification.friction_fit import adopt
 from estimator.identification.masses import identify_masses
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.payload_fit import PayloadVerdict, identify_payload
@@ -80,7 +83,8 @@ def with_bodies(c: Configuration, bodies: dict[str, BodyInertia]) -> Configurati
 class Subjects:
     """The left arm of Romeo as configured, and arms that differ from it."""
 
-    def __init__(self, arms: int, seed: tuple[int, int]) -> None:
+    def __init__(self, arms: int, seed: tuple[int, int], reaching: Reaching = RAMPING) -> None:
+        self.reaching = reaching
         self.robot = load_robot(ROMEO)
         self.c = self.robot.configuration
         self.model = Model(self.robot.urdf, self.c.joint_names)
@@ -105,7 +109,12 @@ class Subjects:
         motion = excitation(bounds_of(self.c), self.model, period, seed, *turn_s)
         path = motion.path(motion.motion.at(np.zeros(1))[0][0], seconds)
         return record_fleet(
-            self.description, arms, along(path, period), len(path) * period, self.settings
+            self.description,
+            arms,
+            along(path, period),
+            len(path) * period,
+            self.settings,
+            reaching=self.reaching,
         )[0]
 
     def friction_with(self, bodies: dict[str, BodyInertia], log: MotionLog) -> Configuration:
@@ -166,6 +175,7 @@ class MassesJob:
     arms: int
     seconds: float
     seed: tuple[int, int]
+    reaching: Reaching = RAMPING
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +184,7 @@ class MassesFound:
     NaN where masses were refused. Loads: true and found mass [kg], distance of the centres [m] and
     standard errors, (arms, 5), NaN where refused."""
 
+    job: MassesJob
     by_urdf: Matrix
     by_identified: Matrix
     loads: Matrix
@@ -182,7 +193,7 @@ class MassesFound:
 
 def examine(job: MassesJob) -> MassesFound:
     """Simulate and identify."""
-    subjects = Subjects(job.arms, job.seed)
+    subjects = Subjects(job.arms, job.seed, job.reaching)
     fitted = subjects.moved(subjects.arms, job.seconds, seed=3)
     for_friction = subjects.moved(subjects.arms, job.seconds, seed=1)
     tested = subjects.moved(subjects.arms, job.seconds, seed=2)
@@ -204,7 +215,7 @@ def examine(job: MassesJob) -> MassesFound:
         by_found.append(rms(bodies) / exact if masses.usable else none)
         refused += [f"{f.joint}: {f.verdict.value}: {f.reason}" for f in masses.fits if f.reason]
         loads.append(_load(subjects, arm, bodies if masses.usable else {}))
-    return MassesFound(np.array(by_urdf), np.array(by_found), np.array(loads), refused)
+    return MassesFound(job, np.array(by_urdf), np.array(by_found), np.array(loads), refused)
 
 
 def _load(subjects: Subjects, arm: PlantParameters, bodies: dict[str, BodyInertia]) -> Vector:

@@ -8,7 +8,7 @@ is not beyond 1.5 times the interval that is stated of it.
 """
 
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -17,38 +17,33 @@ from arrays import Matrix, Vector
 from bench.report import Target
 from bench.rigs.arm_without_bus import Harness, Subject
 from bench.rigs.lockstep import ROMEO
+from bench.rigs.reaching import WAYS, Reaching
 from daemon.assembly import build_transmission
 from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import load_robot
 from daemon.identify.motions import bounds_of, excitation
-from estimator.identification.friction import FrictionFit, identify_friction
+from estimator.identification.friction import identify_friction
+from estimator.identification.friction_fit import FrictionFit
 from estimator.identification.friction_verdict import Verdict
 from estimator.identification.motion_log import MotionLog
 from estimator.model import Model
 from simulator.description import Mismatch, SimulationSettings
-from simulator.servo import BANDWIDTH, SERVO_PERIOD_S, Servo
 from simulator.servo_periods import ServoPeriods
 
-Way = Literal["ramps", "steps", "accelerates"]
-WAYS: Final[tuple[Way, ...]] = ("ramps", "steps", "accelerates")
 SECONDS: Final = 20.0
 SETTLING_S: Final = 1.0
 ALLOWED: Final = 1.5
 _95: Final = 1.96
-_USUAL_HZ: Final = BANDWIDTH / (2.0 * np.pi)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drives:
-    """How the drives of one arm follow."""
+    """Drives of one arm, and by how much its masses are off."""
 
-    way: Way
-    bandwidth_Hz: float = _USUAL_HZ
+    reaching: Reaching
     filter_ms: float = 3.0
     taken_ms: int = 10
     """after the SYNC whose samples a setpoint answers; a whole period: with the next"""
-    acceleration: float = 30.0
-    """of those that accelerate [rad/s2 at the link]"""
     seed: int = 1
     mass_off: float = 0.0
     """[%]"""
@@ -77,12 +72,15 @@ def random_drives(number: int, seed: int) -> Drives:
     def between(least: float, most: float) -> float:
         return float(np.exp(rng.uniform(np.log(least), np.log(most))))
 
+    bandwidth_Hz = between(4.0, 60.0)
+    filter_ms = float(rng.choice([1.0, 2.0, 3.0, 5.0, 8.0]))
+    taken_ms = int(rng.choice([1, 2, 4, 10]))
+    acceleration = between(5.0, 100.0)
+    way = WAYS[number % len(WAYS)]
     return Drives(
-        way=WAYS[number % len(WAYS)],
-        bandwidth_Hz=between(4.0, 60.0),
-        filter_ms=float(rng.choice([1.0, 2.0, 3.0, 5.0, 8.0])),
-        taken_ms=int(rng.choice([1, 2, 4, 10])),
-        acceleration=between(5.0, 100.0),
+        reaching=Reaching(way=way, bandwidth_Hz=bandwidth_Hz, acceleration=acceleration),
+        filter_ms=filter_ms,
+        taken_ms=taken_ms,
         seed=int(rng.integers(10**6)),
         mass_off=float(rng.choice([0.0, 5.0])),
     )
@@ -107,7 +105,7 @@ def identified(drives: Drives, seconds: float = SECONDS) -> tuple[list[FrictionF
         mismatch=mismatch, current_filter_ms=drives.filter_ms, seed=drives.seed
     )
     harness = Harness(Subject(robot=robot, settings=settings))
-    _tune(harness, drives)
+    _tune(harness, drives.reaching)
     model = Model(robot.urdf, c.joint_names)
     motion = excitation(bounds_of(c), model, c.period_s, seed=1)
     start = motion.motion.at(np.zeros(1))[0][0]
@@ -120,13 +118,11 @@ def identified(drives: Drives, seconds: float = SECONDS) -> tuple[list[FrictionF
     return fits, harness.parameters.rotor_inertia
 
 
-def _tune(harness: Harness, drives: Drives) -> None:
-    """Give the harness's drives loops of another bandwidth."""
+def _tune(harness: Harness, reaching: Reaching) -> None:
+    """Give the harness drives that reach them so."""
     description = describe(robot := load_robot(ROMEO), read_simulation(robot))
-    rotor = np.array([joint.rotor_inertia for joint in description.joints])
-    p, share = harness.parameters, drives.bandwidth_Hz / _USUAL_HZ
-    # A servo's gain is that of the rotor and the link that it is tuned to.
-    harness.servo = Servo(description, share * (rotor + p.usual_link) - rotor)
+    p = harness.parameters
+    harness.servo = reaching.servo(description, p.usual_link)
     harness.periods = ServoPeriods(
         harness.servo, harness.sensors, harness.plant.masses, p.torque_constant
     )
@@ -144,10 +140,10 @@ def _excited(harness: Harness, drives: Drives, path: Matrix, gain: float) -> Mot
     for k in range(-round(SETTLING_S / period_s), len(path)):
         # `before` was asked a period before `now`; it is taken over with this SYNC.
         if not late:
-            _follow(harness, drives, before)
+            drives.reaching.reach(harness.servo, before, period_s)
         harness.run(late)
         if late:
-            _follow(harness, drives, now)
+            drives.reaching.reach(harness.servo, now, period_s)
         harness.run(harness.per_tick - late)
         sample, at = harness.sample(), max(k, 0)
         moving = speed[at] if k >= 0 else np.zeros(n)
@@ -159,15 +155,6 @@ def _excited(harness: Harness, drives: Drives, path: Matrix, gain: float) -> Mot
     return MotionLog(names, time_s, *(rows[:, c] for c in range(5)))
 
 
-def _follow(harness: Harness, drives: Drives, velocity: Vector) -> None:
-    over_s = harness.period_s if drives.way == "ramps" else SERVO_PERIOD_S
-    for joint, asked in enumerate(velocity.tolist()):
-        if drives.way == "accelerates":
-            harness.servo.ramp(joint, asked, drives.acceleration)
-        else:
-            harness.servo.follow(joint, asked, over_s)
-
-
 def random_rotors(job: tuple[int, int]) -> Rotors:
     """Rotors of one arm; job: its number and a seed."""
     return rotors(random_drives(*job))
@@ -175,7 +162,7 @@ def random_rotors(job: tuple[int, int]) -> Rotors:
 
 def targets(found: list[Rotors]) -> list[Target]:
     """Targets of the project."""
-    ramps = [one for one in found if one.drives.way == "ramps"]
+    ramps = [one for one in found if one.drives.reaching.way == "ramps"]
     refused = [1.0 - float(one.given.mean()) for one in ramps]
     return [
         Target("rotors that are given and off by over 1.5 times their stated interval",
@@ -189,7 +176,7 @@ def data(found: list[Rotors]) -> dict[str, dict[str, float]]:
     """Numbers behind the targets, by the way that drives follow."""
     table: dict[str, dict[str, float]] = {}
     for way in WAYS:
-        own = [one for one in found if one.drives.way == way]
+        own = [one for one in found if one.drives.reaching.way == way]
         if own:
             error, half, given = (
                 np.concatenate([getattr(one, name) for one in own])

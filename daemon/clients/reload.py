@@ -1,16 +1,15 @@
 """Reload: have the daemon read its files anew, and wait until it runs by them."""
 
-import time
 from contextlib import suppress
 from pathlib import Path
 
 from daemon.clients.client import Client
+from daemon.clients.waiting import asked_until
 from daemon.protocol.messages import Status
 from errors import ControlError, HungUpError
 
 # As long as a start may take: all drives are set up.
 START_S = 60.0
-POLL_S = 0.02
 
 
 def reload(path: Path | None = None) -> Status:
@@ -34,7 +33,4 @@ def wait_for_start(path: Path | None = None) -> Status:
     """Status of a daemon that hung up, once it has begun anew and hears its drives: it listens all
     the time, and answers then. Raises UnreachableError if it does not come back."""
     with Client(path, START_S) as client:
-        deadline = time.monotonic() + START_S
-        while not (found := client.ask_status()).drives and time.monotonic() < deadline:
-            time.sleep(POLL_S)
-    return found
+        return asked_until(client.ask_status, lambda status: bool(status.drives), START_S)

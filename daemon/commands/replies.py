@@ -35,13 +35,16 @@ def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
     while a joint that was told to stop is not seen to stand. With nothing to wait for, the daemon's
     reply is printed."""
     with options.connect() as client:
-        reply = client.request(command)
         if command == "reset":
-            reply = _reset_when_it_stands(client, reply)
-        elif reply.ok and wait and (reply.unproved or reply.mode not in GOALS[command]):
-            reply = wait_for(client, reply, GOALS[command], yields=command == "pause")
-        elif reply.ok and reply.unproved:
-            reply = _not_seen_to_stand(reply, reply.unproved, client.ask_status().silenced)
+            from daemon.clients.waiting import reset
+
+            reply = reset(client, WAIT_S)
+        else:
+            reply = client.request(command)
+            if reply.ok and wait and (reply.unproved or reply.mode not in GOALS[command]):
+                reply = wait_for(client, reply, GOALS[command], yields=command == "pause")
+            elif reply.ok and reply.unproved:
+                reply = _not_seen_to_stand(reply, reply.unproved, client.ask_status().silenced)
     answer(options, reply)
 
 
@@ -57,16 +60,6 @@ def take_up_changes(options: Options) -> None:
     if not options.json:
         click.echo(f"taking up {', '.join(now.changed)}")
     reload(options.socket)
-
-
-def _reset_when_it_stands(client: "Client", reply: "Reply") -> "Reply":
-    """Ask again while the only reason is that the arm has not been seen to stand yet: a reset is
-    often asked for in the moment of the fault."""
-    deadline = time.monotonic() + WAIT_S
-    while not reply.ok and reply.unproved and time.monotonic() < deadline:
-        time.sleep(POLL_S)
-        reply = client.request("reset")
-    return reply
 
 
 def _not_seen_to_stand(reply: "Reply", unproved: list[str], silenced: bool) -> "Reply":

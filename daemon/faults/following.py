@@ -3,7 +3,9 @@ link side.
 
 A drive may send samples and hear no setpoint: it goes on at the last velocity that it heard. Its
 motor then differs from its setpoint, and its current does nothing about it. A motor that is held
-up, or carried along, differs too, but its drive presses towards the setpoint.
+up, or carried along, differs too, but its drive presses towards the setpoint. So does one whose
+link sagged as its brake opened, while its drive's integral takes up the weight: for a while after
+enabling, a current that goes the right way is enough (decision 0076).
 """
 
 import math
@@ -20,6 +22,10 @@ from daemon.faults.measures import within
 TICKS: Final = 20
 #: A drive that gives this share of its current limit the right way is doing what it can.
 PRESSING_SHARE: Final = 0.5
+#: So many ticks after enabling, weight may be taken up by a current that goes the right way ...
+SAG_TICKS: Final = 50
+#: ... by this share of its limit at least, since enabling.
+HEARD_SHARE: Final = 0.02
 #: Ticks from a setpoint until the samples of a drive without any lag show all of it: latched at the
 #: next SYNC, interpolated until the one after, and sampled there.
 LATENCY_TICKS: Final = 3
@@ -40,23 +46,27 @@ class Following:
     def __init__(self, settings: FollowingSettings, period_s: float) -> None:
         self._settings = settings
         self._pressing = PRESSING_SHARE * settings.current
+        self._heard = HEARD_SHARE * settings.current
         n = len(settings.current)
         ticks = LATENCY_TICKS + math.ceil(3.0 * settings.lag_s / period_s)
         self._setpoints = np.zeros((ticks, n))
         self._next = 0
         self._in_row = np.zeros(n, dtype=np.int64)
         self._too_slow, self._too_fast = np.zeros((2, n), dtype=np.bool_)
-        self._off = np.zeros(n)
+        self._off, self._first = np.zeros((2, n))
+        self._since = 0  # ticks since enabling
 
     def restart(self) -> None:
         """Forget the setpoints: the motors stand, and were to."""
         self._setpoints.fill(0.0)
         self._in_row.fill(0)
+        self._since = 0
 
     def record(self, setpoint: Vector) -> None:
         """Keep the setpoints of the tick before (n,) [rad/s]."""
         self._setpoints[self._next] = setpoint
         self._next = (self._next + 1) % len(self._setpoints)
+        self._since += 1
 
     def not_following(
         self, velocity: Vector, current: Vector, fresh: NDArray[np.bool_]
@@ -64,6 +74,8 @@ class Following:
         """Joints whose drives do not follow, from motor velocity [rad/s] and current [A] of
         those that are fresh."""
         deviation = self._settings.deviation
+        if self._since <= 1:
+            self._first[:] = current
         obeyed = within(velocity, self._setpoints[self._next - 1], deviation)
         if obeyed and all(fresh.tolist()):
             # All obey the last setpoint: the usual tick need not look for more.
@@ -74,6 +86,10 @@ class Following:
         np.maximum(slower, faster, out=self._off)
         np.logical_and(slower > deviation, current < self._pressing, out=self._too_slow)
         np.logical_and(faster > deviation, current > -self._pressing, out=self._too_fast)
+        if self._since <= SAG_TICKS:
+            # Where the first current is no number, nothing is excused.
+            self._too_slow &= ~(current >= self._first + self._heard)
+            self._too_fast &= ~(current <= self._first - self._heard)
         self._in_row += fresh
         self._in_row *= self._too_slow | self._too_fast | ~fresh
         return np.flatnonzero(self._in_row >= TICKS).tolist()

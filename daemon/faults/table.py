@@ -154,7 +154,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "drives",
         "for 20 ticks a motor's velocity differs from its setpoints by more than "
         "`following_margin` times its velocity limit, and its current does not press the right way "
-        "with half of what it may",
+        "with half of what it may, nor, for half a second after enabling, has gone that way at all",
         "the drive sends, but seems not to hear us, or to have gone its own way",
         "close other tools on the bus, then `contactctl reset`; a drive with a soft velocity loop "
         "needs a larger margin: docs/porting.md, step 8",

@@ -115,7 +115,9 @@ def _masses_notes(found: Masses) -> tuple[str, ...]:
         notes.append(f"masses are those of the whole arm: none is used while {', '.join(bad)} is "
                      "not good")  # fmt: skip
     elif not found.usable:
-        notes.append("no joint is better by other masses: the URDF's stay")
+        notes.append("no joint is better by other masses: the URDF's stay. Where friction is not "
+                     "known well, `contactd identify friction` says how long a motion tells it "
+                     "better")  # fmt: skip
     else:
         notes.append("they count once the daemon has taken them up; friction and thresholds "
                      "belong to them: identify both again")  # fmt: skip

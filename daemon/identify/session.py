@@ -21,6 +21,7 @@ from arrays import Matrix, Vector
 from daemon.clients import recorder
 from daemon.clients.client import Client
 from daemon.clients.reload import reload
+from daemon.clients.waiting import asked_until, reset
 from daemon.config.schema import Configuration
 from daemon.faults.table import Condition
 from daemon.identify.measured import configuration_of
@@ -146,11 +147,9 @@ class Session:
             self.client.demand("disarm")
         if status.mode == Mode.TRACKING:
             self.client.demand("pause")
-        deadline = time.monotonic() + _SETTLE_S
-        while (status := self.client.ask_status()).mode != Mode.HOLDING:
-            if time.monotonic() > deadline:
-                raise ControlError(f"the arm does not hold: {status.mode}, {status.cause}")
-            time.sleep(0.05)
+        status = asked_until(self.client.ask_status, lambda s: s.mode == Mode.HOLDING, _SETTLE_S)
+        if status.mode != Mode.HOLDING:
+            raise ControlError(f"the arm does not hold: {status.mode}, {status.cause}")
         self._held = True
         return status
 
@@ -187,11 +186,8 @@ class Session:
 
     def reset(self) -> None:
         """Acknowledge such a fault; the drives are off then. Raises ControlError."""
-        deadline = time.monotonic() + _SETTLE_S
-        while not (reply := self.client.request("reset")).ok:
-            if not reply.unproved or time.monotonic() > deadline:
-                raise ControlError(reply.refusal)
-            time.sleep(0.05)
+        if not (reply := reset(self.client, _SETTLE_S)).ok:
+            raise ControlError(reply.refusal)
         self._until_off()
 
     def disable(self) -> None:
@@ -200,11 +196,11 @@ class Session:
         self._until_off()
 
     def _until_off(self) -> None:
-        deadline = time.monotonic() + _SETTLE_S
-        while (status := self.client.ask_status()).mode != Mode.OFF or status.unproved:
-            if time.monotonic() > deadline:
-                raise ControlError(f"the drives are not off: {status.mode}, {status.cause}")
-            time.sleep(0.05)
+        def off(status: Status) -> bool:
+            return status.mode == Mode.OFF and not status.unproved
+
+        if not off(status := asked_until(self.client.ask_status, off, _SETTLE_S)):
+            raise ControlError(f"the drives are not off: {status.mode}, {status.cause}")
 
     @contextmanager
     def watched(self, settled: Callable[[list[State]], bool]) -> Iterator[list[State]]:

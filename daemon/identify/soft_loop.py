@@ -11,13 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from daemon.config.schema import Configuration
-from daemon.faults.following import TICKS
+from daemon.faults.following import HEARD_SHARE, TICKS
 from daemon.faults.table import Condition
 from daemon.protocol.messages import State
 
 REMEMBERED = TICKS + 10
 """States before the end of a motion that tell."""
-_HEARD = 0.02  # share of the current limit by which it went the right way meanwhile
 _ROOM = 1.5  # times the largest deviation that was seen: docs/porting.md
 _MOST = 1.0  # times the velocity limit: beyond, nobody looks
 
@@ -30,7 +29,7 @@ def why_not_followed(ended: str, last: Sequence[State], c: Configuration) -> str
             continue
         off = np.array([s.setpoint[i] - s.motor_velocity[i] for s in last[-TICKS:]])
         pressed = last[-1].current[i] - last[-TICKS].current[i]
-        if pressed * off[-1] < _HEARD * joint.wiring.max_current_A * abs(off[-1]):
+        if pressed * off[-1] < HEARD_SHARE * joint.wiring.max_current_A * abs(off[-1]):
             return ""
         said = f". {joint.name}: its velocity loop is soft: raise its gains by the maker's tool"
         margin = math.ceil(10.0 * _ROOM * float(np.abs(off).max()) / joint.limits.velocity) / 10.0

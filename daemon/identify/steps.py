@@ -12,15 +12,14 @@ from daemon.config.load import Robot
 from daemon.config.marks import fingerprint, marks
 from daemon.config.schema import AnyStep, Friction, GapSpring
 from daemon.identify.measured import Measured
+from daemon.identify.surer import surer
 from daemon.identify.swinging import told
 from estimator.identification.friction import (
     SHORTEST_S,
-    WIDE,
-    FrictionFit,
     Reconstruction,
-    adopt,
     identify_friction,
 )
+from estimator.identification.friction_fit import FrictionFit, adopt
 from estimator.identification.friction_verdict import Verdict
 from estimator.identification.gap import identify_gap
 from estimator.identification.gap_result import GapResult
@@ -137,9 +136,7 @@ def friction_step(
                 ),
                 rotor_inertia=rotor,
             )
-    notes = measured.notes
-    if unsure := [fit for fit in fits if fit.verdict is Verdict.GOOD and fit.unsure > WIDE]:
-        notes += (_surer(unsure, weighed=weighed),)
+    notes = measured.notes + surer(fits, weighed=weighed)
     if now_and_then := [one for one in cycles if gain is None or not one.spoils]:
         notes += (told(now_and_then, gain),)
     if shown.touched:
@@ -157,15 +154,6 @@ def _doubts(fits: list[FrictionFit]) -> tuple[str, ...]:
         f"{doubt}"
         for doubt in why
     )
-
-
-def _surer(fits: list[FrictionFit], *, weighed: bool) -> str:
-    """How friction that is good, and not known well, is known better."""
-    about = ", ".join(f"{fit.joint} to +-{50.0 * fit.unsure:.0f} %" for fit in fits)
-    if weighed:
-        return f"friction is known of {about}: a longer motion (`--seconds`) tells it better"
-    return (f"friction is known of {about}, as the URDF's masses may be off: run "
-            "`contactd identify masses`, then `friction` again")  # fmt: skip
 
 
 def _standing(fits: list[FrictionFit], cycles: list[LimitCycle], gain: float) -> list[FrictionFit]:

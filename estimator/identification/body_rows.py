@@ -4,7 +4,8 @@ With d the difference of the parameters to nominal ones, x friction and rotor of
 
     torque = bodies d + friction x                                          (N,) [Nm], filtered
 
-x is no concern of the others, so that the normal equations in d have it projected out.
+x is no concern of the others, so that the normal equations in d have it projected out. It has no
+bound: of drives that step their setpoints, the rotor's column takes what their currents miss.
 """
 
 from dataclasses import dataclass, replace

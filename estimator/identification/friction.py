@@ -16,20 +16,20 @@ import numpy as np
 from arrays import Matrix, Vector
 from errors import LogError
 from estimator.identification.coupling import coupled
+from estimator.identification.friction_errors import with_what_is_believed
+from estimator.identification.friction_fit import FrictionFit, adopt
 from estimator.identification.friction_verdict import Verdict, verdict_on, wider
 from estimator.identification.log_intervals import (
     Intervals,
     Mask,
     intervals,
     locate,
-    low_pass,
     play,
 )
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.regression import (
     COLUMNS,
     GAIN,
-    Regression,
     Solution,
     regression,
     solve_joint,
@@ -42,89 +42,21 @@ from estimator.identification.setpoint_steps import (
     stepping,
     unsure,
 )
-from estimator.identification.sticking import SURE, held
+from estimator.identification.sticking import held
 from estimator.identification.touches import near
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
-from estimator.transmission import Transmission, stiction_range
+from estimator.transmission import Transmission
 
 SHORTEST_S = 10.0
 """Least motion [s] unless less is asked for."""
 _ROUNDS = 3
-_BY_URDF, _IDENTIFIED = 0.03, 0.01
-"""Least shares by which masses are believed to be off."""
-_CONSTANT_OFF = 0.015
-"""By which a torque constant is believed to be."""
-WIDE = 0.15
-"""Width of the interval of a friction over it, beyond which it is worth to know it better."""
-_95 = 1.96  # standard errors in half of a 95 % interval
-_MATTERS = 0.1
 _SHOWS = 0.3
 """Of Coulomb friction, by which gravity changes at least where it is compared."""
-_NEAR_REST = 0.002
-"""Of Coulomb friction, by which it may seem to depend on speed: near rest it is not quite so."""
-_SURE = 6.0
-"""Standard errors from zero at which friction seen in the gap is believed: they are those of noise,
-and it was up to four of them off the truth."""
-
-
 _UNFILTERED = (
     "the drives do not filter their current (estimator.current_delay_ms is 0), and it is sampled "
     "between two steps: B keeps its value"
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrictionFit:
-    """Coefficients fitted to one joint's motion; SI at the link side."""
-
-    joint: str
-    verdict: Verdict
-    reason: str
-    """Explanation with the figures; empty when good."""
-    values: dict[str, float]
-    """Coefficients by names of `COLUMNS`; those that were not fitted are missing."""
-    errors: dict[str, float]
-    """Standard errors, from the scatter between blocks of 1 s, and from masses and torque constants
-    that may be wrong."""
-    r2: float
-    """R2 on held-out motion, of the friction alone (14)."""
-    condition: float
-    """Condition number of the scaled columns that count while engaged."""
-    gravity_scale: float
-    """Gravity that the motor carries, by K_c, over the model's: 1 where they agree; NaN where
-    gravity hardly changes."""
-    rotor_doubt: str
-    """Reason why B is not that of the rotor, and what to do; empty where it is."""
-    stiction: float
-    """Share of K_theta_s that near rest is what the last motion left; NaN where it did not show"""
-    stiction_error: float
-    """Its standard error"""
-
-    @property
-    def rotor_trusted(self) -> bool:
-        """True where B may be used."""
-        return not self.rotor_doubt
-
-    @property
-    def stiction_known(self) -> bool:
-        """True where `stiction` showed clearly."""
-        return self.stiction_error < SURE
-
-    @property
-    def unsure(self) -> float:
-        """Width of the 95 % interval of the friction over it, the wider of Coulomb and viscous;
-        viscous friction that is a tenth of the other at 1 rad/s does not matter."""
-        coulomb, viscous = self.values["K_theta_s"], self.values["K_theta_v"]
-        least = max(_MATTERS * coulomb, 1e-9)
-        wide = (self.errors["K_theta_s"] / max(coulomb, least),
-                self.errors["K_theta_v"] / max(viscous, least))  # fmt: skip
-        return 2.0 * _95 * max(wide)
-
-    def link_friction(self, name: str) -> float | None:
-        """K_q_s or K_q_v where the gap showed it clearly, else None."""
-        value = self.values.get(name)
-        return value if value is not None and value > _SURE * self.errors[name] else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +112,7 @@ def identify_friction(
             for i, one in enumerate(solved)
         ]
         transmission = adopt(transmission, fits)
-    fits = _with_what_is_believed(fits, solved, found, rows, _IDENTIFIED if weighed else _BY_URDF)
+    fits = with_what_is_believed(fits, solved, found, rows, weighed=weighed)
     fits = _uncoupled(fits, solved, rows, transmission.sign_width)
     if log.setpoint is None:
         fits = [replace(fit, rotor_doubt=fit.rotor_doubt or NO_SETPOINTS) for fit in fits]
@@ -191,38 +123,6 @@ def identify_friction(
     by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
     discarded_s = float(rows.dt @ near(rows, touched))
     return fits, Reconstruction(rows.time_s, found.r_nl, shown, where.phi, by_hand, discarded_s)
-
-
-def _with_what_is_believed(
-    fits: list[FrictionFit],
-    solved: list[Solution],
-    found: Regression,
-    rows: Intervals,
-    least_off: float,
-) -> list[FrictionFit]:
-    """Fits whose errors also bear what a log cannot tell: the torque constant's own error; the
-    model's inertial torque, which comes out as rotor and friction, off by as much as gravity is,
-    and by a share of `least_off` at least; and Coulomb friction that is taken for viscous."""
-    scales = np.array([fit.gravity_scale for fit in fits])
-    shown = scales[np.isfinite(scales)]
-    off = max(float(np.sqrt(np.square(shown - 1.0).mean())) if len(shown) else 0.0, least_off)
-    inertial = low_pass(rows.inertial - rows.gravity, rows, GAIN)
-    new = []
-    for i, (fit, one) in enumerate(zip(fits, solved, strict=True)):
-        columns = np.concatenate([found.columns[:, i, :3], found.nuisance[:, i]], axis=1)
-        weighted = one.weight[:, None] * columns
-        bias = np.linalg.lstsq(weighted, one.weight * inertial[:, i], rcond=None)[0]
-        errors = dict(fit.errors)
-        for k, name in enumerate(COLUMNS[:3]):
-            if name in errors:
-                parts = (errors[name], off * bias[k], _CONSTANT_OFF * fit.values[name])
-                errors[name] = float(np.linalg.norm(parts))
-        if "K_theta_v" in errors:
-            speed = max(float(np.sqrt(np.square(rows.theta_dot[:, i]).mean())), 1e-9)
-            near_rest = _NEAR_REST * fit.values["K_theta_s"] / speed
-            errors["K_theta_v"] = float(np.hypot(errors["K_theta_v"], near_rest))
-        new.append(replace(fit, errors=errors))
-    return new
 
 
 def _uncoupled(
@@ -258,42 +158,6 @@ def _doubted(fits: list[FrictionFit], more: Vector, error: Vector) -> list[Frict
     return new
 
 
-_ADOPTED = (
-    *("motor_coulomb", "motor_viscous", "link_coulomb", "link_viscous"),
-    *("gap_coulomb", "gap_viscous", "least_stiction", "most_stiction"),
-    *("rotor_inertia", "contact_stiffness", "contact_damping"),
-)
-
-
-def adopt(t: Transmission, fits: list[FrictionFit]) -> Transmission:
-    """The transmission with what was identified; joints that are not good keep what they have.
-
-    The sum K_theta is divided: the link gets K_q where the gap showed it clearly, else its old
-    share; the rotor gets the rest, K_theta - K_q, so that `motor_*` is the rotor's own.
-    """
-    new = {name: getattr(t, name).copy() for name in _ADOPTED}
-    for i, fit in enumerate(fits):
-        if fit.verdict is not Verdict.GOOD:
-            continue
-        v = fit.values
-        for kind, letter in (("coulomb", "s"), ("viscous", "v")):
-            whole = v[f"K_theta_{letter}"]
-            link, rotor = new[f"link_{kind}"][i], new[f"motor_{kind}"][i]
-            share = link / (link + rotor) if link + rotor > 0.0 else 0.0
-            alone = fit.link_friction(f"K_q_{letter}")
-            link = min(share * whole if alone is None else alone, whole)
-            new[f"link_{kind}"][i], new[f"motor_{kind}"][i] = link, whole - link
-            new[f"gap_{kind}"][i] = v.get(f"K_phi_{letter}", 0.0)
-        if fit.stiction_known:
-            least, most = stiction_range(fit.stiction)
-            new["least_stiction"][i], new["most_stiction"][i] = least, most
-        if fit.rotor_trusted:
-            new["rotor_inertia"][i] = v["B"]
-        new["contact_stiffness"][i] = v.get("K_phi_p", 0.0)
-        new["contact_damping"][i] = v.get("K_phi_d", 0.0)
-    return replace(t, **new)
-
-
 def _judged(
     name: str,
     i: int,
@@ -310,12 +174,15 @@ def _judged(
     if about := wider(play_of_joint, float(t.half_gap[i])):
         verdict, reason = Verdict.WRONG_GAP, about
     known = np.isfinite(solved.errors)
+    noise = {c: float(solved.errors[k]) for k, c in enumerate(COLUMNS) if known[k]}
     return FrictionFit(
         joint=name,
         verdict=verdict,
         reason=reason,
         values={c: float(solved.coefficients[k]) for k, c in enumerate(COLUMNS) if known[k]},
-        errors={c: float(solved.errors[k]) for k, c in enumerate(COLUMNS) if known[k]},
+        errors=noise,
+        noise=noise,
+        seconds=float(rows.dt.sum()),
         r2=solved.r2,
         condition=solved.condition,
         gravity_scale=gravity,

@@ -22,7 +22,7 @@ SOURCES = "\n".join(
 )
 
 
-HELP = (ROOT / "page/src/troubleshooting.html").read_text(encoding="utf-8")
+HELP = (ROOT / "daemon/web/built/troubleshooting.html").read_text(encoding="utf-8")
 
 
 def said_as(text: str) -> list[str]:

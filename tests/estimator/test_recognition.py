@@ -167,6 +167,18 @@ def test_what_is_no_load_is_none(romeo: Model, name: str) -> None:
     assert run(recognition, HANDS[name], romeo, 0.0, 25.0) is None
 
 
+@pytest.mark.parametrize("of", ["q", "residual", "threshold"])
+def test_what_is_no_number_is_not_kept(romeo: Model, of: str) -> None:
+    recognition = Recognition(romeo, T)
+    run(recognition, load(0.0), romeo, 0.0, 10.0)
+    q, q_dot = motion(10.0, 0.3)
+    shown = {"q": q, "q_dot": q_dot, "residual": np.zeros(7), "threshold": LEVEL.copy()}
+    shown[of] = np.full(7, np.nan)
+    recognition.step(**shown, touched=False)
+    run(recognition, load(0.0), romeo, 10.0, 10.0)
+    assert run(recognition, load(0.5), romeo, 20.0, 10.0) is not None
+
+
 def test_an_arm_that_stands_recognises_nothing(romeo: Model) -> None:
     recognition = Recognition(romeo, T)
     assert run(recognition, load(0.5), romeo, 0.0, 30.0, amplitude=0.0) is None

@@ -2,12 +2,13 @@
 
 import pytest
 
+from bench.rigs.reaching import Reaching
 from bench.study.rotor_drives import Drives, rotors
 
 
 @pytest.mark.parametrize("bandwidth_Hz", [5.0, 16.0])
 def test_drives_that_ramp_give_their_rotors(bandwidth_Hz):
-    found = rotors(Drives(way="ramps", bandwidth_Hz=bandwidth_Hz))
+    found = rotors(Drives(reaching=Reaching(bandwidth_Hz=bandwidth_Hz)))
     assert found.given.sum() >= 6, found
     assert not found.wrong, found
 
@@ -15,10 +16,10 @@ def test_drives_that_ramp_give_their_rotors(bandwidth_Hz):
 @pytest.mark.parametrize(
     "drives",
     [
-        Drives(way="steps"),
-        Drives(way="steps", bandwidth_Hz=40.0),
-        Drives(way="steps", bandwidth_Hz=30.0, filter_ms=1.0, taken_ms=2),
-        Drives(way="accelerates", acceleration=40.0, filter_ms=5.0),
+        Drives(reaching=Reaching(way="steps")),
+        Drives(reaching=Reaching(way="steps", bandwidth_Hz=40.0)),
+        Drives(reaching=Reaching(way="steps", bandwidth_Hz=30.0), filter_ms=1.0, taken_ms=2),
+        Drives(reaching=Reaching(way="accelerates", acceleration=40.0), filter_ms=5.0),
     ],
 )
 def test_drives_that_do_not_keep_their_rotors(drives):

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from daemon.faults.following import PRESSING_SHARE, TICKS, Following, FollowingSettings
+from daemon.faults.following import (
+    HEARD_SHARE,
+    PRESSING_SHARE,
+    SAG_TICKS,
+    TICKS,
+    Following,
+    FollowingSettings,
+)
 
 T, LAG = 0.01, 0.01
 WINDOW = 6  # three ticks of latency, three lags
@@ -69,7 +76,7 @@ def test_at_the_bounds_it_follows(following: Following, sign: int) -> None:
 
 
 def test_the_bounds_are_those_of_the_documentation() -> None:
-    assert (TICKS, PRESSING_SHARE) == (20, 0.5)
+    assert (TICKS, PRESSING_SHARE, SAG_TICKS, HEARD_SHARE) == (20, 0.5, 50, 0.02)
 
 
 def test_it_counts_anew(following: Following) -> None:
@@ -79,6 +86,31 @@ def test_it_counts_anew(following: Following) -> None:
     assert ticks(following, 2, 0.0, 0.5) == [True, True]
     following.restart()
     assert not any(ticks(following, TICKS - 1, 0.0, 0.5))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("beyond", "excused"), [(-E, False), (E, True)])
+def test_after_enabling_weight_may_be_taken_up(
+    following: Following, sign: int, beyond: float, excused: bool
+) -> None:
+    """Until SAG_TICKS are over, by a current that went the right way since the first tick."""
+    following.restart()
+    first = 0.1  # of the limit: that of a link that hangs
+    ticks(following, 1, 0.0, 0.0, first)
+    share = first + sign * (HEARD_SHARE + beyond)
+    found = ticks(following, SAG_TICKS - 1, 0.0, -sign * 0.5, share)
+    assert any(found) is not excused
+    # Then only one that presses counts, and a wrong way never did.
+    assert ticks(following, TICKS, 0.0, -sign * 0.5, share)[-1]
+    following.restart()
+    ticks(following, 1, 0.0, 0.0, first)
+    assert ticks(following, TICKS, 0.0, sign * 0.5, share)[-1]
+
+
+def test_a_first_current_that_is_no_number_excuses_nothing(following: Following) -> None:
+    following.restart()
+    ticks(following, 1, 0.0, 0.0, float("nan"))
+    assert ticks(following, TICKS, 0.0, 0.5, -0.4)[-1]
 
 
 def test_what_was_told_lately_may_still_be_obeyed(following: Following) -> None:

@@ -195,7 +195,7 @@ def test_friction_without_the_touched_stretch(states, folder):
     ("weighed", "says"),
     [
         (False, "masses may be off: run `contactd identify masses`, then `friction` again"),
-        (True, "a longer motion (`--seconds`) tells it better"),
+        (True, ": `--seconds 600` leaves joint +-"),
     ],
 )
 def test_friction_that_is_not_known_well_says_what_to_do(
@@ -211,7 +211,7 @@ def test_friction_that_is_not_known_well_says_what_to_do(
         robot = dataclasses.replace(robot, configuration=c)
     measured = from_states(states[:1400], ["joint"])
     assert friction_step(robot, measured, DAY).notes == ()
-    monkeypatch.setattr("daemon.identify.steps.WIDE", 0.02)
+    monkeypatch.setattr("daemon.identify.surer.WIDE", 0.02)
     (note,) = friction_step(robot, measured, DAY).notes
     assert note.startswith("friction is known of joint to +-")
     assert says in note

@@ -21,7 +21,7 @@ from bench.rigs.typed_session import MOTION_S, TypedCommand, identify, stopped, 
 from daemon.commands import contactd
 from daemon.config import identified as file
 from daemon.config.load import load_robot
-from daemon.identify.live_arm import Hand
+from daemon.identify.hand import Hand
 from daemon.identify.measured import read_measured
 from daemon.identify.session import followed
 from daemon.modes.table import Mode

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from errors import LogError
-from estimator.identification.friction import adopt, identify_friction
+from estimator.identification.friction import identify_friction
+from estimator.identification.friction_fit import adopt
 from estimator.identification.friction_verdict import GIVE, WIDEST_PLAY, Verdict
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.sticking import sticking_share
@@ -131,6 +132,9 @@ def test_masses_that_were_identified_are_believed_more(moved, identify, arm):
     by_urdf, _ = identify(log, true.half_gap)
     for one, other in zip(weighed, by_urdf, strict=True):
         assert one.values == other.values
+        assert one.noise == other.noise
+        assert 0.0 < one.noise["K_theta_s"] < one.errors["K_theta_s"] < other.errors["K_theta_s"]
+        assert one.seconds == pytest.approx(log.measured_s, abs=0.1)
         assert one.unsure < other.unsure
         assert one.unsure == pytest.approx(
             3.92 * max(one.errors[k] / one.values[k] for k in ("K_theta_s", "K_theta_v"))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_
 
+from bench.rigs.reaching import Reaching
 from bench.study.masses import Subjects, carrying, true_bodies
 from daemon.assembly import build_transmission
 from errors import LogError
@@ -210,6 +211,40 @@ def test_an_arm_lighter_than_its_model_is_no_load(subjects) -> None:
     fit = weighed(subjects, empty, model)
     assert fit.verdict is PayloadVerdict.NOT_EXCITED
     assert "lighter than its model" in fit.reason
+
+
+# --- drives that do not ramp from setpoint to setpoint --------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "reaching",
+    [
+        Reaching(way="steps"),
+        Reaching(way="steps", bandwidth_Hz=40.0),
+        Reaching(way="accelerates", bandwidth_Hz=40.0, acceleration=60.0),
+    ],
+    ids=str,
+)
+def test_the_rotors_take_what_currents_miss_and_bodies_and_loads_stay_true(reaching) -> None:
+    """Of the current for acceleration a fifth to two thirds is missing."""
+    subjects = Subjects(1, (7, 0), reaching)
+    masses = identified(subjects, subjects.moved(subjects.arms, 24.0, seed=3)[0])
+    assert masses.usable, masses
+    bodies = {fit.joint: fit.body for fit in masses.fits}
+    found = Model(subjects.robot.urdf, subjects.c.joint_names, bodies)
+    true, rng = true_model(subjects), np.random.default_rng(0)
+    poses = rng.uniform(*subjects.limits, (50, true.n))
+    for what in (Model.gravity, Model.inertia):
+        exact, by_this, by_urdf = (
+            np.array([what(model, q) for q in poses]) for model in (true, found, subjects.model)
+        )
+        off, before = np.abs(by_this - exact).mean(axis=0), np.abs(by_urdf - exact).mean(axis=0)
+        assert (off < 0.05 * np.abs(exact).mean(axis=0) + 0.05 * before).all(), what.__name__
+    arm = carrying(subjects.arms[0], subjects.model, LOAD)
+    fit = weighed(subjects, subjects.moved([arm], 10.0, 4, 10.0, 10.0)[0], found)
+    assert fit.verdict is PayloadVerdict.GOOD, fit
+    assert abs(fit.mass - LOAD.mass) < 3.0 * fit.mass_error, fit
+    assert np.linalg.norm(fit.com - np.array(LOAD.com)) < 3.0 * fit.com_error, fit
 
 
 def test_a_look_at_a_load_that_is_too_short_is_refused(subjects, carried) -> None:

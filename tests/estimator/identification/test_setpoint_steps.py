@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.identification.friction import adopt, identify_friction
+from estimator.identification.friction import identify_friction
+from estimator.identification.friction_fit import adopt
 from estimator.identification.setpoint_steps import NO_SETPOINTS, stepping, unsure
 
 

@@ -8,7 +8,8 @@ import pytest
 from scipy.signal import butter, filtfilt
 
 from errors import LogError
-from estimator.identification.friction import FrictionFit, identify_friction
+from estimator.identification.friction import identify_friction
+from estimator.identification.friction_fit import FrictionFit
 from estimator.identification.friction_verdict import Verdict
 from estimator.identification.masses import MassesVerdict, identify_masses
 from estimator.identification.motion_log import MotionLog

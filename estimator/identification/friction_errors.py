@@ -1,0 +1,55 @@
+"""Errors of friction that no log shows: what is believed of masses and torque constants.
+
+A fit is as good as ever where the model's inertial torque is a share too large: rotor and friction
+take it. So stated errors bear it, beside the noise.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from estimator.identification.friction_fit import FrictionFit
+from estimator.identification.log_intervals import Intervals, low_pass
+from estimator.identification.regression import COLUMNS, GAIN, Regression, Solution
+
+_BY_URDF, _IDENTIFIED = 0.03, 0.01
+"""Least shares by which masses are believed to be off."""
+_CONSTANT_OFF = 0.015
+"""By which a torque constant is believed to be."""
+_NEAR_REST = 0.002
+"""Of Coulomb friction, by which it may seem to depend on speed: near rest it is not quite so."""
+
+
+def with_what_is_believed(
+    fits: list[FrictionFit],
+    solved: list[Solution],
+    found: Regression,
+    rows: Intervals,
+    *,
+    weighed: bool,
+) -> list[FrictionFit]:
+    """Fits whose errors also bear what a log cannot tell: the torque constant's own error; the
+    model's inertial torque, which comes out as rotor and friction, off by as much as gravity is,
+    or by what masses of a URDF, or those that were `weighed`, are off at least; and Coulomb
+    friction that is taken for viscous."""
+    scales = np.array([fit.gravity_scale for fit in fits])
+    shown = scales[np.isfinite(scales)]
+    least = _IDENTIFIED if weighed else _BY_URDF
+    off = max(float(np.sqrt(np.square(shown - 1.0).mean())) if len(shown) else 0.0, least)
+    inertial = low_pass(rows.inertial - rows.gravity, rows, GAIN)
+    new = []
+    for i, (fit, one) in enumerate(zip(fits, solved, strict=True)):
+        columns = np.concatenate([found.columns[:, i, :3], found.nuisance[:, i]], axis=1)
+        weighted = one.weight[:, None] * columns
+        bias = np.linalg.lstsq(weighted, one.weight * inertial[:, i], rcond=None)[0]
+        errors = dict(fit.errors)
+        for k, name in enumerate(COLUMNS[:3]):
+            if name in errors:
+                parts = (errors[name], off * bias[k], _CONSTANT_OFF * fit.values[name])
+                errors[name] = float(np.linalg.norm(parts))
+        if "K_theta_v" in errors:
+            speed = max(float(np.sqrt(np.square(rows.theta_dot[:, i]).mean())), 1e-9)
+            near_rest = _NEAR_REST * fit.values["K_theta_s"] / speed
+            errors["K_theta_v"] = float(np.hypot(errors["K_theta_v"], near_rest))
+        new.append(replace(fit, errors=errors))
+    return new

@@ -1,0 +1,56 @@
+"""Advice on friction that is not known well: masses, so many seconds more, or neither."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+from click.testing import CliRunner
+
+from daemon.commands.contactd import main
+from daemon.identify.surer import LONGEST_S, surer
+from estimator.identification.friction_verdict import Verdict
+
+URDF = "as the URDF's masses may be off: run `contactd identify masses`, then `friction` again"
+
+
+def fit(joint: str, unsure: float, seconds: float, verdict: Verdict = Verdict.GOOD) -> object:
+    return SimpleNamespace(
+        joint=joint, verdict=verdict, unsure=unsure, seconds_for=lambda width: seconds,
+        unsure_after=lambda longer: {LONGEST_S: 0.8 * unsure}[longer],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("fits", "weighed", "notes"),
+    [
+        ([fit("a", 0.14, 40.0)], True, ()),
+        ([fit("a", 0.9, 40.0, Verdict.BAD_FIT)], True, ()),
+        (
+            [fit("a", 0.24, 131.0), fit("b", 0.1, 5.0)],
+            True,
+            ("friction is known of a to +-12 %: `--seconds 140` tells that to +-7.5 %",),
+        ),
+        (
+            [fit("a", 0.24, 600.0), fit("b", 0.2, 5.0)],
+            False,
+            (f"friction is known of a to +-12 %, b to +-10 %, {URDF}; where the URDF is as good, "
+             "`--seconds 600` tells that to +-7.5 %",),
+        ),
+        (
+            [fit("a", 0.5, math.inf), fit("b", 0.2, 131.0), fit("c", 0.25, 601.0)],
+            True,
+            ("friction is known of a to +-25 %, b to +-10 %, c to +-12 %: `--seconds 140` tells "
+             "that of b to +-7.5 %; `--seconds 600` leaves a +-20 %, c +-10 %: what masses and "
+             "torque constants may be off does not go with a longer motion",),
+        ),
+    ],
+)  # fmt: skip
+def test_what_would_make_it_narrower(fits, weighed, notes):
+    assert surer(fits, weighed=weighed) == notes
+
+
+@pytest.mark.parametrize("seconds", [LONGEST_S, LONGEST_S + 1])
+def test_what_is_advised_is_what_friction_takes(seconds):
+    words = ["identify", "friction", "--seconds", str(seconds), "--config", "nowhere", "--log", "a"]
+    said = CliRunner().invoke(main, words).output
+    assert ("--seconds" in said) is (seconds > LONGEST_S), said
