@@ -368,7 +368,8 @@ def health(options: Options, directory: Path | None, plot: Path | None) -> None:
 @main.command()
 @click.pass_obj
 def watch(options: Options) -> None:
-    """Show the joints live, until Ctrl-C. With --json: every state, one line each."""
+    """Show the joints live, until Ctrl-C, over a `reload`, too. With --json: every state, one line
+    each, until the daemon ends its run."""
     if not options.json and not sys.stdout.isatty():
         raise click.UsageError("watch needs a terminal; use `contactctl watch --json` or `record`")
     try:
