@@ -35,9 +35,11 @@ def sources(root: Path = ROOT) -> dict[str, str]:
 
 
 def extensions(root: Path = ROOT) -> list[Path]:
-    """All that are there, whether their modules are still compiled or not."""
+    """All that are there, whether their modules are still compiled or not. Beside our modules at
+    the top of an installed environment lie those of others, which have no source there."""
+    top = [p for p in root.glob("*.so") if (root / f"{p.name.partition('.')[0]}.py").exists()]
     folders = [root / name for name in PACKAGES]
-    return sorted([*root.glob("*.so"), *(p for folder in folders for p in folder.rglob("*.so"))])
+    return sorted([*top, *(p for folder in folders for p in folder.rglob("*.so"))])
 
 
 def recorded(root: Path = ROOT) -> dict[str, str]:

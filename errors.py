@@ -5,7 +5,7 @@ Exit codes follow sysexits.h, so that systemd and scripts can tell a bad configu
 restarted) from a bus that is not there (69, worth another try) and from a fault of ours (70).
 """
 
-from contactd_client.errors import ContactdError, ControlError, UnreachableError
+from contactd_client.errors import ContactdError, ControlError, HungUpError, UnreachableError
 
 __all__ = [
     "BusError",
@@ -13,6 +13,7 @@ __all__ = [
     "ContactdError",
     "ControlError",
     "DriveError",
+    "HungUpError",
     "LogError",
     "ModelError",
     "ProgramError",

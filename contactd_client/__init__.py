@@ -7,13 +7,14 @@ what the messages mean, and has examples.
 """
 
 from contactd_client.client import Client, Joined, Lost, follow
-from contactd_client.errors import ContactdError, ControlError, UnreachableError
+from contactd_client.errors import ContactdError, ControlError, HungUpError, UnreachableError
 from contactd_client.paths import usual_socket_path, view_socket_path
 
 __all__ = [
     "Client",
     "ContactdError",
     "ControlError",
+    "HungUpError",
     "Joined",
     "Lost",
     "UnreachableError",

@@ -10,7 +10,7 @@ from typing import Self
 
 from contactd_client.client import RETRY_S, Joined, Lost
 from contactd_client.connection import ANSWER_S, MAX_PACKET_BYTES, patience_s
-from contactd_client.errors import ContactdError, UnreachableError
+from contactd_client.errors import ContactdError, HungUpError, UnreachableError
 from contactd_client.messages import Reply, Request, Snapshot, State, Status
 from contactd_client.packets import decode_reply, decode_state, encode, snapshot_of, status_of
 from contactd_client.paths import usual_socket_path, view_socket_path, why_unreachable
@@ -94,7 +94,7 @@ class AsyncConnection:
             except OSError as error:
                 raise _gone(error) from error
             if not size:
-                raise UnreachableError("the daemon closed the connection")
+                raise HungUpError("the daemon closed the connection")
             packets.append(bytes(memoryview(_buffer)[:size]))
 
     async def _receive(self) -> bytes:
@@ -108,7 +108,7 @@ class AsyncConnection:
         except OSError as error:
             raise _gone(error) from error
         if not packet:
-            raise UnreachableError("the daemon closed the connection")
+            raise HungUpError("the daemon closed the connection")
         return packet
 
 

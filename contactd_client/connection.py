@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 from typing import Final
 
-from contactd_client.errors import ControlError, UnreachableError
+from contactd_client.errors import ControlError, HungUpError, UnreachableError
 from contactd_client.paths import why_unreachable
 
 # More than the daemon's socket can hold (twice its send buffer).
@@ -62,7 +62,8 @@ class Connection:
 
     def packet(self, silence: str = "fell silent") -> bytes:
         """Next message, as it was sent. If none comes, the error reads "the daemon {silence}".
-        Raises ControlError for one that is larger than any daemon sends."""
+        Raises HungUpError where the daemon ended the connection, ControlError for a message that is
+        larger than any daemon sends."""
         try:
             try:
                 size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
@@ -72,9 +73,9 @@ class Connection:
         except TimeoutError:
             raise UnreachableError(f"the daemon {silence}") from None
         except OSError as error:
-            raise UnreachableError(f"the daemon closed the connection ({error.strerror})") from None
+            raise HungUpError(f"the daemon closed the connection ({error.strerror})") from None
         if size == 0:
-            raise UnreachableError("the daemon closed the connection")
+            raise HungUpError("the daemon closed the connection")
         if flags & socket.MSG_TRUNC:
             raise ControlError(f"the daemon sent more than {MAX_PACKET_BYTES} bytes at once")
         return bytes(memoryview(self._buffer)[:size])

@@ -17,3 +17,7 @@ class UnreachableError(ControlError):
     """There is no daemon, it may not be asked, or it fell silent."""
 
     exit_code = 69
+
+
+class HungUpError(UnreachableError):
+    """The daemon ended the connection: it ends, or reads its files anew."""

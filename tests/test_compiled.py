@@ -1,11 +1,12 @@
 """What is compiled, what should be, and who says so."""
 
 import sys
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
-from compiled import uncompiled, warning
+from compiled import extensions, uncompiled, warning
 from tests.plain import COMPILED, built, plain
 
 
@@ -21,6 +22,14 @@ def test_a_plain_module_is_named(monkeypatch) -> None:
     assert "estimator.dynamics" in uncompiled()
     assert "estimator.dynamics" in warning()
     assert "python3-dev" in warning()
+
+
+def test_modules_of_others_beside_ours_are_not_judged(tmp_path: Path) -> None:
+    """As at the top of an installed environment."""
+    (tmp_path / "elementary.py").touch()
+    for name in ("elementary.cpython-311-x86_64-linux-gnu.so", "6ec57f84__mypyc.so"):
+        (tmp_path / name).touch()
+    assert [path.name.split(".")[0] for path in extensions(tmp_path)] == ["elementary"]
 
 
 def test_checks_limits_and_counts_are_the_same_plain_to_the_last_bit() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from daemon.clients.client import Client
 from daemon.clients.waiting import asked_until
 from daemon.protocol.messages import Status
-from errors import ControlError, UnreachableError
+from errors import ControlError, HungUpError
 
 # As long as a start may take: all drives are set up.
 START_S = 60.0
@@ -21,11 +21,16 @@ def reload(path: Path | None = None) -> Status:
     """
     with Client(path, START_S) as client:
         client.demand("reload")
-        with suppress(UnreachableError):
+        with suppress(HungUpError):
             client.packet()  # there is none: the daemon hangs up when it has ended its run
-    # It listens all the time, and answers when it has begun anew.
-    with Client(path, START_S) as client:
-        found = asked_until(client.ask_status, lambda status: bool(status.drives), START_S)
+    found = wait_for_start(path)
     if found.not_taken_up:
         raise ControlError(f"not taken up: {found.not_taken_up}")
     return found
+
+
+def wait_for_start(path: Path | None = None) -> Status:
+    """Status of a daemon that hung up, once it has begun anew and hears its drives: it listens all
+    the time, and answers then. Raises UnreachableError if it does not come back."""
+    with Client(path, START_S) as client:
+        return asked_until(client.ask_status, lambda status: bool(status.drives), START_S)

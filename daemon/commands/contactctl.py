@@ -368,14 +368,17 @@ def health(options: Options, directory: Path | None, plot: Path | None) -> None:
 @main.command()
 @click.pass_obj
 def watch(options: Options) -> None:
-    """Show the joints live, until Ctrl-C. With --json: every state, one line each."""
+    """Show the joints live, until Ctrl-C, over a `reload`, too. With --json: every state, one line
+    each, until the daemon ends its run."""
     if not options.json and not sys.stdout.isatty():
         raise click.UsageError("watch needs a terminal; use `contactctl watch --json` or `record`")
-    with options.connect() as client:
-        try:
-            stream_json(client) if options.json else show_live(client)
-        except KeyboardInterrupt:
-            return
+    try:
+        if options.json:
+            stream_json(options)
+        else:
+            show_live(options)
+    except KeyboardInterrupt:
+        return
 
 
 @main.command()

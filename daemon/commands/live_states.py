@@ -5,46 +5,65 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
 from daemon.commands.options import Options
 from daemon.commands.replies import print_json
+from errors import HungUpError
 
 if TYPE_CHECKING:
+    from rich.live import Live
+
     from daemon.clients.client import Client
 
 FRAMES_PER_S = 10
 
 
-def show_live(client: "Client") -> None:
-    """Take every State and draw some, until interrupted."""
+def show_live(options: Options) -> NoReturn:
+    """Take every State and draw some, until interrupted; those of a daemon that reads its files
+    anew, too. Raises UnreachableError where there is none any more."""
     from rich.live import Live
 
+    from daemon.clients.reload import wait_for_start
+
+    client = options.connect()
+    with Live(screen=True, auto_refresh=False) as live:
+        while True:
+            with client, suppress(HungUpError):
+                _draw(client, live)
+            live.update("the daemon hung up: it ends, or reads its files anew", refresh=True)
+            wait_for_start(options.socket)
+            client = options.connect()
+
+
+def _draw(client: "Client", live: "Live") -> None:
+    """Draw what one connection brings, until the daemon ends it. Raises UnreachableError."""
     from daemon.clients.dashboard import Dashboard, History, Lag
 
     snapshot, states = client.subscribe()
     history, lag = History(), Lag()
     drawn_s = 0.0
-    with Live(screen=True, auto_refresh=False) as live:
-        for state in states:
-            history.add(state)
-            now_s = time.monotonic()
-            lag_s = lag.of(now_s, state.time_s)
-            if now_s - drawn_s >= 1 / FRAMES_PER_S:
-                drawn_s = now_s
-                live.update(Dashboard(snapshot, state, history.summary(), lag_s), refresh=True)
+    for state in states:
+        history.add(state)
+        now_s = time.monotonic()
+        lag_s = lag.of(now_s, state.time_s)
+        if now_s - drawn_s >= 1 / FRAMES_PER_S:
+            drawn_s = now_s
+            live.update(Dashboard(snapshot, state, history.summary(), lag_s), refresh=True)
 
 
-def stream_json(client: "Client") -> None:
+def stream_json(options: Options) -> None:
     """Print the States as the daemon sends them, until the reader closes the pipe."""
-    client.subscribe()
     try:
-        while True:
-            sys.stdout.buffer.write(client.packet() + b"\n")
-            sys.stdout.buffer.flush()
+        with options.connect() as client:
+            client.subscribe()
+            while True:
+                sys.stdout.buffer.write(client.packet() + b"\n")
+                sys.stdout.buffer.flush()
     except BrokenPipeError:
         # What is left in the buffer is flushed once more at exit, and must go somewhere.
         with open(os.devnull, "wb") as nowhere:

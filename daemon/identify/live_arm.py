@@ -41,6 +41,7 @@ from estimator.identification.wiring import OTHER_WAY, follows_both_ways, goes_a
 
 MOVED = 0.05
 """From where it stood, before an arm that is to be switched off goes back there [rad]."""
+TO_READ_ANEW = "`contactctl disable` (after a fault `contactctl reset`)"
 _TOO_FAR = "its gap is larger than half_gap says, or a scale is wrong"
 
 
@@ -58,7 +59,7 @@ class LiveArm:
         if not samples_alike(session.configuration(), self._c):
             raise ConfigurationError(
                 f"drives, wiring or period in {robot.path} were changed since the daemon read it: "
-                "`contactctl disable`, then this again"
+                f"{TO_READ_ANEW}, then this again"
             )
 
     def serials(self) -> dict[str, int | None]:
@@ -212,7 +213,7 @@ class LiveArm:
         if not residuals_alike(self._session.configuration(), self._c):
             raise ConfigurationError(
                 "values of the joints were written since the daemon read its files, and its "
-                "residuals use older ones: `contactctl disable`, then this again"
+                f"residuals use older ones: {TO_READ_ANEW}, then this again"
             )
         return self._motions.excite("thresholds", seconds, seed=2, residuals=True)
 

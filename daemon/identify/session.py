@@ -142,7 +142,7 @@ class Session:
             self.here = np.array(status.link_position)
             self._enable()
         if status.mode == Mode.FAULTED:
-            raise ControlError(f"a fault is latched: {status.cause}")
+            raise ControlError(f"a fault is latched: {status.cause}; `contactctl reset`")
         if status.armed:
             self.client.demand("disarm")
         if status.mode == Mode.TRACKING:

@@ -138,9 +138,11 @@ class Service:
         _log.log(_LEVELS[kind], "%s", text, extra=place)
 
     def summary(self) -> str:
-        """Mode and its cause, in one line."""
+        """Mode and its cause, and while off why newer files are not taken up, in one line."""
         machine = self.loop.tick.controller.machine
-        return f"{_outcome(machine)}: {machine.cause}"
+        said = f"{_outcome(machine)}: {machine.cause}"
+        refused = self.process.not_taken_up if machine.mode is Mode.OFF else ""
+        return f"{said}; not taken up: {refused}" if refused else said
 
     def handle(self, request: Request, peer: Peer) -> Reply:
         """Carry out one request; a refusal gives every reason."""

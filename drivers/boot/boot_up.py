@@ -120,7 +120,8 @@ class DriveBoot:
             if self.identities and identity != self.identities[i]:
                 raise DriveError(
                     f"{self.setups[i].drive.name} has another drive than at the start: {identity}; "
-                    f"it was {self.identities[i]}. Start the daemon again"
+                    f"it was {self.identities[i]}. With the drives off `contactctl reload` takes "
+                    "it up, after a fault a new start of the daemon"
                 )
         names = ", ".join(setup.drive.name for setup in chosen)
         took_ms = 1000.0 * (time.monotonic() - begun)

@@ -223,6 +223,19 @@ def off(daemon: Daemon) -> bool:
     return daemon.mode() == "off"
 
 
+def frames_mean(daemon: Daemon) -> str:
+    """Configuration beside a log of the frames that the black box holds now."""
+    log = daemon.door.parent / "now.log"
+    program = contactd(
+        "black-box", "--socket", daemon.door, "--output", log, stdout=subprocess.PIPE
+    )
+    said, _ = program.communicate(timeout=PATIENCE_S)
+    assert program.returncode == 0
+    assert int(said.split()[0]) > 0
+    (context,) = log.parent.glob("now*.json")
+    return str(json.loads(context.read_text())["snapshot"]["configuration"])
+
+
 def read_anew(daemon: Daemon) -> Status:
     eventually(lambda: off(daemon), daemon.mode)
     return reload(daemon.door)
@@ -237,6 +250,7 @@ def test_files_are_taken_up_in_the_same_process(daemon: Daemon, robot: Path) -> 
         assert (found.pid, found.changed) == (daemon.process.pid, [])
         with Client(daemon.door) as client:
             assert "quiet_s: 0.7" in client.subscribe()[0].configuration
+        assert "quiet_s: 0.7" in frames_mean(daemon)
 
         # What is bad is not taken up; nor is what the drives do not bear.
         config.write_text(before.replace("node: 1,", "node: 100,", 1))

@@ -51,6 +51,25 @@ def test_a_step_enables_the_drives_and_leaves_them_off_with_what_it_found_taken_
     assert not served.rig.tick.controller.motion.blind, "the links are trusted now"
 
 
+def test_what_was_written_before_a_fault_is_taken_up_after_its_reset(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
+    """As on a busy machine, whose drives were without their master for a moment."""
+    path = arm.folder / "config.yaml"
+    written = yaml.safe_load(path.read_text())
+    written["joints"][0]["wiring"]["link_offset"] = 0.01
+    served.rig.tick.controller.machine.mode = Mode.FAULTED
+    path.write_text(yaml.safe_dump(written))
+    result = served.contactd("identify", "wiring", "--yes")
+    assert result.exit_code == 78
+    said = " ".join(result.output.split())
+    assert "were changed since the daemon read it: `contactctl disable` (after a fault " in said
+    assert served.contactctl("reset").exit_code == 0
+    result = served.contactd("identify", "wiring", "--yes")
+    assert "changed since" not in result.output
+    assert served.service.process.files.changed() == []
+
+
 def test_nobody_is_asked_where_nobody_is(served: ServedDaemon) -> None:
     result = served.contactd("identify", "wiring")
     assert result.exit_code == 1

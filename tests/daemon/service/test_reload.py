@@ -158,9 +158,11 @@ def test_what_is_bad_is_not_taken_up_and_nothing_is_enabled(
     assert served.rig.mode is Mode.OFF
     assert gain_of(served) == before
     assert "not taken up" in served.contactctl("status").stdout
+    assert served.service.summary().startswith("off, not armed: started; not taken up: ")
     # Mended, it is taken up; as it was before, there is nothing to take up.
     (arm / "config.yaml").write_text(text)
     assert served.contactctl("enable").stdout == "holding: drives enabled\n"
+    assert served.service.summary() == "holding, not armed: drives enabled"
 
 
 def test_a_fault_is_reset_first(served: ServedDaemon) -> None:
