@@ -16,6 +16,7 @@ import click
 
 from daemon.commands.options import Options
 from daemon.commands.replies import POLL_S, RESTING, answer, carry_out, print_json
+from daemon.commands.questions import sure
 from daemon.commands.sentences import say
 from daemon.modes.table import Mode
 
@@ -69,8 +70,8 @@ def go(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> No
             click.echo(in_words(reply.way))
             for warning in reply.warnings:
                 click.echo(f"  warning: {warning}", err=True)
-    if not yes:
-        click.confirm("Move the arm?", abort=True)
+    if not yes and not sure("Move the arm?"):
+        raise click.Abort
     with _interrupted() as interrupted, options.connect() as client:
         start = reply.way.start
         reply = client.go(pose, targets, speed=speed, planned_from=start, attended=True)

@@ -15,6 +15,7 @@ import click
 from rich.console import Console
 
 from daemon.clients.client import Client
+from daemon.commands.questions import choice, sure
 from daemon.commands.sentences import say
 from daemon.config.identified import Identified, write_identified
 from daemon.config.load import Robot, load_robot
@@ -37,7 +38,7 @@ from daemon.identify.steps import (
     merged,
     wiring_step,
 )
-from daemon.identify.zero import zero_step
+from daemon.identify.zero import not_possible, zero_step
 from errors import ConfigurationError, ControlError
 from estimator.identification.gap_result import GapVerdict
 from estimator.identification.thresholds import LevelVerdict
@@ -88,9 +89,12 @@ class Identification:
 
     def zero(self, stated: dict[str, float]) -> bool:
         """Find sign and zero of the link encoders of joints that stand at `stated` [rad]."""
+        names = self.joints(tuple(stated))
+        if nowhere := not_possible(self._robot, stated):
+            raise ConfigurationError("; ".join(nowhere))
         outcomes = []
         self._tell(PLUS)
-        for name in self.joints(tuple(stated)):
+        for name in names:
             seen, upward = self._source.pushed(name, partial(self._which_way, name))
             outcome = zero_step(self._robot, name, seen, stated[name], upward=upward, date=now())
             outcomes.append(self._conclude("zero", "zero", outcome))
@@ -98,7 +102,7 @@ class Identification:
 
     def _which_way(self, name: str) -> bool:
         self._tell(f"{name} stands. Push its link a little, either way, and hold it there.")
-        return str(click.prompt("Which way did it go", type=click.Choice(["+", "-"]))) == "+"
+        return choice("Which way did it go", ["+", "-"]) == "+"
 
     def wiring(self, named: tuple[str, ...]) -> bool:
         """Check signs and scales, joint by joint."""
@@ -279,7 +283,7 @@ def may_enable(robot: Robot) -> bool:
         f"to where it stands and its joints end as configured ({later}). Nobody may be in reach of "
         "it, and the emergency stop must be in yours."
     )
-    return click.confirm("Enable the drives?")
+    return sure("Enable the drives?")
 
 
 def show_overview(config: Path | None, socket: Path | None) -> bool:

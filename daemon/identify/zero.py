@@ -5,17 +5,22 @@ the motor's own. A person who says where the link stands and which way it went g
 """
 
 import hashlib
+from collections.abc import Mapping
+from math import radians
 
 import numpy as np
 
 from arrays import Vector
+from daemon.config.dynamics import model_of
 from daemon.config.identified import ZeroEntry
 from daemon.config.load import Robot
+from daemon.config.problem import figure
 from daemon.identify.steps import Line, Outcome
 
 _REST_S = 0.2
 _STILL = 0.0005  # [rad]
 MOVED = 0.001  # [rad]: less than the play of most gears
+_BEYOND = 0.2  # [rad]: a link may lean on a stop that the URDF's limits lie before
 
 
 def resting_samples(period_s: float) -> int:
@@ -36,6 +41,23 @@ def departure(seen: Vector, period_s: float) -> tuple[float, float]:
     away = seen[-few:] - rest
     held = np.all(away > MOVED) or np.all(away < -MOVED)
     return rest, float(np.median(away)) if held else 0.0
+
+
+def not_possible(robot: Robot, stated: Mapping[str, float]) -> list[str]:
+    """Angles [rad] at which no link stands, for they are well outside the URDF's limits, in words."""
+    model = model_of(robot.configuration, robot.urdf)
+    reasons = []
+    for name, angle in stated.items():
+        i = robot.configuration.joint_names.index(name)
+        lower, upper = float(model.lower[i]), float(model.upper[i])
+        if not lower - _BEYOND <= angle <= upper + _BEYOND:
+            within = lower <= radians(angle) <= upper
+            meant = f"; in degrees? then {name}={figure(radians(angle))}" if within else ""
+            reasons.append(
+                f"{name}={figure(angle)}: by the URDF it stands within "
+                f"[{lower:g}, {upper:g}] rad{meant}"
+            )
+    return reasons
 
 
 def zero_step(

@@ -17,7 +17,7 @@ from daemon.config.identified import Identified, WiringEntry, ZeroEntry, applied
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.identify.steps import merged
-from daemon.identify.zero import stands, zero_step
+from daemon.identify.zero import not_possible, stands, zero_step
 
 WIRED = WiringEntry(date="today", log="00", follows=1.0)
 REST = [0.0] * 20  # [rad] from where the link stood
@@ -99,14 +99,31 @@ def place(c: Configuration, identified: Identified) -> list[str | int]:
     return identified_keys(["joints", 0, "wiring", "link_offset"], c, identified)
 
 
+@pytest.mark.parametrize(
+    ("degrees", "meant"), [(25.0, "; in degrees? then elbow=0.4363"), (120.0, "")]
+)
+def test_an_angle_at_which_no_link_stands_is_refused(
+    tmp_path: Path, degrees: float, meant: str
+) -> None:
+    robot = load_robot(generate(1).write(tmp_path / "arm"))
+    i = robot.configuration.joint_names.index("elbow")
+    lower, upper = generate(1).stops[i]
+    assert not_possible(robot, {"elbow": lower - 0.1, "base": 0.0}) == []
+    said = f"elbow={degrees:g}: by the URDF it stands within [{lower:g}, {upper:g}] rad{meant}"
+    assert not_possible(robot, {"base": 0.1, "elbow": degrees}) == [said]
+
+
 def test_links_are_pushed_while_the_drives_are_off(tmp_path: Path) -> None:
     folder = generate(1).write(tmp_path / "arm")
     with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
         typo = served.contactd("identify", "zero", "elbo=0.1")
+        degrees = served.contactd("identify", "zero", "base=0.1", "elbow=25")
         unmoved = served.contactd("identify", "zero", "elbow=0.1", answers=io.BytesIO(b"+\n"))
         served.rig.enable()
         holding = served.contactd("identify", "zero", "elbow=0.1")
     assert "no joint elbo; there are: base, shoulder" in typo.output
+    assert degrees.exit_code == 78
+    assert "in degrees? then elbow=0.4363" in " ".join(degrees.output.split())
     assert unmoved.exit_code == 1
     assert "and hold it there until you have answered" in " ".join(unmoved.output.split())
     assert "the arm is holding: links are pushed while the drives are off" in holding.output
