@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import click
 
 from daemon.commands.options import Options
-from daemon.commands.replies import POLL_S, RESTING, answer, carry_out, print_json
 from daemon.commands.questions import sure
+from daemon.commands.replies import POLL_S, RESTING, answer, carry_out, print_json
 from daemon.commands.sentences import say
 from daemon.modes.table import Mode
 

@@ -17,6 +17,7 @@ from rich.console import Console
 from daemon.clients.client import Client
 from daemon.commands.questions import choice, sure
 from daemon.commands.sentences import say
+from daemon.config.evidence import outdated
 from daemon.config.identified import Identified, write_identified
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import AnyStep
@@ -122,7 +123,18 @@ class Identification:
                 outcome = wiring_step(self._robot, {name: measured}, now())
                 outcomes.append(self._conclude("wiring", f"wiring-{name}", outcome))
                 left = left[1:]
+        self._tell_void_wiring()
         return all(outcomes)
+
+    def _tell_void_wiring(self) -> None:
+        """Say whose wiring passed before something was changed, and has to pass once more."""
+        robot = self._robot
+        void = outdated("wiring", robot.identified, robot.configuration, robot.urdf)
+        if names := [name for name in void if name not in self._missed]:
+            self._tell(
+                f"{', '.join(names)} passed before drives, wiring or torque constants were "
+                f"changed, and have to once more: `contactd identify wiring {' '.join(names)}`"
+            )
 
     def _go_on_without(
         self, wrong: Mapping[str, str], new: Mapping[str, str], left: list[str], error: ApartError

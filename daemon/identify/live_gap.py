@@ -35,7 +35,7 @@ def gap_by_strokes(arm: LiveMotions, joint: str) -> Measured:
     def record(asked: Strokes) -> MotionLog:
         here = arm.link_position()
         if (way := own.way_to(here, asked)) is not None:
-            arm.move(f"way-{joint}", f"{joint} goes to {asked.about:.2f} rad", way, **how)
+            arm.move(f"way-{joint}", f"{joint} goes to {asked.about:z.2f} rad", way, **how)
             arm.forget(f"way-{joint}")
         arm.forget(step)
         here = arm.link_position()

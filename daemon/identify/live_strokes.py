@@ -93,7 +93,7 @@ class StrokesOfJoint:
     def announcement(self) -> str:
         """What will move, and how far."""
         ways = [
-            f"{name} from {a:.2f} to {b:.2f} rad"
+            f"{name} from {a:z.2f} to {b:z.2f} rad"
             for name, a, b in zip(self.c.joint_names, self.here, self.pose, strict=True)
             if abs(b - a) > _THERE
         ]
@@ -101,7 +101,7 @@ class StrokesOfJoint:
         name = self.c.joint_names[self.i]
         low, high = self.room
         return (f"{go}Then {name} moves to and fro by itself, at most 30 mrad/s, within "
-                f"{low:.2f} and {high:.2f} rad. Hands off: a touch ends it.")  # fmt: skip
+                f"{low:z.2f} and {high:z.2f} rad. Hands off: a touch ends it.")  # fmt: skip
 
     def way_to(self, here: Vector, asked: Strokes) -> Matrix | None:
         """Path (N, n) from here to the pose of the strokes; None where the arm is there."""

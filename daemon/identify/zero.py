@@ -44,7 +44,7 @@ def departure(seen: Vector, period_s: float) -> tuple[float, float]:
 
 
 def not_possible(robot: Robot, stated: Mapping[str, float]) -> list[str]:
-    """Angles [rad] at which no link stands, for they are well outside the URDF's limits, in words."""
+    """Angles [rad] at which no link stands, well outside the URDF's limits, in words."""
     model = model_of(robot.configuration, robot.urdf)
     reasons = []
     for name, angle in stated.items():

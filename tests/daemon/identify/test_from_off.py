@@ -175,4 +175,8 @@ def test_every_wrong_sign_is_found_at_once_and_taken_up_when_corrected(tmp_path:
         result = served.contactd("identify", "wiring", *wrong, "--yes")
         assert "the link goes the other way" not in " ".join(result.output.split())
         assert "link/motor 1." in result.output
+        again = f"and have to once more: `contactd identify wiring {' '.join(good)}`"
+        assert again in " ".join(result.output.split())
         assert served.rig.mode is Mode.OFF
+        result = served.contactd("identify", "wiring", *good, "--yes")
+        assert "once more" not in result.output
