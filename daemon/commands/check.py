@@ -1,6 +1,5 @@
 """`contactd check`: checks a configuration and prints what follows from it, without the bus."""
 
-import sys
 from pathlib import Path
 
 from rich.console import Console
@@ -9,6 +8,7 @@ from rich.table import Table
 
 import compiled
 from daemon.assembly import build_setups
+from daemon.commands.console import on_stdout
 from daemon.commands.felt_poses import felt_over_poses
 from daemon.commands.sentences import say
 from daemon.config.bounds import near
@@ -46,7 +46,6 @@ WITHOUT = {
     "motor_position": "integrated from the velocity",
     "max_motor_speed": "the drive's own speed limit is left as it is",
 }
-FOR_PIPES = 120
 FOLDED = "mapping"  # the column that may wrap
 
 
@@ -55,7 +54,7 @@ def print_check(config: Path) -> None:
     meant. Raises ConfigurationError with all that is wrong."""
     robot = load_robot(config)
     c = robot.configuration
-    console = Console() if sys.stdout.isatty() else Console(width=FOR_PIPES)
+    console = on_stdout()
     loads = worst_loads(c, robot.urdf)
     wiring, joints, travels = _wiring(c), _joints(c, loads), _travels(c)
     quantities = {name: _quantities(name, profile) for name, profile in c.drives.items()}

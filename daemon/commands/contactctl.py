@@ -337,12 +337,10 @@ def status(options: Options) -> None:
     if options.json:
         print_json(found)
         return
-    from rich.console import Console
-
     from daemon.clients.dashboard import status_view
+    from daemon.commands.console import on_stdout
 
-    # Nothing is cut off where the output goes to a file.
-    Console(width=None if sys.stdout.isatty() else 120).print(status_view(found, path))
+    on_stdout().print(status_view(found, path))
 
 
 @main.command()

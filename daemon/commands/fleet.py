@@ -85,9 +85,9 @@ def _show(supervisor: "Supervisor", *, as_json: bool) -> int:
     if as_json:
         print_json([_row(arm, time.monotonic()) for arm in arms])
     elif arms:
-        from rich.console import Console
+        from daemon.commands.console import on_stdout
 
-        Console(width=None if sys.stdout.isatty() else 160).print(table(arms, time.monotonic()))
+        on_stdout(width=160).print(table(arms, time.monotonic()))
     else:
         click.echo("contactd: no arm is heard", err=True)
     return 0 if arms else UnreachableError.exit_code

@@ -106,16 +106,15 @@ def _last(days: tuple[Day, ...], joint: str) -> dict[str, float | None]:
 
 
 def _print(days: Days, joints: tuple[JointHealth, ...]) -> None:
-    from rich.console import Console  # noqa: PLC0415 - slow
-    from rich.table import Table  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415 - slow
     from rich.text import Text  # noqa: PLC0415
 
-    console = Console(width=None if os.isatty(1) else 120)
+    from daemon.commands.console import on_stdout  # noqa: PLC0415
+
+    to = on_stdout()
     if days.days:
         first, last = days.days[0], days.days[-1]
-        console.print(
-            Text(f"{last.arm}: {_count(len(days.days))}, {first.date} to {last.date}", "bold")
-        )
+        to.print(Text(f"{last.arm}: {_count(len(days.days))}, {first.date} to {last.date}", "bold"))
     table = Table(box=None, padding=(0, 1), header_style="bold")
     table.add_column("joint")
     table.add_column("identified")
@@ -131,13 +130,13 @@ def _print(days: Days, joints: tuple[JointHealth, ...]) -> None:
             *(_cell(what, QUANTITIES[what].value(day), trends.get(what)) for what in _COLUMNS),
         )
     if joints:
-        console.print(table)
-        console.print(Text("of the last day, and the change since the first; -: not seen", "dim"))
+        to.print(table)
+        to.print(Text("of the last day, and the change since the first; -: not seen", "dim"))
     said = [f"{joint.joint}: {joint.words}" for joint in joints if joint.words]
     for line in said or ["nothing is to be said of any joint"] * bool(joints):
-        console.print(Text(line, "yellow" if said else "green"))
+        to.print(Text(line, "yellow" if said else "green"))
     for line in days.words:
-        console.print(Text(line, "bold red"))
+        to.print(Text(line, "bold red"))
 
 
 def _count(days: int) -> str:

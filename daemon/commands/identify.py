@@ -15,6 +15,7 @@ import click
 from rich.console import Console
 
 from daemon.clients.client import Client
+from daemon.commands.console import on_stdout
 from daemon.commands.questions import choice, sure
 from daemon.commands.sentences import say
 from daemon.config.evidence import outdated
@@ -262,7 +263,7 @@ def identification(
 ) -> Identification:
     """Identification on logs, or on the arm of the running daemon, whose drives are enabled for it
     if they are off, and the person, unless `yes`, says so. Raises ContactdError."""
-    console = terminal()
+    console = on_stdout()
     if logs:
         if config is None:
             raise ConfigurationError("--log needs --config: the folder that results go to")
@@ -305,7 +306,7 @@ def show_overview(config: Path | None, socket: Path | None) -> bool:
         with Client(socket) as client:
             config = from_here(Path(client.ask_status().configuration))
     seen = overview(load_robot(config), datetime.now(UTC))
-    print_overview(terminal(), seen)
+    print_overview(on_stdout(), seen)
     return not seen.following
 
 
@@ -317,11 +318,6 @@ def from_here(path: Path) -> Path:
     here = Path.cwd()
     inside = path.is_relative_to(here) and here != Path(here.root)
     return path.relative_to(here) if inside else path
-
-
-def terminal() -> Console:
-    """Console that is wide enough for a file or a pipe."""
-    return Console() if sys.stdout.isatty() else Console(width=120)
 
 
 def now() -> str:

@@ -169,6 +169,7 @@ def test_status(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     ):
         assert word in result.stdout
     assert "\x1b" not in result.stdout
+    assert all(line == line.rstrip() for line in result.stdout.splitlines())
     assert json.loads(run("--json", "status").stdout)["pid"] == 4711
 
 

@@ -1,0 +1,34 @@
+"""Where a command prints its tables: a terminal, or a file or pipe with columns enough for them and
+no blanks at the ends of lines, which a terminal behind it would wrap."""
+
+import re
+import sys
+from typing import TextIO, cast
+
+from rich.console import Console
+
+FOR_PIPES = 120
+_FILLED_UP = re.compile(r" +(?=\n)")
+
+
+def on_stdout(width: int = FOR_PIPES) -> Console:
+    """Console on stdout, in `width` columns where it is no terminal."""
+    if sys.stdout.isatty():
+        return Console()
+    return Console(width=width, file=cast(TextIO, _Unfilled(sys.stdout)))
+
+
+class _Unfilled:
+    """Text stream without the blanks that end lines. A console writes whole lines."""
+
+    def __init__(self, to: TextIO) -> None:
+        self._to = to
+
+    def write(self, text: str) -> int:
+        """Write it, and say that all of it was."""
+        self._to.write(_FILLED_UP.sub("", text))
+        return len(text)
+
+    def __getattr__(self, name: str) -> object:
+        """Everything else is the stream's."""
+        return getattr(self._to, name)
