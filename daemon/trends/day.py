@@ -77,6 +77,17 @@ class Day(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
     joints: dict[str, JointDay] = msgspec.field(default_factory=dict)
 
 
+def gone_on(day: Day, identified: dict[str, str]) -> Day:
+    """A day that goes on by what is identified now, without what was gathered of a joint before its
+    identification: that was held against another friction and another gap."""
+    same = {
+        name: joint
+        for name, joint in day.joints.items()
+        if day.identified.get(name) == identified.get(name)
+    }
+    return msgspec.structs.replace(day, identified=dict(identified), joints=same)
+
+
 @dataclass(frozen=True, slots=True)
 class Days:
     """Days of an arm, in order; the files that are damaged; and why others were left out."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from daemon.protocol.trend_row import row_length
 from daemon.service.journal import log_to_stderr
-from daemon.trends.day import Day, aside, read_day, read_days, today, write_day
+from daemon.trends.day import Day, aside, gone_on, read_day, read_days, today, write_day
 from daemon.trends.findings import warnings
 from daemon.trends.gather import Gatherer
 from errors import LogError
@@ -45,6 +45,7 @@ class Writer:
 
     def __init__(self, job: Job, tell: Callable[[list[str]], None]) -> None:
         self._folder, self._tell = Path(job.folder), tell
+        self._identified = job.identified
         self._width = row_length(len(job.joints))
         self._gatherer = Gatherer(job.arm, job.joints, job.period_s, job.identified)
         self._days: dict[str, Day] = {}
@@ -99,7 +100,7 @@ class Writer:
                 if day is None:
                     _log.warning("trends: a damaged record is set aside: %s", aside(path))
                 else:
-                    self._days[date] = day
+                    self._days[date] = gone_on(day, self._identified)
             except OSError as error:
                 _log.warning("trends: %s: %s", path, error.strerror)
 

@@ -4,6 +4,7 @@ import json
 import os
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -35,6 +36,21 @@ def test_a_day_that_begins_again_goes_on(tmp_path: Path) -> None:
         writer.end()
     (day,) = read_days(tmp_path, until=LATE).days
     assert day.joints["elbow"].friction.weight == pytest.approx(2 * 47.0, abs=3.0)
+
+
+def test_what_was_gathered_before_a_joint_was_identified_is_left_out(tmp_path: Path) -> None:
+    """While friction is a guess, learning stands at its bound, which says nothing of the gear."""
+    found = {"elbow": "2026-11-24T02:40:00+00:00"}
+    for k, identified in enumerate(({}, found, found)):
+        writer = Writer(msgspec.structs.replace(job(tmp_path), identified=identified), print)
+        writer.take(rows(50.0, tick=10_000 * k).tobytes(), 0.0)
+        writer.end()
+        if not k:
+            (first,) = read_days(tmp_path, until=LATE).days
+    (day,) = read_days(tmp_path, until=LATE).days
+    assert day.identified == found
+    assert day.joints["elbow"].moved_s == pytest.approx(2.0 * first.joints["elbow"].moved_s)
+    assert day.joints["wrist"].moved_s == pytest.approx(3.0 * first.joints["wrist"].moved_s)
 
 
 def test_warnings_are_said_once_and_again_when_they_change(tmp_path: Path) -> None:
