@@ -157,7 +157,7 @@ class ArmingChecks:
             *self._of_findings(record.findings),
             *self._of_drives(silent, unset),
             *(check for check in self._settled if not check.passed),
-            *self._of_estimate(record.estimate),
+            *self._of_estimate(record.estimate, record.samples),
             *self._of_sensing(record),
             *self._of_limits(record.samples),
             *self._of_loop(record.time_s, time_s),
@@ -196,7 +196,7 @@ class ArmingChecks:
         if unset:
             yield _failed("set-up", f"not set up: {', '.join(unset)} (`contactctl reset`)")
 
-    def _of_estimate(self, estimate: Estimate) -> Iterator[Check]:
+    def _of_estimate(self, estimate: Estimate, samples: Samples) -> Iterator[Check]:
         if doubts := estimate.flags & ~HARMLESS:
             words = ", ".join(FLAG_NAMES[flag] for flag in doubts)
             yield _failed("estimator", f"the estimator is not ready: {words}")
@@ -211,10 +211,12 @@ class ArmingChecks:
                 f"{estimate.threshold[i] / RAISED:.2f} Nm)",
             )
         for i in np.flatnonzero(estimate.thresholded).tolist():
+            on = samples.states[i] is DriveState.OPERATION_ENABLED
+            whose = "is somebody touching it?" if on else "a brake that carries it, or a touch"
             yield _failed(
                 "residual",
                 f"{self._joints[i]} feels {estimate.residual[i]:+.2f} Nm, beyond its threshold of "
-                f"{estimate.threshold[i]:.2f} Nm: is somebody touching it?",
+                f"{estimate.threshold[i]:.2f} Nm: {whose}",
             )
 
     def _of_sensing(self, record: TickRecord) -> Iterator[Check]:

@@ -321,6 +321,10 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
     assert list(texts) == ["mode", *NAMES]
     assert texts["mode"] == "the arm is still stopping"
     assert texts["loop"] == "; ".join(found.reasons[i] for i in (1, 3, 8))
+    off = replace(calm.last.samples, states=(DriveState.SWITCH_ON_DISABLED,))
+    at_rest = replace(calm.last, estimate=estimate, samples=off)
+    found_off = calm.tick.arming_checks.run(at_rest, Mode.OFF, (), (), calm.time_s)
+    assert f"{over}: a brake that carries it, or a touch" in found_off.reasons
     named = {"mode", "drives", "heartbeats", "set-up", "estimator", "residual", "loop"}
     assert set(failing(found)) == named
 
