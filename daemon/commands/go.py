@@ -67,9 +67,9 @@ def go(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> No
             answer(options, reply)
             return
         if not options.json:
-            click.echo(in_words(reply.way))
+            say(in_words(reply.way))
             for warning in reply.warnings:
-                click.echo(f"  warning: {warning}", err=True)
+                say(f"  warning: {warning}", err=True)
     if not yes and not sure("Move the arm?"):
         raise click.Abort
     with _interrupted() as interrupted, options.connect() as client:
