@@ -64,14 +64,13 @@ def hand(context: click.Context, door: Path | None) -> None:
     """Touch a simulated arm, live: a hand at `contactd simulate`.
 
     The daemon knows nothing of it and must feel it.
-
-    Before a number below 0 write `--`: hand push -- elbow -3Nm.
     """
     from daemon.protocol.socket_path import default_hand_path
 
     context.obj = door or default_hand_path()
 
 
+_SIGNED = {"ignore_unknown_options": True}  # so that -3Nm is a torque
 _JOINT = click.argument("joint")
 _TORQUE = click.argument("torque", type=Measure("Nm"))
 
@@ -80,7 +79,7 @@ def _do(door: Path, **act: Any) -> None:
     click.echo(ask_hand(door, act))
 
 
-@hand.command()
+@hand.command(context_settings=_SIGNED)
 @_JOINT
 @_TORQUE
 @click.option("--seconds", type=Range(min=0.01, max=600), default=0.5, show_default=True)
@@ -90,7 +89,7 @@ def push(door: Path, joint: str, torque: float, seconds: float) -> None:
     _do(door, act="push", joint=joint, torque=torque, duration_s=seconds, shape="pulse")
 
 
-@hand.command()
+@hand.command(context_settings=_SIGNED)
 @_JOINT
 @_TORQUE
 @click.pass_obj
@@ -99,7 +98,7 @@ def lean(door: Path, joint: str, torque: float) -> None:
     _do(door, act="lean", joint=joint, torque=torque)
 
 
-@hand.command()
+@hand.command(context_settings=_SIGNED)
 @_JOINT
 @click.argument("position", type=Measure("rad"))
 @click.option("--speed", type=Range(min=0.01, max=5), default=0.3, show_default=True,
