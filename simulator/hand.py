@@ -1,9 +1,10 @@
 """A person's hand: holds joints through spring-dampers, pushes, guides, lets go, and puts things
 into the arm's hand, by script."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 import numpy as np
@@ -108,6 +109,8 @@ SOFT = 0.01
 LEADING = 0.2
 """The same of one that is to be followed, and not taken for a crash."""
 Script = tuple[AnyAct, ...]
+_NAMES = tuple(str(act.__struct_config__.tag) for act in get_args(AnyAct))
+_OF_ACT = re.compile(r"\[(\d+)\]\.?(.*)")
 
 
 class _OnceLoader(yaml.SafeLoader):
@@ -130,9 +133,22 @@ def read_script(path: Path) -> Script:
         text = read_text(path)
         script = msgspec.convert(yaml.load(text, _OnceLoader), type=Script)
         return tuple(sorted(script, key=lambda act: act.at_s))
+    except msgspec.ValidationError as error:
+        raise ConfigurationError(f"{path}: hand script: {_in_words(error)}") from error
     except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
         why = getattr(error, "strerror", None) or error
         raise ConfigurationError(f"{path}: hand script: {why}") from error
+
+
+def _in_words(error: msgspec.ValidationError) -> str:
+    """Which act of the script is wrong, counted from 1, and where; and which acts there are."""
+    message, _, where = str(error).partition(" - at `$")
+    act = _OF_ACT.match(where.rstrip("`"))
+    if act is None:
+        return message
+    known = f"; there are {', '.join(_NAMES)}" if act[2] == "act" else ""
+    place = f", {act[2]}" if act[2] else ""
+    return f"act {int(act[1]) + 1}{place}: {message[:1].lower()}{message[1:]}{known}"
 
 
 class Hand:

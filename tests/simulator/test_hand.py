@@ -1,5 +1,6 @@
 """A hand that pushes, holds, guides and lets go, on a clock that it is given."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -176,6 +177,22 @@ def test_bad_script_names_the_file(tmp_path: Path, text: str) -> None:
     path = tmp_path / "hand.yaml"
     path.write_text(text)
     with pytest.raises(ConfigurationError, match=r"hand\.yaml"):
+        read_script(path)
+
+
+@pytest.mark.parametrize(
+    ("act", "said"),
+    [
+        ("{act: kick, at_s: 1}", "act 2, act: invalid value 'kick'; there are push, lean, hold, "),
+        ("{act: release, at_s: -1}", "act 2, at_s: expected `float` >= 0.0"),
+        ("{act: lean, at_s: 1, joint: a}", "act 2: object missing required field `torque`"),
+        ("{act: guide, at_s: 1, speed: 1, to: {a: b}}", "act 2, to[...]: expected `float`"),
+    ],
+)
+def test_a_bad_act_is_named_and_what_there_is(tmp_path: Path, act: str, said: str) -> None:
+    path = tmp_path / "hand.yaml"
+    path.write_text(f"- {{act: release, at_s: 0}}\n- {act}\n")
+    with pytest.raises(ConfigurationError, match=re.escape(f"hand script: {said}")):
         read_script(path)
 
 
