@@ -13,7 +13,8 @@ _STEP_S = 10
 def surer(fits: list[FrictionFit], *, weighed: bool) -> tuple[str, ...]:
     """One sentence about the joints whose friction is known worse than to `WIDE`, or none; weighed:
     their masses were identified."""
-    wide = [fit for fit in fits if fit.verdict is Verdict.GOOD and fit.unsure > WIDE]
+    good = [fit for fit in fits if fit.verdict is Verdict.GOOD and fit.unsure > WIDE]
+    wide = [fit for fit in good if _half(fit.unsure) != _half(WIDE)]
     if not wide:
         return ()
     about = "friction is known of " + ", ".join(

@@ -24,6 +24,7 @@ def fit(joint: str, unsure: float, seconds: float, verdict: Verdict = Verdict.GO
     ("fits", "weighed", "notes"),
     [
         ([fit("a", 0.14, 40.0)], True, ()),
+        ([fit("a", 0.1509, 61.0)], True, ()),  # the same, as it is shown
         ([fit("a", 0.9, 40.0, Verdict.BAD_FIT)], True, ()),
         (
             [fit("a", 0.24, 131.0), fit("b", 0.1, 5.0)],
