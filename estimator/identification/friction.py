@@ -38,9 +38,9 @@ from estimator.identification.setpoint_steps import (
     NO_SETPOINTS,
     STEP_GAIN,
     STEPS,
+    hidden,
     missed,
     stepping,
-    unsure,
 )
 from estimator.identification.sticking import held
 from estimator.identification.touches import near
@@ -148,11 +148,11 @@ def _doubted(fits: list[FrictionFit], more: Vector, error: Vector) -> list[Frict
     """Fits with what drives may have kept from B, by shares and errors of `missed`, in its error;
     and without the B of those that step."""
     new = []
-    for i, (fit, steps) in enumerate(zip(fits, stepping(more, error), strict=True)):
+    per_joint = zip(fits, stepping(more, error), hidden(more, error), strict=True)
+    for fit, steps, share in per_joint:
         errors = dict(fit.errors)
         if "B" in errors:
-            hidden = fit.values["B"] * unsure(float(more[i]), float(error[i]))
-            errors["B"] = float(np.hypot(errors["B"], hidden))
+            errors["B"] = float(np.hypot(errors["B"], share * fit.values["B"]))
         doubt = fit.rotor_doubt or (STEPS if steps else "")
         new.append(replace(fit, errors=errors, rotor_doubt=doubt))
     return new

@@ -7,7 +7,7 @@ import pytest
 
 from estimator.identification.friction import identify_friction
 from estimator.identification.friction_fit import adopt
-from estimator.identification.setpoint_steps import NO_SETPOINTS, stepping, unsure
+from estimator.identification.setpoint_steps import NO_SETPOINTS, hidden, stepping
 
 
 @pytest.mark.parametrize(
@@ -32,10 +32,18 @@ def test_who_steps(more, error, steps):
 
 
 @pytest.mark.parametrize(
-    ("more", "error", "share"), [(0.0, 0.01, 0.01), (0.04, 0.0, 0.08), (-0.04, 0.01, 0.01)]
+    ("more", "shares"),
+    [
+        ([0.0], [0.01]),
+        ([0.04], [0.0806]),
+        ([-0.04], [0.01]),
+        ([0.04, 0.0, -0.1], [0.0806, 0.01, 0.01]),  # chance, or another make
+        ([0.04, 0.02, -0.1], [0.0806, 0.0412, 0.0412]),  # two show it: all may hide as much
+    ],
 )
-def test_what_may_be_hidden_is_stated(more, error, share):
-    assert unsure(more, error) == pytest.approx(share)
+def test_what_may_be_hidden_is_stated(more, shares):
+    found = hidden(np.array(more), np.full(len(more), 0.01))
+    assert found == pytest.approx(shares, rel=1e-2)
 
 
 def test_a_log_without_setpoints_leaves_the_rotor_alone(moved, arm):
