@@ -175,8 +175,6 @@ class Owner:
             good, output = self.identify(served, step)
             if good:
                 return
-            if "the arm is faulted" in output:
-                self.control(served, "reset")
             told = TOLD.search(output)
             if told:
                 self._edit(partial(self._set, told[1], told[2], float(told[3])))
