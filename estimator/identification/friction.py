@@ -36,6 +36,7 @@ from estimator.identification.regression import (
 )
 from estimator.identification.setpoint_steps import (
     NO_SETPOINTS,
+    OR_MASSES,
     STEP_GAIN,
     STEPS,
     hidden,
@@ -118,7 +119,7 @@ def identify_friction(
         fits = [replace(fit, rotor_doubt=fit.rotor_doubt or NO_SETPOINTS) for fit in fits]
     else:
         quick = regression(rows, transmission, where, sticking, STEP_GAIN)
-        fits = _doubted(fits, *missed(quick, solved, rows))
+        fits = _doubted(fits, *missed(quick, solved, rows), weighed=weighed)
     shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
     by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
     discarded_s = float(rows.dt @ near(rows, touched))
@@ -144,16 +145,19 @@ def _uncoupled(
     return new
 
 
-def _doubted(fits: list[FrictionFit], more: Vector, error: Vector) -> list[FrictionFit]:
+def _doubted(
+    fits: list[FrictionFit], more: Vector, error: Vector, *, weighed: bool
+) -> list[FrictionFit]:
     """Fits with what drives may have kept from B, by shares and errors of `missed`, in its error;
     and without the B of those that step."""
+    why = STEPS if weighed else f"{STEPS}; {OR_MASSES}"
     new = []
     per_joint = zip(fits, stepping(more, error), hidden(more, error), strict=True)
     for fit, steps, share in per_joint:
         errors = dict(fit.errors)
         if "B" in errors:
             errors["B"] = float(np.hypot(errors["B"], share * fit.values["B"]))
-        doubt = fit.rotor_doubt or (STEPS if steps else "")
+        doubt = fit.rotor_doubt or (why if steps else "")
         new.append(replace(fit, errors=errors, rotor_doubt=doubt))
     return new
 

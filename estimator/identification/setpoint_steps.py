@@ -36,6 +36,11 @@ STEPS = (
     "`rotor_inertia` by the motor's data sheet, times gear squared"
 )
 
+OR_MASSES = (
+    "or masses, which are the URDF's, are off, and look like that: run `contactd identify masses`, "
+    "then `friction` again"
+)
+
 
 def missed(found: Regression, solved: Sequence[Solution], rows: Intervals) -> tuple[Vector, Vector]:
     """By how much each rotor's inertia is larger (n,) beside the changes of the setpoint, as a
