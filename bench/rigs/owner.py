@@ -36,7 +36,7 @@ TOLD = re.compile(r"[Ss]et\s+(control|supervisor)\.(\w+)\s+to\s+(\S+)")
 TRIES = 4  # of the wiring: a joint that sags keeps others from being checked
 MASSES = "contactd identify masses"
 REPEATS = 3  # of a step that says what to change
-PRESSES = (0.01, 0.03, 0.004)  # of a hand at a link, shares of the motor's torque
+PRESS, HARDER, SOFTER = 0.01, 3.0, 0.4  # of a hand at a link: a share of the motor's torque
 BY_HAND = "identify gap-"  # and a joint: the trajectory in which its motor stands for a hand
 IDLE_S = 0.01  # between ticks while a step computes
 
@@ -151,16 +151,21 @@ class Owner:
                 self.story.seen.append(f"{joint['name']}.motor_sign")
 
     def _gaps(self, served: ServedDaemon) -> None:
-        """Without a hand, and with one at the joints for which it is asked, softer if too hard."""
+        """Without a hand, and with one at the joints for which it is asked: harder where its step
+        says so, else softer."""
         good, output = self.identify(served, "gap")
-        for press in PRESSES:
+        names: list[str] = []
+        press = PRESS
+        for _ in range(REPEATS):
             if good:
                 return
             _, found, missed = output.partition("not written: ")
-            if not found:
+            if found:
+                names = missed.splitlines()[0].split(", ")
+            if not names:
                 break
-            names = missed.splitlines()[0].split(", ")
             good, output = self.identify(served, "gap", *names, "--by-hand", press=press)
+            press *= HARDER if "Press it" in " ".join(output.split()) else SOFTER
         if not good:
             raise GivenUpError(f"gap: {output}")
 
@@ -170,8 +175,6 @@ class Owner:
             good, output = self.identify(served, step)
             if good:
                 return
-            if "the arm is faulted" in output:
-                self.control(served, "reset")
             told = TOLD.search(output)
             if told:
                 self._edit(partial(self._set, told[1], told[2], float(told[3])))

@@ -35,7 +35,7 @@ Written = dict[str, Any]
 POSE = {"LShoulderPitch": 1.3}
 _TOLD = re.compile(r"Set\s+control\.position_gain\s+to\s+(\S+)")
 _MASSES = re.compile(r"contactd\s+identify\s+masses")
-_LONGER = re.compile(r"a\s+longer\s+motion\s+\(`--seconds`\)\s+tells\s+it\s+better")
+LONGER = re.compile(r"`--seconds\s+(\d+)`\s+tells")
 _AGAIN = re.compile(r"same\s+command\s+(goes\s+on|begins\s+anew)")
 _REPEATS = 4  # of one step, at most
 HAND_S = 1.0  # after which the person has read what to do
@@ -212,8 +212,8 @@ class Person:
         if _MASSES.search(arm.output):
             went["masses"] = self._as_told("masses")
             went["friction again"] = self._as_told("friction", name="friction again")
-        if _LONGER.search(arm.output):
-            longer = self._as_told("friction", "--seconds", "120", name="longer friction")
+        if told := LONGER.search(arm.output):
+            longer = self._as_told("friction", "--seconds", told[1], name="longer friction")
             went["longer friction"] = longer
         went["thresholds"] = self._as_told("thresholds")
         after = arm.arming_refusals()

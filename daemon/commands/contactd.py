@@ -285,7 +285,8 @@ def identify(context: click.Context, config: Path | None, socket: Path | None) -
 
     Without --log a running daemon moves the arm, and the person beside it has read
     docs/commissioning.md. Drives that are off are enabled for the step, which asks before, and are
-    off again after it; the daemon then takes up what was found. Every step can be stopped by Ctrl-C
+    off again after it; the daemon then takes up what was found. After a fault it asks whether to
+    reset that, too. Every step can be stopped by Ctrl-C
     at any time: the arm holds, and the same command goes on from there. Results go to
     identified.yaml beside the configuration.
     """
@@ -309,7 +310,8 @@ def _identification(step: Any) -> Any:
                      "program (docs/logs.md), instead of moving the arm."),
         click.option("--dry-run", is_flag=True, help="Write no results and no pictures."),
         click.option("--yes", is_flag=True,
-                     help="Enable drives that are off without a question, for scripts."),
+                     help="Reset a fault, and enable drives that are off, without a question, "
+                     "for scripts."),
         SOCKET,
     ]  # fmt: skip
     for option in reversed(options):

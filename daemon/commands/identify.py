@@ -41,6 +41,7 @@ from daemon.identify.steps import (
     wiring_step,
 )
 from daemon.identify.zero import not_possible, zero_step
+from daemon.modes.table import Mode
 from errors import ConfigurationError, ControlError
 from estimator.identification.gap_result import GapVerdict
 from estimator.identification.thresholds import LevelVerdict
@@ -261,8 +262,8 @@ class Identification:
 def identification(
     config: Path | None, logs: tuple[Path, ...], socket: Path | None, *, dry: bool, yes: bool
 ) -> Identification:
-    """Identification on logs, or on the arm of the running daemon, whose drives are enabled for it
-    if they are off, and the person, unless `yes`, says so. Raises ContactdError."""
+    """Identification on logs, or on the arm of the running daemon, whose fault is reset and whose
+    drives are enabled for it if the person, unless `yes`, says so. Raises ContactdError."""
     console = on_stdout()
     if logs:
         if config is None:
@@ -274,6 +275,9 @@ def identification(
     session = open_session(socket, console, lambda: yes or may_enable(robot))
     with ExitStack() as refused:
         refused.callback(session.close)
+        status = session.client.ask_status()
+        if status.mode == Mode.FAULTED and (yes or may_reset(status.cause)):
+            session.reset()
         session.take_up_changes()
         robot = load_robot(from_here(Path(session.client.ask_status().configuration)))
         if config is not None and load_robot(config).path.resolve() != robot.path.resolve():
@@ -297,6 +301,14 @@ def may_enable(robot: Robot) -> bool:
         "it, and the emergency stop must be in yours."
     )
     return sure("Enable the drives?")
+
+
+def may_reset(cause: str) -> bool:
+    """Ask the person to have a fault reset; it is not where nobody can be asked."""
+    if not sys.stdin.isatty():
+        return False
+    say(f"The arm is faulted: {cause}. Look at it first; after a reset its drives are off.")
+    return sure("Reset the fault?")
 
 
 def show_overview(config: Path | None, socket: Path | None) -> bool:

@@ -36,11 +36,12 @@ from estimator.identification.regression import (
 )
 from estimator.identification.setpoint_steps import (
     NO_SETPOINTS,
+    OR_MASSES,
     STEP_GAIN,
     STEPS,
+    hidden,
     missed,
     stepping,
-    unsure,
 )
 from estimator.identification.sticking import held
 from estimator.identification.touches import near
@@ -118,7 +119,7 @@ def identify_friction(
         fits = [replace(fit, rotor_doubt=fit.rotor_doubt or NO_SETPOINTS) for fit in fits]
     else:
         quick = regression(rows, transmission, where, sticking, STEP_GAIN)
-        fits = _doubted(fits, *missed(quick, solved, rows))
+        fits = _doubted(fits, *missed(quick, solved, rows), weighed=weighed)
     shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
     by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
     discarded_s = float(rows.dt @ near(rows, touched))
@@ -144,16 +145,19 @@ def _uncoupled(
     return new
 
 
-def _doubted(fits: list[FrictionFit], more: Vector, error: Vector) -> list[FrictionFit]:
+def _doubted(
+    fits: list[FrictionFit], more: Vector, error: Vector, *, weighed: bool
+) -> list[FrictionFit]:
     """Fits with what drives may have kept from B, by shares and errors of `missed`, in its error;
     and without the B of those that step."""
+    why = STEPS if weighed else f"{STEPS}; {OR_MASSES}"
     new = []
-    for i, (fit, steps) in enumerate(zip(fits, stepping(more, error), strict=True)):
+    per_joint = zip(fits, stepping(more, error), hidden(more, error), strict=True)
+    for fit, steps, share in per_joint:
         errors = dict(fit.errors)
         if "B" in errors:
-            hidden = fit.values["B"] * unsure(float(more[i]), float(error[i]))
-            errors["B"] = float(np.hypot(errors["B"], hidden))
-        doubt = fit.rotor_doubt or (STEPS if steps else "")
+            errors["B"] = float(np.hypot(errors["B"], share * fit.values["B"]))
+        doubt = fit.rotor_doubt or (why if steps else "")
         new.append(replace(fit, errors=errors, rotor_doubt=doubt))
     return new
 

@@ -31,6 +31,7 @@ FURTHEST = 0.15
 """Way that the link is carried for that, at most [rad]."""
 _NEAR = 0.01  # [rad] of the balance: nearer need no strokes be
 _MOVES = 3
+_AGAIN = 2  # times as many strokes, once, where they left alpha unclear
 _OFF = 0.3  # [rad]: further from the URDF's balance there is none
 
 
@@ -87,13 +88,17 @@ def search(
     known = scouted.half_gap if np.isfinite(scouted.half_gap) else scouted.estimate
     half = known if np.isfinite(known) else half
     carried = min(max(_TURNS * 2.0 * np.pi / gear, _BEYOND), FURTHEST)
+    count = STROKES
     while True:
         speed = _SLOW if half < _NARROW else SPEED
-        log = yield strokes(2.0 * half + carried, speed, STROKES)
+        log = yield strokes(2.0 * half + carried, speed, count)
         found = by_strokes(log, joint, torque_constant, gear)
-        if found.verdict is not GapVerdict.TOO_SHORT or half >= WIDEST:
+        if found.verdict is GapVerdict.TOO_SHORT and half < WIDEST:
+            half = min(1.5 * half + 0.5 * _BEYOND, WIDEST)
+        elif found.verdict is GapVerdict.UNCLEAR and count == STROKES:
+            count *= _AGAIN
+        else:
             return found
-        half = min(1.5 * half + 0.5 * _BEYOND, WIDEST)
 
 
 def _balance(log: MotionLog, joint: int, torque_constant: float, gravity: Gravity) -> float:

@@ -36,6 +36,11 @@ STEPS = (
     "`rotor_inertia` by the motor's data sheet, times gear squared"
 )
 
+OR_MASSES = (
+    "or masses, which are the URDF's, are off, and look like that: run `contactd identify masses`, "
+    "then `friction` again"
+)
+
 
 def missed(found: Regression, solved: Sequence[Solution], rows: Intervals) -> tuple[Vector, Vector]:
     """By how much each rotor's inertia is larger (n,) beside the changes of the setpoint, as a
@@ -70,6 +75,9 @@ def stepping(more: Vector, error: Vector) -> Mask:
     return beyond(_ALONE) | several | late
 
 
-def unsure(more: float, error: float) -> float:
-    """Standard error of B, as a share of it, by what setpoints may hide from its fit."""
-    return float(np.hypot(_WIDER * max(more, 0.0), error))
+def hidden(more: Vector, error: Vector) -> Vector:
+    """Standard error of each B (n,), as a share of it, by what setpoints may hide from its fit: by
+    what it shows itself, or two other joints do, as an arm's drives are mostly of one make."""
+    shown = np.maximum(more, 0.0)
+    second = float(np.sort(shown)[-2]) if len(shown) > 1 else 0.0
+    return np.hypot(_WIDER * np.maximum(shown, second), error)

@@ -15,7 +15,7 @@ from bench.rigs.lockstep import ROMEO
 from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from bench.rigs.typed_session import TypedCommand, stopped, wired_joint
-from daemon.commands.identify import may_enable
+from daemon.commands.identify import may_enable, may_reset
 from daemon.commands.simulated_robot import true_arm
 from daemon.config.load import load_robot
 from daemon.identify.session import Session
@@ -51,23 +51,39 @@ def test_a_step_enables_the_drives_and_leaves_them_off_with_what_it_found_taken_
     assert not served.rig.tick.controller.motion.blind, "the links are trusted now"
 
 
-def test_what_was_written_before_a_fault_is_taken_up_after_its_reset(
-    arm: CommissionedArm, served: ServedDaemon
-) -> None:
-    """As on a busy machine, whose drives were without their master for a moment."""
+def rewired(arm: CommissionedArm) -> None:
     path = arm.folder / "config.yaml"
     written = yaml.safe_load(path.read_text())
     written["joints"][0]["wiring"]["link_offset"] = 0.01
-    served.rig.tick.controller.machine.mode = Mode.FAULTED
     path.write_text(yaml.safe_dump(written))
+
+
+def test_a_step_resets_a_fault_and_takes_up_what_was_written_before_it(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
+    """As after a drive that did not follow, once what was advised is in the configuration."""
+    served.rig.tick.controller.machine.mode = Mode.FAULTED
+    rewired(arm)
     result = served.contactd("identify", "wiring", "--yes")
+    assert result.exit_code == 0, result.output
+    assert "changed since" not in result.output
+    assert served.rig.mode is Mode.OFF
+    assert served.service.process.files.changed() == []
+
+
+def test_a_fault_stays_where_nobody_can_be_asked(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
+    served.rig.tick.controller.machine.mode = Mode.FAULTED
+    result = served.contactd("identify", "wiring")
+    assert result.exit_code == 1
+    assert "a fault is latched" in result.output
+    rewired(arm)
+    result = served.contactd("identify", "wiring")
     assert result.exit_code == 78
     said = " ".join(result.output.split())
     assert "were changed since the daemon read it: `contactctl disable` (after a fault " in said
-    assert served.contactctl("reset").exit_code == 0
-    result = served.contactd("identify", "wiring", "--yes")
-    assert "changed since" not in result.output
-    assert served.service.process.files.changed() == []
+    assert served.rig.mode is Mode.FAULTED
 
 
 def test_nobody_is_asked_where_nobody_is(served: ServedDaemon) -> None:
@@ -93,6 +109,15 @@ def test_a_person_is_asked(
     said = " ".join(capsys.readouterr().out.split())
     assert "its joints end as configured (hold: LShoulderPitch" in said
     assert "the emergency stop must be in yours" in said
+
+
+@pytest.mark.parametrize(("typed", "may"), [("y\n", True), ("n\n", False), ("\n", False)])
+def test_a_person_is_asked_before_a_reset(
+    typed: str, may: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", Terminal(typed))
+    assert may_reset("drive does not follow: elbow") is may
+    assert "The arm is faulted: drive does not follow: elbow." in capsys.readouterr().out
 
 
 def test_drives_that_somebody_enabled_stay_on(arm: CommissionedArm, served: ServedDaemon) -> None:

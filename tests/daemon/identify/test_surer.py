@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 from click.testing import CliRunner
 
+from bench.rigs.person import LONGER
 from daemon.commands.contactd import main
 from daemon.identify.surer import LONGEST_S, surer
 from estimator.identification.friction_verdict import Verdict
@@ -55,3 +56,10 @@ def test_what_is_advised_is_what_friction_takes(seconds):
     words = ["identify", "friction", "--seconds", str(seconds), "--config", "nowhere", "--log", "a"]
     said = CliRunner().invoke(main, words).output
     assert ("--seconds" in said) is (seconds > LONGEST_S), said
+
+
+def test_the_person_of_the_bench_reads_it():
+    (note,) = surer([fit("a", 0.24, 131.0)], weighed=True)
+    told = LONGER.search(note.replace("seconds 140", "seconds\n140"))
+    assert told is not None
+    assert told[1] == "140"

@@ -7,7 +7,7 @@ import pytest
 
 from estimator.identification.friction import identify_friction
 from estimator.identification.friction_fit import adopt
-from estimator.identification.setpoint_steps import NO_SETPOINTS, stepping, unsure
+from estimator.identification.setpoint_steps import NO_SETPOINTS, OR_MASSES, STEPS, hidden, stepping
 
 
 @pytest.mark.parametrize(
@@ -32,10 +32,18 @@ def test_who_steps(more, error, steps):
 
 
 @pytest.mark.parametrize(
-    ("more", "error", "share"), [(0.0, 0.01, 0.01), (0.04, 0.0, 0.08), (-0.04, 0.01, 0.01)]
+    ("more", "shares"),
+    [
+        ([0.0], [0.01]),
+        ([0.04], [0.0806]),
+        ([-0.04], [0.01]),
+        ([0.04, 0.0, -0.1], [0.0806, 0.01, 0.01]),  # chance, or another make
+        ([0.04, 0.02, -0.1], [0.0806, 0.0412, 0.0412]),  # two show it: all may hide as much
+    ],
 )
-def test_what_may_be_hidden_is_stated(more, error, share):
-    assert unsure(more, error) == pytest.approx(share)
+def test_what_may_be_hidden_is_stated(more, shares):
+    found = hidden(np.array(more), np.full(len(more), 0.01))
+    assert found == pytest.approx(shares, rel=1e-2)
 
 
 def test_a_log_without_setpoints_leaves_the_rotor_alone(moved, arm):
@@ -46,3 +54,17 @@ def test_a_log_without_setpoints_leaves_the_rotor_alone(moved, arm):
     assert [fit.rotor_doubt for fit in fits] == [NO_SETPOINTS] * len(fits)
     adopted = adopt(arm.transmission, fits)
     assert (adopted.rotor_inertia == arm.transmission.rotor_inertia).all()
+
+
+@pytest.mark.parametrize("weighed", [True, False])
+def test_masses_that_nobody_identified_may_look_like_steps(moved, arm, monkeypatch, weighed):
+    monkeypatch.setattr(
+        "estimator.identification.friction.stepping", lambda more, _: np.ones(len(more), bool)
+    )
+    log = moved.filtered[0].select(slice(0, 1400))
+    known = replace(arm.transmission, half_gap=moved.arms[0].half_gap)
+    settings, most = arm.configuration.estimator, arm.max_current
+    fits, _ = identify_friction(log, arm.model, known, settings, most, weighed=weighed)
+    for fit in fits:
+        assert STEPS in fit.rotor_doubt
+        assert (OR_MASSES in fit.rotor_doubt) is not weighed

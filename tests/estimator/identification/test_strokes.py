@@ -16,7 +16,7 @@ from estimator.identification.gap_result import GapResult, GapVerdict
 from estimator.identification.gap_search import FURTHEST, WIDEST, Search, Strokes, search
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.stroke_samples import stroking
-from estimator.identification.strokes import from_strokes
+from estimator.identification.strokes import STROKES, from_strokes
 from estimator.model import Model
 from simulator.description import SimulationSettings
 
@@ -116,6 +116,41 @@ def test_the_search_goes_further_and_further_but_not_for_ever():
     assert ways[-1] == pytest.approx(2.0 * WIDEST + 0.03)
     assert len(asked) < 8
     assert max(one.speed for one in asked) <= 0.03
+
+
+def crossing_log(asked: Strokes, half_gap: float, shaken: float) -> MotionLog:
+    """Strokes of a motor whose link rests by its friction but for the gap's borders, and is shaken
+    by a hand [rad]."""
+    t = np.arange(0.0, asked.count * asked.way / asked.speed, 0.01)
+    velocity = asked.speed * np.where((t * asked.speed / asked.way) % 2.0 < 1.0, 1.0, -1.0)
+    theta, q, at = np.cumsum(velocity) * 0.01, np.empty_like(t), 0.0
+    for k, motor in enumerate(theta):
+        q[k] = at = np.clip(at, motor - half_gap, motor + half_gap)
+    torque = np.where(np.abs(q - theta) < 0.99 * half_gap, 0.2, 1.0) * np.sign(velocity)
+    q += shaken * np.sin(0.4 * t)
+    columns = [torque, q, velocity, theta]
+    return MotionLog(("j",), t, *(column[:, None] for column in columns))
+
+
+@pytest.mark.parametrize(
+    ("shaken", "verdict", "counts"),
+    [
+        ([0.0, 0.0], GapVerdict.CLEAR, [2, STROKES]),
+        ([0.0, 0.005, 0.0], GapVerdict.CLEAR, [2, STROKES, 2 * STROKES]),
+        ([0.0, 0.005, 0.005], GapVerdict.UNCLEAR, [2, STROKES, 2 * STROKES]),
+    ],
+)
+def test_what_strokes_left_unclear_is_looked_at_once_more(shaken, verdict, counts):
+    asked: list[Strokes] = []
+    steps = search(0, 1.0, 100.0, 0.01, lambda pose: 0.0, 0.0, (-2.0, 2.0))
+
+    def recorded(one: Strokes) -> MotionLog:
+        asked.append(one)
+        return crossing_log(one, 0.01, shaken[len(asked) - 1])
+
+    found = concluded(steps, recorded)
+    assert found.verdict is verdict
+    assert [one.count for one in asked] == counts
 
 
 @pytest.mark.parametrize("room", [(-2.0, 2.0), (-0.01, 0.5), (-0.5, 0.01), (-0.01, 0.02)])
