@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from daemon.config.problem import Keys, Problem, agree, figure
 from daemon.config.schema import Configuration
-from drivers.boot.data_sheet import DataSheet, find_object
+from drivers.boot.data_sheet import DataSheet, counts_per_motor_turn
 from drivers.codec import quantity
 from drivers.settings import DriveProfile, Quantity
 
@@ -88,7 +88,7 @@ def _positions(
             yield Problem(*place, f"{per_turn}, which no encoder has; {meant}")
         elif counts < 100.0:
             yield Problem(*place, f"{per_turn}: scale is rad per count, 2 pi / counts per turn")
-        told = _resolution(sheet)
+        told = counts_per_motor_turn(sheet)
         if entry == "motor_position" and told and not agree(counts, told, AGREES):
             yield Problem(
                 *place,
@@ -124,14 +124,6 @@ def _is_power(base: float, x: float) -> bool:
     """True if x is base^0, base^1, ..., as near as five digits tell."""
     power = round(math.log(x, base)) if x > 0.5 else -1
     return 0 <= power <= _MOST_TWOS and abs(x / base**power - 1.0) <= _ROUNDED
-
-
-def _resolution(sheet: DataSheet) -> float:
-    """Counts per motor turn that the EDS gives in 608F; 0 where it gives none."""
-    increments, turns = (find_object(sheet, 0x608F, sub) for sub in (1, 2))
-    if increments is None or turns is None or not increments.default or not turns.default:
-        return 0.0
-    return float(increments.default) / float(turns.default)
 
 
 def _velocities(name: str, profile: DriveProfile) -> Iterator[Problem]:
