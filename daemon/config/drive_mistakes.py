@@ -34,6 +34,7 @@ MEASURES = {
     0x6063: "position", 0x6064: "position", 0x60E4: "position", 0x6069: "velocity",
     0x606C: "velocity", 0x6077: "effort", 0x6078: "effort",
 }  # fmt: skip
+WANTED = {"position": "a position", "velocity": "a velocity", "effort": "a current or torque"}
 KIND_OF = {
     "link_position": "position", "motor_position": "position", "motor_velocity": "velocity",
     "current": "effort", "torque": "effort",
@@ -53,10 +54,10 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
         object_name = f"0x{where.object:04X}:{where.subindex:02X}"
         if where.object in NOT_MEASURED:
             what = f"{object_name} is {NOT_MEASURED[where.object]} by CiA 402, nothing measured"
-            yield Problem(*place, f"{what}; a {kind} is wanted")
+            yield Problem(*place, f"{what}; {WANTED[kind]} is wanted")
         elif MEASURES.get(where.object, kind) != kind:
             what = f"{object_name} is a {MEASURES[where.object]} by CiA 402"
-            yield Problem(*place, f"{what}; a {kind} is wanted")
+            yield Problem(*place, f"{what}; {WANTED[kind]} is wanted")
         other = by_object.setdefault((where.object, where.subindex), entry)
         if other != entry:
             yield Problem(
