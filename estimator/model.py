@@ -203,7 +203,8 @@ def _order(model: pin.Model, joints: tuple[str, ...], urdf: str) -> np.ndarray:
         if name not in joints:
             raise ModelError(f"{urdf}: joint {name!r} moves but is not measured; make it fixed")
         joint = model.joints[model.getJointId(name)]
-        if joint.nq != 1 or joint.nv != 1:
+        # One that slides has one coordinate as well, in m: a weight in N would count as Nm.
+        if joint.nq != 1 or joint.nv != 1 or not joint.shortname().startswith("JointModelR"):
             raise ModelError(f"{urdf}: joint {name!r} must be revolute, with limits")
     return np.array([model.joints[model.getJointId(name)].idx_v for name in joints])
 

@@ -64,7 +64,7 @@ def moved_links(text: str) -> list[MovedLink]:
             try:
                 mass = _mass(inertial, lines)
                 moment = _largest_moment(inertial, lines)
-                lever = _distance(inertial.find("origin"))
+                lever = _distance(inertial.find("origin"), lines)
             except ModelError as error:
                 raise ModelError(f"link {name!r}, {error}") from error
         links.append(MovedLink(name, lines[link], carried[name], mass, moment, lever))
@@ -77,6 +77,8 @@ class JointRange:
 
     joint: str
     line: int
+    kind: str = "revolute"
+    """its type, as the URDF has it"""
     lower: float = 0.0
     upper: float = 0.0
     """[rad]"""
@@ -87,27 +89,34 @@ class JointRange:
 
 
 def joint_ranges(text: str) -> list[JointRange]:
-    """Movable joints of a URDF that pinocchio reads. Raises ModelError for a text that is not."""
+    """Movable joints of a URDF. Raises ModelError for a text that is not XML, and for a figure that
+    is no finite number."""
     root, lines = parsed(text)
     ranges = []
     for joint in root.findall("joint"):
-        if joint.get("type") == "fixed":
+        name, kind = joint.get("name", ""), joint.get("type", "")
+        if kind == "fixed":
             continue
         limit = joint.find("limit")
-        given = {} if limit is None else limit.attrib
         line = lines[joint if limit is None else limit]
-        lower, upper, velocity = (
-            float(given.get(name, 0.0)) for name in ("lower", "upper", "velocity")
-        )
-        offset = _distance(joint.find("origin"))
-        ranges.append(JointRange(joint.get("name", ""), line, lower, upper, velocity, offset))
+        try:
+            lower, upper, velocity = (
+                0.0 if limit is None or field not in limit.attrib
+                else _numbers(limit, field, 1, lines)[0]
+                for field in ("lower", "upper", "velocity")
+            )  # fmt: skip
+            offset = _distance(joint.find("origin"), lines)
+        except ModelError as error:
+            raise ModelError(f"joint {name!r}, {error}") from error
+        ranges.append(JointRange(name, line, kind, lower, upper, velocity, offset))
     return ranges
 
 
-def _distance(origin: ET.Element | None) -> float:
-    """Length of an <origin>'s xyz [m]."""
-    words = "" if origin is None else origin.get("xyz", "")
-    return math.hypot(*map(float, words.split()))
+def _distance(origin: ET.Element | None, lines: _Lines) -> float:
+    """Length of an <origin>'s xyz [m]. Raises ModelError that begins with the line."""
+    if origin is None or "xyz" not in origin.attrib:
+        return 0.0
+    return math.hypot(*_numbers(origin, "xyz", 3, lines))
 
 
 def parsed(text: str) -> tuple[ET.Element, _Lines]:

@@ -122,7 +122,7 @@ class SimulationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 
     seed: Annotated[int, Meta(ge=0)] = 1
     mismatch: Mismatch = Mismatch()
-    step_s: Annotated[float, Meta(gt=0.0, le=0.00025)] = 0.00025
+    step_s: Annotated[float, Meta(ge=1e-5, le=0.00025)] = 0.00025
     """Integration step; a divider of 1 ms."""
     friction: Kind = "smooth"
     friction_width: Annotated[float, Meta(ge=0.002, le=0.2)] = 0.02

@@ -270,13 +270,15 @@ class Drive:
     # -- objects ---------------------------------------------------------------------------------
 
     def measure(self, link: int, motor: int, velocity: int, current: int) -> None:
-        """Take the counts that the sensors have sampled."""
-        values, profile = self.objects.values, self.make
-        values[profile.link_position], values[profile.motor_velocity] = link, velocity
+        """Take the counts that the sensors have sampled. What an object has no room for stands at
+        its end: an arm that is thrown turns faster than a drive can say."""
+        hold, profile = self.objects.hold, self.make
+        hold(profile.link_position, link)
+        hold(profile.motor_velocity, velocity)
         if profile.motor_position is not None:
-            values[profile.motor_position] = motor
+            hold(profile.motor_position, motor)
         for effort in profile.efforts:
-            values[effort] = current
+            hold(effort, current)
 
     def put(self, index: int, subindex: int, value: int) -> None:
         """Let an object hold a value of the drive's own, whatever may be written to it."""

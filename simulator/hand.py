@@ -17,19 +17,25 @@ from regular_file import read_text
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
+# Far more than anybody has, and less than what throws a light link through the plant's step: no
+# number of a script leads to an arm that is nowhere.
+Torque = Annotated[float, Meta(ge=-500.0, le=500.0)]  # [Nm]
+Strength = Annotated[float, Meta(gt=0.0, le=500.0)]  # [Nm]
+Angle = Annotated[float, Meta(ge=-100.0, le=100.0)]  # of a link [rad]
+Place = Annotated[float, Meta(ge=-2.0, le=2.0)]  # [m]
 
 
 class Act(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="act"):
     """One act of the hand, `at_s` seconds after the arm first moved."""
 
-    at_s: NotNegative
+    at_s: Annotated[float, Meta(ge=0.0, le=1e6)]
 
 
 class Push(Act, frozen=True, kw_only=True, tag="push"):
     """A torque [Nm] on one joint: constant, rising from zero, or a half sine."""
 
     joint: str
-    torque: float
+    torque: Torque
     duration_s: Positive
     shape: Literal["step", "ramp", "pulse"] = "step"
 
@@ -44,7 +50,7 @@ class Grip(Act, frozen=True, kw_only=True):
     stiffness: Positive = 40.0
     damping: NotNegative = 2.0
     # LEADING of what the joint's motor can give, and no more than STRONGEST, if None
-    max_torque: Positive | None = STRONGEST
+    max_torque: Strength | None = STRONGEST
 
 
 class Hold(Grip, frozen=True, kw_only=True, tag="hold"):
@@ -56,8 +62,8 @@ class Hold(Grip, frozen=True, kw_only=True, tag="hold"):
 class Guide(Grip, frozen=True, kw_only=True, tag="guide"):
     """Take joints and lead them to positions [rad] at a speed [rad/s]; holds on at the end."""
 
-    to: dict[str, float]
-    speed: Positive
+    to: dict[str, Angle]
+    speed: Annotated[float, Meta(gt=0.0, le=20.0)]
 
 
 class Release(Act, frozen=True, kw_only=True, tag="release"):
@@ -68,7 +74,7 @@ class Lean(Act, frozen=True, kw_only=True, tag="lean"):
     """Lean on one joint with a torque [Nm], rising over so many seconds, until `release`."""
 
     joint: str
-    torque: float
+    torque: Torque
     rise_s: Positive = 0.5
 
 
@@ -78,7 +84,7 @@ class Clamp(Act, frozen=True, kw_only=True, tag="clamp"):
     joints: tuple[str, ...]
     stiffness: Positive = 1000.0
     damping: NotNegative = 10.0
-    max_torque: Positive = 100.0
+    max_torque: Strength = 100.0
 
 
 class Gap(Act, frozen=True, kw_only=True, tag="gap"):
@@ -87,7 +93,7 @@ class Gap(Act, frozen=True, kw_only=True, tag="gap"):
 
     joint: str
     # pressed with at most [Nm], beside the weight; SOFT of what the joint's motor can give if None
-    torque: Positive | None = None
+    torque: Strength | None = None
     times: Annotated[int, Meta(ge=1, le=1000)] = 30
     reach: Positive = 0.06  # each way, more than the gap [rad]
 
@@ -96,8 +102,8 @@ class Give(Act, frozen=True, kw_only=True, tag="give"):
     """Put a mass [kg] into the arm's hand, at a place in the frame of the URDF's last link [m],
     without one where a hand would hold it (`Plant.held_at`); 0 takes it away again."""
 
-    mass: NotNegative
-    com: tuple[float, float, float] | None = None
+    mass: Annotated[float, Meta(ge=0.0, le=100.0)]
+    com: tuple[Place, Place, Place] | None = None
 
 
 AnyAct = Push | Lean | Hold | Clamp | Guide | Gap | Release | Give

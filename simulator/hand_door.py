@@ -8,6 +8,7 @@ itself. Only the user who simulates may connect.
 import contextlib
 import os
 import socket
+import stat
 from collections.abc import Callable
 from pathlib import Path
 
@@ -25,10 +26,16 @@ class HandDoor:
     """Listening socket at a path. `serve` never waits for a client that has not connected."""
 
     def __init__(self, path: Path) -> None:
-        """Raises BusError where another simulator listens, or the socket cannot be made."""
+        """Raises BusError where another simulator listens, a file is there that is no socket, or
+        the socket cannot be made."""
         self.path = path
         if _alive(path):
             raise BusError(f"another simulator listens for a hand at {path}")
+        with contextlib.suppress(OSError):
+            if not stat.S_ISSOCK(path.lstat().st_mode):
+                raise BusError(
+                    f"cannot listen for a hand at {path}: it is there already, and no socket"
+                )
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             path.unlink(missing_ok=True)

@@ -28,6 +28,12 @@ PDO_TOO_LONG = 0x06040042
 
 FORMATS = {2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I"}
 """struct codes by CANopen data type: INTEGER8 to UNSIGNED32."""
+SPANS = {
+    code: (0, 256**size - 1) if code.isupper() else (-(256**size) // 2, 256**size // 2 - 1)
+    for code in FORMATS.values()
+    for size in (struct.calcsize("<" + code),)
+}
+"""Lowest and highest value of each."""
 
 Value = int | bytes
 Guard = Callable[[int, int], None]
@@ -59,6 +65,7 @@ class Objects:
         """Raises ConfigurationError when the EDS is missing or unreadable."""
         self.entries = dict(entries(eds, node))
         self._indices = {k >> 8 for k in self.entries}
+        self._spans = {k: SPANS[entry.code] for k, entry in self.entries.items() if entry.code}
         self.values: dict[int, Value] = {k: entry.default for k, entry in self.entries.items()}
         self.guards: dict[int, Guard] = {}
         """By index; asked before a value is stored."""
@@ -80,6 +87,11 @@ class Objects:
         """Let the drive itself set a value, if it has the object."""
         if where in self.values:
             self.values[where] = value
+
+    def hold(self, where: int, value: int) -> None:
+        """Let an integer object hold a measurement, the nearest value that its type has."""
+        lowest, highest = self._spans.get(where, (value, value))
+        self.values[where] = lowest if value < lowest else highest if value > highest else value
 
     def restore(self, first: int, last: int) -> None:
         """Set all objects with first <= index <= last to their defaults."""

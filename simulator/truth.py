@@ -124,12 +124,7 @@ class SimulationFile(Stated, frozen=True, kw_only=True):
 
 def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescription:
     """The arm that a file at `path` describes. Raises ConfigurationError with file and field."""
-    known = [joint.name for joint in truth.joints]
-    for name in truth.initial_position:
-        if name not in known:
-            raise ConfigurationError(
-                f"{path}: initial_position.{name}: no such joint; there are: {', '.join(known)}"
-            )
+    _refuse_impossible(truth, path)
     joints = []
     for i, joint in enumerate(truth.joints):
         if joint.drive not in truth.drives:
@@ -152,6 +147,45 @@ def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescript
         urdf=path.parent / truth.urdf, eds=joints[0].drive.eds if joints[0].drive else path,
         joints=tuple(joints), period_s=period_s,
     )  # fmt: skip
+
+
+def _refuse_impossible(truth: SimulationFile, path: Path) -> None:
+    """Raise ConfigurationError for what joins several fields and is no arm."""
+    known = [joint.name for joint in truth.joints]
+    for name in truth.initial_position:
+        if name not in known:
+            raise ConfigurationError(
+                f"{path}: initial_position.{name}: no such joint; there are: {', '.join(known)}"
+            )
+    by_node: dict[int, str] = {}
+    for i, joint in enumerate(truth.joints):
+        at = f"{path}: joints[{i}] ({joint.name})"
+        if joint.name in known[:i]:
+            raise ConfigurationError(f"{at}.name: two joints have this name")
+        if joint.node in by_node:
+            raise ConfigurationError(
+                f"{at}.node: {joint.node} is that of {by_node[joint.node]}, too; each drive needs "
+                "one of its own"
+            )
+        by_node[joint.node] = joint.name
+        if not joint.lower < joint.upper:
+            raise ConfigurationError(
+                f"{at}.lower: {joint.lower:g} rad must be less than upper ({joint.upper:g})"
+            )
+        start = truth.initial_position.get(joint.name, 0.0)
+        if not joint.lower <= start <= joint.upper:
+            raise ConfigurationError(
+                f"{path}: initial_position.{joint.name}: {start:g} rad is not between its end "
+                f"stops, {joint.lower:g} to {joint.upper:g} rad"
+            )
+    for name, drive in truth.drives.items():
+        for field in ("link_position", "motor_position"):
+            encoder: TrueEncoder | None = getattr(drive, field)
+            if encoder is not None and encoder.counts == 0:
+                raise ConfigurationError(
+                    f"{path}: drives.{name}.{field}.counts: 0 per turn is no encoder; below 0 it "
+                    "counts backwards"
+                )
 
 
 def _joint(joint: TrueJoint, drive: DriveDescription, start: float) -> JointDescription:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from daemon.commands import simulated_robot
 from daemon.commands.simulated_robot import write_truth
 from daemon.config.draft import MARK, draft
 from daemon.config.drafted_drive import drafted_drive
@@ -13,6 +14,8 @@ from daemon.config.load import load_robot
 from drivers.boot.data_sheet import load_data_sheet
 from errors import ConfigurationError
 from regular_file import read_text
+
+WRITTEN = ("config.yaml", "identified.yaml", simulated_robot.FILE, simulated_robot.URDF)
 
 
 def new_arm(folder: Path, urdf: Path, sheets: Sequence[str]) -> None:
@@ -26,21 +29,31 @@ def new_arm(folder: Path, urdf: Path, sheets: Sequence[str]) -> None:
     named = dict(_named(sheet) for sheet in sheets)
     if len(named) < len(sheets):
         raise ConfigurationError("--eds: two drives of one name; give them as NAME=FILE")
+    _refuse_clashes((urdf, *named.values()))
     drives = {
         name: (path.name, drafted_drive(load_data_sheet(path), str(path)))
         for name, path in named.items()
     }
     written = draft(folder.resolve().name, text, urdf.name, drives)
-    if folder.exists():
-        raise ConfigurationError(f"{folder} exists: it is never overwritten")
-    folder.mkdir(parents=True)
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError as error:
+        raise ConfigurationError(f"{folder} exists: it is never overwritten") from error
+    except OSError as error:
+        raise ConfigurationError(f"{folder} cannot be made: {error.strerror}") from error
     try:
         (folder / "config.yaml").write_text(written, encoding="utf-8")
         for path in (urdf, *named.values()):
             shutil.copyfile(path, folder / path.name)
         write_truth(load_robot(folder))
-    except BaseException:
-        shutil.rmtree(folder)
+    except BaseException as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        if isinstance(error, OSError):
+            why = f"{folder} cannot be written: {error.strerror}"
+            raise ConfigurationError(why) from error
+        if isinstance(error, ConfigurationError):
+            why = f"{folder} is not written: by what {urdf} and the EDS say the draft is refused"
+            raise ConfigurationError(f"{why}:\n{error}") from error
         raise
     _say(folder, written, [f"{n}: {r}" for n, (_, d) in drives.items() for r in d.remarks])
 
@@ -48,8 +61,26 @@ def new_arm(folder: Path, urdf: Path, sheets: Sequence[str]) -> None:
 def _named(sheet: str) -> tuple[str, Path]:
     """NAME=FILE, or a file whose own name is that of the profile."""
     name, equals, file = sheet.rpartition("=")
-    path = Path(file)
-    return (name if equals else path.stem.lower().replace("-", "_").replace(" ", "_"), path)
+    if not equals or Path(sheet).is_file():
+        path = Path(sheet)
+        return path.stem.lower().replace("-", "_").replace(" ", "_"), path
+    if not name or not file:
+        raise ConfigurationError(f"--eds {sheet}: must be NAME=FILE, or FILE")
+    return name, Path(file)
+
+
+def _refuse_clashes(given: Sequence[Path]) -> None:
+    """Raise ConfigurationError where copies of two files would be one, or one of what is written
+    here."""
+    taken: dict[str, Path] = {}
+    for path in given:
+        if path.name in WRITTEN:
+            raise ConfigurationError(f"{path}: {path.name} is written here; give it another name")
+        other = taken.setdefault(path.name, path)
+        if other.resolve() != path.resolve():
+            raise ConfigurationError(
+                f"{path} and {other}: both are copied to one folder; give them names of their own"
+            )
 
 
 def _say(folder: Path, written: str, remarks: Sequence[str]) -> None:

@@ -48,6 +48,8 @@ SHAFT = (1e-4, 10.0)
 OF_RANGE = 1.0 / 8.0
 """Share of its range that a joint may fall through its gap, from border to border."""
 WIDEST_HALF_GAP = 0.2  # [rad]; a gear with more has no teeth left
+LONGEST_TIMEOUT_MS = 500
+"""That a drive may move on when its master is silent."""
 LATEST_S = 0.15
 """[s] until a steady torque of twice its level must be felt."""
 BENDING = 0.005  # [rad]; what a gear bends under the motor's largest torque, at least
@@ -130,6 +132,15 @@ def _deaf(c: Configuration) -> Iterator[Problem]:
             f"{stale_s:.3g} s, more than {LATEST_S:g} s, in which nobody knows where its joint "
             "goes",
         )
+    for name, profile in c.drives.items():
+        if profile.master_timeout_ms > LONGEST_TIMEOUT_MS:
+            yield Problem(
+                ["drives", name, "master_timeout_ms"],
+                f"drives.{name}.master_timeout_ms",
+                f"{profile.master_timeout_ms} ms: for so long its joints go on, at up to "
+                f"limits.velocity, when the daemon has died; usual is 100, up to "
+                f"{LONGEST_TIMEOUT_MS} is not told",
+            )
     seconds = (SENSED_PERIODS + patience_deaf(c.period_s)) * c.period_s
     if seconds > LATEST_S:
         yield Problem(

@@ -278,7 +278,9 @@ def _meant(limits: JointLimits, lower: float, upper: float) -> str:
         ("in degrees?", math.radians(limits.lower), math.radians(limits.upper)),
         ("about the axis the other way round?", -limits.upper, -limits.lower),
     ):
-        if lower - 1e-3 <= low <= high <= upper + 1e-3:
+        # In degrees any limits would fit: those that leave next to nothing were not meant so.
+        wide = high - low >= 0.1 * (upper - lower)
+        if wide and lower - 1e-3 <= low <= high <= upper + 1e-3:
             return f"; {words} then it is [{figure(low)}, {figure(high)}]"
     return ""
 

@@ -1,7 +1,6 @@
 """Draft of a configuration from a URDF and the EDS of its drives: every figure that they do not say
 is a guess that holds the arm, marked `# CHECK`, so that the draft passes `contactd check`."""
 
-import json
 from collections.abc import Mapping
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from arrays import Vector
 from daemon.config.drafted_drive import DraftedDrive
 from daemon.config.problem import figure
+from daemon.config.yaml_source import quoted
 from errors import ConfigurationError, ModelError
 from estimator.model import Model
 from estimator.urdf import JointRange, joint_ranges
@@ -36,6 +36,11 @@ def draft(
     joint gets one, the last the others, too. Raises ConfigurationError for a URDF without joints
     that can be used."""
     ranges = _moving(urdf, urdf_name)
+    if len(drives) > len(ranges):
+        raise ConfigurationError(
+            f"--eds: {len(drives)} drives ({', '.join(drives)}), and {urdf_name} has only "
+            f"{len(ranges)} joints that move"
+        )
     motors, inertias = _loads(urdf, urdf_name, [one.joint for one in ranges])
     profiles = "\n".join(drive.text(key, eds) for key, (eds, drive) in drives.items())
     names = list(drives)
@@ -53,8 +58,8 @@ def draft(
         for i, one in enumerate(ranges)
     )
     return f"""{HEAD}version: 1
-name: {json.dumps(name)}
-urdf: {json.dumps(urdf_name)}
+name: {quoted(name)}
+urdf: {quoted(urdf_name)}
 period_ms: 10
 
 # {MARK[2:]}: this is the simulator's; your arm's may be
@@ -81,6 +86,11 @@ def _moving(urdf: str, urdf_name: str) -> list[JointRange]:
     if not ranges:
         raise ConfigurationError(f"{urdf_name}: no joint moves; make those that do `revolute`")
     for one in ranges:
+        if one.kind != "revolute":
+            raise ConfigurationError(
+                f"{urdf_name}, line {one.line}: joint {one.joint!r} is {one.kind or 'of no type'}: "
+                "a joint that has a drive must be `revolute`, with a <limit>; make others `fixed`"
+            )
         if not one.lower < one.upper:
             raise ConfigurationError(
                 f"{urdf_name}, line {one.line}: joint {one.joint!r} has limits {one.lower:g} to "
@@ -115,18 +125,19 @@ def _joint(
     rotor = max(3e-4 * (constant * rated / GEAR) ** (5.0 / 3.0) * GEAR**2, 0.15 * inertia)
     gap = min(0.005, 0.01 * (one.upper - one.lower))
     check = f"   {MARK}: which of the drives" if several else ""
+    named = one.joint if one.joint.isprintable() else "JOINT"  # what ends a line ends a comment
     f = figure
     return f"""\
-  - name: {json.dumps(one.joint)}
+  - name: {quoted(one.joint)}
     wiring:
       node: {i + 1}   {MARK}: `contactd scan` lists who is there
-      profile: {json.dumps(profile)}{check}
+      profile: {quoted(profile)}{check}
       gear: {GEAR:g}   {MARK}: turns of the motor per turn of the joint
       rated_current_A: {f(rated)}   {MARK}: of the motor
       max_current_A: {f(most)}   {MARK}
     torque_constant: {f(constant)}   {MARK}: Nm at the link per A: the motor's times the gear
     rotor_inertia: {f(rotor)}   # found by `contactd identify friction`
-    half_gap: {f(gap)}   # found by `contactd identify gap {one.joint}`
+    half_gap: {f(gap)}   # found by `contactd identify gap {named}`
     friction: {{motor_coulomb: {f(0.03 * motor)}, motor_viscous: {f(0.02 * motor)}}}
     thresholds: {{contact: {f(0.2 * motor)}, collision: {f(1.2 * motor)}}}
     limits: {{lower: {f(one.lower + inside)}, upper: {f(one.upper - inside)}, \

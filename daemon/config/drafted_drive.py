@@ -5,12 +5,14 @@ What an EDS cannot say, the size of a count above all, is guessed by what is usu
 `# CHECK`: only the manual knows.
 """
 
-import json
+import itertools
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from drivers.boot.data_sheet import DataSheet, find_object, type_name
+from daemon.config.yaml_source import quoted
+from drivers.boot.data_sheet import DataSheet, counts_per_motor_turn, find_object, type_name
 from drivers.codec import STRUCT_CODES, WORDS
 from errors import ConfigurationError
 
@@ -33,6 +35,10 @@ CANDIDATES: dict[str, tuple[Object, ...]] = {
 OPTIONAL = ("current", "torque", "motor_position", "max_motor_speed")
 MEASURED = ("current", "torque", "motor_velocity", "link_position", "motor_position")
 _MAKERS_OWN = range(0x2000, 0x6000)
+_NOT_MEASURED = re.compile(
+    r"\b(demand\w*|target|command\w*|set ?point|reference|limit\w*|max\w*|rated|nominal|gain)\b"
+)
+"""Words in the names of objects that say what shall be, or may be, and not what is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +86,7 @@ class DraftedDrive:
             + "\n".join(f'      "{n}": [{", ".join(entries)}]' for n, entries in layout.items())
             for kind, layout in (("tpdo", self.tpdo), ("rpdo", self.rpdo))
         ]
-        lines = [f"  {json.dumps(name)}:", f"    eds: {json.dumps(eds)}"]
+        lines = [f"  {quoted(name)}:", f"    eds: {quoted(eds)}"]
         lines += [quantity.line() for quantity in self.quantities.values()]
         return "\n".join([*lines, *pdos]) + "\n"
 
@@ -88,7 +94,7 @@ class DraftedDrive:
 def drafted_drive(sheet: DataSheet, eds: str) -> DraftedDrive:
     """Profile of the drive of an EDS. Raises ConfigurationError where it lacks what contactd needs:
     a quantity, or room in its PDOs."""
-    counts = _resolution(sheet)
+    counts = counts_per_motor_turn(sheet)
     quantities: dict[str, Drafted] = {}
     for name, places in CANDIDATES.items():
         if name == "torque" and "current" in quantities:
@@ -144,15 +150,8 @@ def _by_name(sheet: DataSheet, name: str) -> tuple[Object, ...]:
         for sub in getattr(sheet[index], "subindices", (0,))
         if (variable := find_object(sheet, index, sub)) is not None
         and all(word in variable.name.lower() for word in words)
+        and not (name in MEASURED and _NOT_MEASURED.search(variable.name.lower()))
     )
-
-
-def _resolution(sheet: DataSheet) -> float:
-    """Counts per motor turn by 0x608F, 0 where the EDS does not say."""
-    increments, turns = (find_object(sheet, 0x608F, sub) for sub in (1, 2))
-    if increments is None or turns is None or not increments.default or not turns.default:
-        return 0.0
-    return float(increments.default) / float(turns.default)
 
 
 def _drafted(name: str, where: Object, kind: str, counts: float) -> Drafted:
@@ -163,7 +162,9 @@ def _drafted(name: str, where: Object, kind: str, counts: float) -> Drafted:
 def _scale(name: str, where: Object, counts: float) -> tuple[float, str, bool]:
     """Scale, its reason, and whether that is more than a guess."""
     if name in ("current", "torque"):
-        return 0.001, "per mille of what is rated, by CiA 402", True
+        sure = where in CANDIDATES[name]
+        why = ", by CiA 402" if sure else " is a guess, as the maker's own object is"
+        return 0.001, f"per mille of what is rated{why}", sure
     if name == "link_position":
         return (
             TURN / 131072,
@@ -196,8 +197,10 @@ def _pdos(
 
 def _fixed(sheet: DataSheet, base: int, quantities: dict[str, Drafted]) -> dict[str, list[str]]:
     """PDOs whose mapping the EDS fixes, as far as they carry quantities alone."""
-    entries = {(index, 0): word for word, index in WORDS.items()}
-    entries |= {(one.index, one.subindex): name for name, one in quantities.items()}
+    there = {name: (one.index, one.subindex) for name, one in quantities.items()}
+    there |= {word: (index, 0) for word, index in WORDS.items()}
+    carried = ("statusword", *MEASURED) if base == 0x1800 else ("controlword", "target_velocity")
+    entries = {there[name]: name for name in carried if name in there}
     found: dict[str, list[str]] = {}
     for number in range(4):
         first = find_object(sheet, base + number + 0x200, 1)
@@ -211,7 +214,19 @@ def _fixed(sheet: DataSheet, base: int, quantities: dict[str, Drafted]) -> dict[
         names = [entries.get((value >> 16, value >> 8 & 0xFF)) for value in values]
         if names and all(names):
             found[str(number + 1)] = [name for name in names if name]
-    return found
+    return _without_repeats(found)
+
+
+def _without_repeats(found: dict[str, list[str]]) -> dict[str, list[str]]:
+    """Of these PDOs the fewest that carry the most entries, each but once."""
+    choices = (
+        choice
+        for size in range(len(found), -1, -1)
+        for choice in itertools.combinations(found, size)
+        if len(entries := [name for n in choice for name in found[n]]) == len(set(entries))
+    )
+    best = max(choices, key=lambda choice: (sum(len(found[n]) for n in choice), -len(choice)))
+    return {number: found[number] for number in best}
 
 
 def _packed(

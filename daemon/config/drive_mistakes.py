@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from daemon.config.problem import Keys, Problem, agree, figure
 from daemon.config.schema import Configuration
-from drivers.boot.data_sheet import DataSheet, find_object
+from drivers.boot.data_sheet import DataSheet, counts_per_motor_turn
 from drivers.codec import quantity
 from drivers.settings import DriveProfile, Quantity
 
@@ -34,6 +34,7 @@ MEASURES = {
     0x6063: "position", 0x6064: "position", 0x60E4: "position", 0x6069: "velocity",
     0x606C: "velocity", 0x6077: "effort", 0x6078: "effort",
 }  # fmt: skip
+WANTED = {"position": "a position", "velocity": "a velocity", "effort": "a current or torque"}
 KIND_OF = {
     "link_position": "position", "motor_position": "position", "motor_velocity": "velocity",
     "current": "effort", "torque": "effort",
@@ -53,10 +54,10 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
         object_name = f"0x{where.object:04X}:{where.subindex:02X}"
         if where.object in NOT_MEASURED:
             what = f"{object_name} is {NOT_MEASURED[where.object]} by CiA 402, nothing measured"
-            yield Problem(*place, f"{what}; a {kind} is wanted")
+            yield Problem(*place, f"{what}; {WANTED[kind]} is wanted")
         elif MEASURES.get(where.object, kind) != kind:
             what = f"{object_name} is a {MEASURES[where.object]} by CiA 402"
-            yield Problem(*place, f"{what}; a {kind} is wanted")
+            yield Problem(*place, f"{what}; {WANTED[kind]} is wanted")
         other = by_object.setdefault((where.object, where.subindex), entry)
         if other != entry:
             yield Problem(
@@ -88,7 +89,7 @@ def _positions(
             yield Problem(*place, f"{per_turn}, which no encoder has; {meant}")
         elif counts < 100.0:
             yield Problem(*place, f"{per_turn}: scale is rad per count, 2 pi / counts per turn")
-        told = _resolution(sheet)
+        told = counts_per_motor_turn(sheet)
         if entry == "motor_position" and told and not agree(counts, told, AGREES):
             yield Problem(
                 *place,
@@ -124,14 +125,6 @@ def _is_power(base: float, x: float) -> bool:
     """True if x is base^0, base^1, ..., as near as five digits tell."""
     power = round(math.log(x, base)) if x > 0.5 else -1
     return 0 <= power <= _MOST_TWOS and abs(x / base**power - 1.0) <= _ROUNDED
-
-
-def _resolution(sheet: DataSheet) -> float:
-    """Counts per motor turn that the EDS gives in 608F; 0 where it gives none."""
-    increments, turns = (find_object(sheet, 0x608F, sub) for sub in (1, 2))
-    if increments is None or turns is None or not increments.default or not turns.default:
-        return 0.0
-    return float(increments.default) / float(turns.default)
 
 
 def _velocities(name: str, profile: DriveProfile) -> Iterator[Problem]:

@@ -79,5 +79,6 @@ def _content(path: Path) -> str | None:
 
 
 def _digest(content: bytes) -> str:
-    # Text is read with universal newlines.
-    return hashlib.sha256(content.replace(b"\r\n", b"\n")).hexdigest()
+    # Text is read with universal newlines, of which a lone carriage return is one.
+    lines = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return hashlib.sha256(lines).hexdigest()

@@ -32,6 +32,7 @@ _KINDS = {
 }  # fmt: skip
 _UNSHOWN = ("array", "object", "null")
 _SIGNS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
+_SOME = "…"
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 
 
@@ -156,7 +157,8 @@ def convert(source: Source, kind: type[T]) -> T:
     except msgspec.ValidationError as error:
         message, _, where = str(error).partition(" - at `")
         of_a_key = where.startswith(_OF_A_KEY)
-        keys = _keys(where.removeprefix(_OF_A_KEY).rstrip("`"), source.data)
+        keys = _keys(where.removeprefix(_OF_A_KEY).rstrip("`"))
+        keys = _named(keys, source.data, kind, str(error))
         place = _spell(keys, source.data) or "the file"
         unknown = re.search(r"unknown field `(.+)`", message)
         if unknown:
@@ -190,20 +192,39 @@ def _plain(message: str) -> str:
     return f"must be {words}" + (f", not {_KINDS[got]}" if got in _UNSHOWN else "")
 
 
-def _keys(where: str, data: Any) -> list[str | int]:
+def _keys(where: str) -> list[str | int]:
     """Steps of msgspec's `.joints[2].limits`; it writes `[...]` for 'some key of this mapping'."""
-    keys: list[str | int] = []
-    for name, index in _STEP.findall(where):
-        if name:
-            keys.append(name)
-        elif index != "...":
-            keys.append(int(index))
-        else:
-            inside = _walk(keys, data)
-            keys.append(
-                next(iter(inside)) if isinstance(inside, dict) and len(inside) == 1 else "…"
-            )
-    return keys
+    return [
+        name or (_SOME if index == "..." else int(index)) for name, index in _STEP.findall(where)
+    ]
+
+
+def _named(keys: list[str | int], data: Any, kind: Any, message: str) -> list[str | int]:
+    """Keys of which each is a name: of a mapping the first whose value alone is refused so."""
+    found: list[str | int] = []
+    for key in keys:
+        inside = _walk(found, data) if key == _SOME else None
+        names = iter(inside) if isinstance(inside, dict) else ()
+        refused = (name for name in names if _refused(_only(data, found, name), kind, message))
+        found.append(next(refused, key))
+    return found
+
+
+def _only(data: Any, keys: list[str | int], key: str) -> Any:
+    """Data whose mapping behind `keys` has this key alone."""
+    if not keys:
+        return {key: data[key]}
+    copy: Any = dict(data) if isinstance(data, dict) else list(data)
+    copy[keys[0]] = _only(data[keys[0]], keys[1:], key)
+    return copy
+
+
+def _refused(data: Any, kind: Any, message: str) -> bool:
+    try:
+        msgspec.convert(data, kind)
+    except msgspec.ValidationError as error:
+        return str(error) == message
+    return False
 
 
 def _walk(keys: list[str | int], data: Any) -> Any:
@@ -244,7 +265,7 @@ def _type_at(kind: Any, keys: list[str | int]) -> Any:
             node = next((f.type for f in node.fields if f.encode_name == key), None)
         elif isinstance(node, msgspec.inspect.DictType):
             node = node.value_type
-        elif isinstance(node, msgspec.inspect.ListType):
+        elif isinstance(node, (msgspec.inspect.ListType, msgspec.inspect.VarTupleType)):
             node = node.item_type
     return _struct_of(node)
 

@@ -99,6 +99,17 @@ class Source:
         return int(node.start_mark.line) + 1
 
 
+def quoted(text: str) -> str:
+    """A text in quotes, as YAML reads it back, whatever is in it."""
+    return '"' + "".join(map(_in_quotes, text)) + '"'
+
+
+def _in_quotes(character: str) -> str:
+    if character in '"\\':
+        return "\\" + character
+    return character if character.isprintable() else f"\\U{ord(character):08X}"
+
+
 def read_yaml(path: Path) -> Source:
     """Read one file; raises ConfigurationError with file, line and reason."""
     try:

@@ -61,6 +61,17 @@ def makers_numbers(sheet: canopen.ObjectDictionary) -> dict[str, int]:
     return {name: number for name, number in numbers.items() if number}
 
 
+def counts_per_motor_turn(sheet: canopen.ObjectDictionary) -> float:
+    """Counts per turn of the motor that the EDS gives in 0x608F; 0 where it gives none."""
+    counts, turns = (
+        None if variable is None else variable.default
+        for variable in (find_object(sheet, 0x608F, sub) for sub in (1, 2))
+    )
+    if not isinstance(counts, int) or not isinstance(turns, int) or counts < 1 or turns < 1:
+        return 0.0
+    return counts / turns
+
+
 def type_name(variable: ODVariable) -> str:
     """Name of a type as the configuration spells it; other types by their number."""
     return _TYPES.get(variable.data_type, f"type {variable.data_type}")

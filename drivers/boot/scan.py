@@ -2,7 +2,7 @@
 
 One SDO upload after the other, expedited, to every node id, and nothing else: no NMT, no SYNC, no
 heartbeat, no write. It is refused where a master is heard, whose own SDO an answer to ours would
-confuse; that cannot be told of a master that says nothing while we listen.
+confuse, and ends where one begins meanwhile; neither can be told of a master that says nothing.
 """
 
 import struct
@@ -136,6 +136,8 @@ def _ask(
                 left.remove((node, what))
         frame = wire.receive(0.005)
         if frame is not None:
+            if frame[0] in (SYNC, NMT):
+                raise BusError("a master began while the bus was asked: end it first")
             _hear(frame, waiting, found)
         now = time.monotonic()
         waiting = {node: one for node, one in waiting.items() if one[1] > now}

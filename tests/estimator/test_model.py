@@ -113,6 +113,10 @@ def test_files_that_do_not_fit(tmp_path, romeo: Model, romeo_urdf) -> None:
     endless.write_text(romeo_urdf.read_text().replace('"revolute"', '"continuous"', 1))
     with pytest.raises(ModelError, match="'LShoulderPitch' must be revolute"):
         Model(endless, romeo.names)
+    sliding = tmp_path / "sliding.urdf"
+    sliding.write_text(romeo_urdf.read_text().replace('"revolute"', '"prismatic"', 1))
+    with pytest.raises(ModelError, match="'LShoulderPitch' must be revolute"):
+        Model(sliding, romeo.names)
 
 
 def without(urdf: str, pattern: str) -> str:

@@ -1,6 +1,7 @@
 """Truth of a simulated arm: `simulation.yaml`, apart from `config.yaml`, for any make of drive."""
 
 import dataclasses
+import re
 import shutil
 from pathlib import Path
 
@@ -100,7 +101,19 @@ def test_shipped_arms_are_what_their_configurations_say(folder):
         (lambda d: (d["drives"]["servo"].pop("motor_position", None), wrong_encoder(d, "motor")),
          r"joints\[0\] \(base\).encoder_errors\[0\].encoder: motor, but drives.servo has no motor"),
         (lambda d: wrong_encoder(d, "tacho"),
-         r"joints\[0\] \(base\).encoder_errors\[0\].encoder: .*tacho"),
+         r"encoder_errors\[0\].encoder: invalid enum value 'tacho' \(allowed: link, motor\)"),
+        (lambda d: d["joints"][1].update(node=d["joints"][0]["node"]),
+         r"yaml: joints\[1\] \(shoulder\).node: \d+ is that of base, too"),
+        (lambda d: d["joints"][1].update(name="base"),
+         r"yaml: joints\[1\] \(base\).name: two joints have this name"),
+        (lambda d: d["joints"][0].update(lower=2.0, upper=-1.0),
+         r"yaml: joints\[0\] \(base\).lower: 2 rad must be less than upper \(-1\)"),
+        (lambda d: d.update(initial_position={"base": 7.0}),
+         r"yaml: initial_position.base: 7 rad is not between its end stops, -1.24 to 1.87 rad"),
+        (lambda d: d["drives"]["servo"]["link_position"].update(counts=0),
+         r"yaml: drives.servo.link_position.counts: 0 per turn is no encoder"),
+        (lambda d: d.update(settings={"step_s": 1e-12}),
+         r"settings.step_s: must be a number of at least 1e-05, not 1e-12"),
         (lambda d: d.update(initial_position={"thumb": 0.1}),
          r"initial_position.thumb: no such joint; there are: base"),
         (lambda d: d["drives"]["servo"]["link_position"].update(object=0x2999),
@@ -202,3 +215,26 @@ def test_no_file_says_nothing(tmp_path):
     assert read_simulation(robot).joints == []
     with pytest.raises(ConfigurationError, match="--write-truth"):
         true_arm(robot)
+
+
+def test_an_arm_that_is_thrown_turns_faster_than_its_drives_can_say(tmp_path):
+    """What a drive measures stands at the end of its object, and the simulation goes on."""
+    folder = generate(0).write(tmp_path / "arm")
+    sheet = folder / "drive.eds"
+    wide = r"(?s)(\[606C\].*?DataType=0x0*)4"
+    text, found = re.subn(wide, r"\g<1>3", sheet.read_text(), count=1)
+    assert found
+    sheet.write_text(text)
+    config = yaml.safe_load((folder / "config.yaml").read_text())
+    config["drives"]["servo"]["motor_velocity"]["type"] = "INTEGER16"
+    (folder / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
+    with true_rig(folder) as rig:
+        rig.enable()
+        rig.arm.external_torque[0] = 100.0
+        fastest = 0.0
+        for _ in range(50):
+            rig.run(0.01)
+            fastest = max(fastest, *(abs(v) for v in rig.arm.plant.theta_dot))
+        counts = {drive.objects.number(0x606C) for drive in rig.arm.drives}
+        assert fastest > 32768 * 0.010471975511965978 / 80.0
+        assert all(-32768 <= count <= 32767 for count in counts)

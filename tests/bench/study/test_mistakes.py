@@ -2,12 +2,13 @@
 is none."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from bench.rigs.generated_arms import generate
 from bench.rigs.generated_makes import MAKES
-from bench.study.mistakes import MISTAKES, checkable, told
+from bench.study.mistakes import MISTAKES, PROFILE, Mistake, checkable, told
 from drivers.boot.data_sheet import load_data_sheet
 
 CHECKABLE = list(checkable())
@@ -52,3 +53,25 @@ def test_the_eds_of_a_make_says_what_its_data_sheet_says(make, tmp_path: Path) -
     assert {index for index in sheet if 0x1800 <= index < 0x1A00} == {
         0x1800 + int(number) - 1 for number in make.tpdo
     }
+
+
+def _timeout(data: dict[str, Any]) -> None:
+    data["drives"][PROFILE]["master_timeout_ms"] = 5000
+
+
+def _a_little_beyond(data: dict[str, Any]) -> None:
+    data["joints"][1]["limits"]["lower"] = -1.3
+
+
+def test_a_drive_that_would_move_on_without_its_master_is_told(tmp_path: Path) -> None:
+    said = told(Mistake("", edit=_timeout).plant(generate(0), tmp_path / "arm"))
+    assert not said.refused
+    assert said.of("drives.master_timeout_ms"), said.lines
+    assert len(said.lines) == 1
+
+
+def test_limits_a_little_beyond_are_not_taken_for_degrees(tmp_path: Path) -> None:
+    said = told(Mistake("", edit=_a_little_beyond).plant(generate(0), tmp_path / "arm"))
+    assert said.refused
+    assert "goes beyond the URDF's [-1.28, 1.81]" in said.lines[0]
+    assert "degrees" not in said.lines[0]

@@ -1,6 +1,7 @@
 """`contactd new`: a draft that can be checked and rehearsed at once, from URDF and EDS alone."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -136,6 +137,14 @@ def test_nothing_is_overwritten(tmp_path):
         (lambda u, e: (u, re.sub(r"\[60FF\].*?\n\n", "", e, flags=re.DOTALL)),
          "no object for target_velocity"),
         (lambda u, e: (u, "nothing"), "not a readable EDS"),
+        (lambda u, e: (u.replace('upper="2.22041"', 'upper="two"'), e),
+         "arm.urdf: joint 'LShoulderPitch', line 1[0-9]: <limit upper=\"two\">: must be one"),
+        (lambda u, e: (u.replace('xyz="', 'xyz="left ', 1), e), "must be three finite numbers"),
+        *((lambda u, e, kind=kind: (u.replace('type="revolute"', f'type="{kind}"', 1), e),
+           f"line 1[0-9]: joint 'LShoulderPitch' is {kind}: a joint .* must be `revolute`")
+          for kind in ("prismatic", "continuous", "floating")),
+        (lambda u, e: (u, re.sub(r"\[6007\].*?\n\n", "", e, flags=re.DOTALL)),
+         "mine is not written: .* the draft is refused:(.|\n)*0x6007:00"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_drafted_is_refused_and_nothing_is_left(edit, says, tmp_path):
@@ -154,3 +163,96 @@ def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):
     assert (twice.exit_code, "two drives of one name" in twice.output) == (78, True)
     missing = new(tmp_path / "mine", tmp_path / "none.urdf", eds)
     assert (missing.exit_code, "cannot be read" in missing.output) == (78, True)
+
+
+@pytest.mark.parametrize(
+    ("folder", "urdf", "sheets", "says"),
+    [
+        ("mine", "arm.urdf", ["a=one/drive.eds", "b=other/drive.eds"], "both are copied to one"),
+        ("mine", "config.yaml", ["one/drive.eds"], "config.yaml is written here"),
+        ("mine", "simulation.urdf", ["one/drive.eds"], "simulation.urdf is written here"),
+        ("mine", "arm.urdf", ["=one/drive.eds"], "--eds =.*: must be NAME=FILE"),
+        ("mine", "arm.urdf", [f"{i}=one/drive.eds" for i in range(8)], "has only 7 joints"),
+        ("nowhere", "arm.urdf", ["one/drive.eds"], "nowhere exists: it is never overwritten"),
+        ("arm.urdf/mine", "arm.urdf", ["one/drive.eds"], "mine cannot be made: Not a directory"),
+    ],
+)
+def test_files_that_would_take_the_place_of_others_are_refused(
+    folder, urdf, sheets, says, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    for name in ("arm.urdf", "config.yaml", "simulation.urdf"):
+        shutil.copy(ROMEO / "arm.urdf", tmp_path / name)
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        shutil.copy(ROMEO / "drive.eds", tmp_path / name)
+    (tmp_path / "nowhere").symlink_to(tmp_path / "gone")
+    result = new(Path(folder), Path(urdf), *sheets)
+    assert result.exit_code == 78, result.output
+    assert re.search(says, " ".join(result.output.split())), result.output
+    assert not (tmp_path / "mine").exists()
+
+
+@pytest.mark.parametrize(
+    "name", ["on", "1e3", "Gelenk ä", "\N{ROBOT FACE}", "a'b#c", "a\nb: 1", "a\x85b", "a\u202eb"]
+)
+def test_a_joint_may_have_any_name(name, tmp_path):
+    urdf = (DESK_ARM / "arm.urdf").read_text()
+    attribute = "".join(f"&#{ord(character)};" for character in name)
+    (tmp_path / "arm.urdf").write_text(urdf.replace('"column"', f'"{attribute}"'))
+    result = new(tmp_path / "mine", tmp_path / "arm.urdf", str(DESK_ARM / "drive.eds"))
+    assert result.exit_code == 0, result.output
+    written = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())
+    assert [joint["name"] for joint in written["joints"]] == [name, "swing"]
+
+
+def test_a_makers_own_current_is_a_guess_and_no_demand(tmp_path):
+    text = (DESK_ARM / "drive.eds").read_text()
+    text = re.sub(r"(?s)\[6077\].*?\n\n", "", text)
+    for index, name in ((0x2010, "Motor current demand"), (0x2011, "Motor current actual")):
+        text += (
+            f"\n[{index:X}]\nParameterName={name}\nObjectType=0x7\nDataType=0x3\n"
+            "AccessType=ro\nPDOMapping=1\n"
+        )
+    (tmp_path / "drive.eds").write_text(text)
+    result = new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
+    assert result.exit_code == 0, result.output
+    (line,) = re.findall(r".*current: {.*", (tmp_path / "mine" / "config.yaml").read_text())
+    assert "0x2011" in line
+    assert "# CHECK" in line
+
+
+def test_fixed_pdos_that_repeat_an_object_are_passed_over(tmp_path):
+    """As makers fix them: the statusword in each."""
+    text = (DESK_ARM / "drive.eds").read_text()
+    for number, objects in enumerate(
+        ((0x60410010, 0x60770010), (0x60640020, 0x60690010), (0x60410010, 0x60640020))
+    ):
+        for sub, value in enumerate((2, *objects)):
+            section = rf"(?s)(\[1A0{number}sub{sub}\].*?AccessType=)rw(.*?DefaultValue=)\w+"
+            text, found = re.subn(section, rf"\g<1>const\g<2>0x{value:X}", text, count=1)
+            assert found
+    (tmp_path / "drive.eds").write_text(text)
+    result = new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
+    assert result.exit_code == 0, result.output
+    drive = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())["drives"]["drive"]
+    assert drive["tpdo"] == {
+        "1": ["statusword", "torque"],
+        "2": ["link_position", "motor_velocity"],
+    }
+
+
+def test_a_data_sheet_whose_resolution_is_no_number_says_none(tmp_path):
+    text = (ROMEO / "drive.eds").read_text()
+    for sub in range(3):
+        text = re.sub(rf"(?s)\[608Fsub{sub}\].*?\n\n", "", text)
+    text = re.sub(r"(?s)\[608F\].*?\n\n", "", text)
+    text += "\n[608F]\nParameterName=Resolution\nObjectType=0x9\nSubNumber=3\n"
+    for sub, kind, value in ((0, "0x5", "2"), (1, "0x9", "many"), (2, "0x9", "one")):
+        text += (
+            f"\n[608Fsub{sub}]\nParameterName=s\nObjectType=0x7\nDataType={kind}\n"
+            f"AccessType=ro\nDefaultValue={value}\n"
+        )
+    (tmp_path / "drive.eds").write_text(text)
+    result = new(tmp_path / "mine", ROMEO / "arm.urdf", str(tmp_path / "drive.eds"))
+    assert result.exit_code == 0, result.output

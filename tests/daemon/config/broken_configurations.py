@@ -122,6 +122,13 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "drives.two_encoder_drive.tpdo",
         ("'5' as a key", "(allowed: 1, 2, 3, 4)"),
     ),
+    "not one of the entries of a PDO": (
+        '"2": [link_position, motor_position]',
+        '"2": [link_position, Motor_position]',
+        '"2": [link_position, Motor_position]',
+        "drives.two_encoder_drive.tpdo.2[1]",
+        ("invalid enum value 'Motor_position'", "(allowed: controlword, current,"),
+    ),
     "a limit beyond what setpoints can say": (
         "{object: 0x60FF, type: INTEGER32, scale: 0.01",
         "{object: 0x60FF, type: INTEGER32, scale: 0.00000001",

@@ -96,6 +96,16 @@ def test_every_file_counts(served: ServedDaemon, arm: Path, name: str) -> None:
     assert served.service.process.files.changed() == [changed], "gone is changed"
 
 
+@pytest.mark.parametrize("ends", [b"\r", b"\r\r\n", b"\r\n"])
+def test_lines_may_end_as_they_like(served: ServedDaemon, arm: Path, ends: bytes) -> None:
+    """What is read again says what was read, or nobody could ever enable."""
+    edit(arm, softer)
+    path = arm / "config.yaml"
+    path.write_bytes(path.read_bytes().replace(b"\n", ends))
+    assert served.contactctl("enable").exit_code == 0
+    assert served.service.process.files.changed() == []
+
+
 def test_looking_takes_no_more_room_than_the_files(served: ServedDaemon, arm: Path) -> None:
     """In locked memory each page costs: 64 MB of them would cost the drives their heartbeat."""
     files = served.service.process.files

@@ -164,3 +164,11 @@ def test_a_bus_that_is_not_described_is_refused(text, says, tmp_path):
 def test_only_the_bus_is_read(tmp_path):
     source = parse_yaml("bus: {interface: socketcan, channel: can1}\njoints: wrong\n", tmp_path)
     assert bus_of(source).channel == "can1"
+
+
+@pytest.mark.parametrize("heard", [(0x080, b""), (0x000, bytes([1, 0]))])
+def test_it_ends_where_a_master_begins_meanwhile(heard):
+    bus = Bus({5: lambda *_: [heard]})
+    with pytest.raises(BusError, match="a master began while the bus was asked"):
+        quick(bus)
+    assert len(bus.sent) < 20
