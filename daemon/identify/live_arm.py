@@ -37,7 +37,12 @@ from daemon.modes.table import Mode
 from daemon.protocol.messages import State
 from errors import ConfigurationError, ContactdError, ControlError
 from estimator.identification.excitation import point_to_point
-from estimator.identification.wiring import OTHER_WAY, follows_both_ways, goes_against
+from estimator.identification.wiring import (
+    OTHER_WAY,
+    follows_both_ways,
+    goes_against,
+    scale_unsure,
+)
 
 MOVED = 0.05
 """From where it stood, before an arm that is to be switched off goes back there [rad]."""
@@ -128,6 +133,7 @@ class LiveArm:
         step = f"wiring-{joint}"
         i, period = self._names.index(joint), self._c.period_s
         half_gap = self._c.joints[i].half_gap
+        repeated = False
         while True:
             again = f"What passed is kept: to go on, name {joint} and those that are left"
             text = f"{joint} moves a little"
@@ -145,14 +151,17 @@ class LiveArm:
                     raise ApartError(f"{error}{words}", why) from error
                 raise
             measured = self._motions.read(step)
-            if follows_both_ways(measured.log, i) or half_gap >= WIDEST_GUESS:
+            both = follows_both_ways(measured.log, i)
+            if both and not repeated and scale_unsure(measured.log, i):
+                repeated, more = True, "once more"
+                seen = "moved its link by another share than its motor"
+            elif both or half_gap >= WIDEST_GUESS:
                 return measured
-            # Its gap is larger than the configuration says.
-            half_gap = min(half_gap + 0.5 * WIRING_TRAVEL, WIDEST_GUESS)
-            self._motions.tell(
-                f"{joint} did not move its link both ways: once more, "
-                f"{1e3 * WIRING_TRAVEL:.0f} mrad further"
-            )
+            else:  # Its gap is larger than the configuration says.
+                half_gap = min(half_gap + 0.5 * WIRING_TRAVEL, WIDEST_GUESS)
+                seen = "did not move its link both ways"
+                more = f"once more, {1e3 * WIRING_TRAVEL:.0f} mrad further"
+            self._motions.tell(f"{joint} {seen}: {more}")
 
     def _why_apart(self, error: ContactdError) -> dict[str, str]:
         """What most likely is wrong with joints whose link and motor are too far apart, as the

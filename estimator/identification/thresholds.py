@@ -24,6 +24,7 @@ LEAST_TRAVEL = 0.05
 """Range of the link [rad], beyond its gap, without which a level says nothing about motion."""
 _GROSS = 5.0  # times the median block: a touch, however high the old threshold is
 _MOST_TOUCHED = 0.2
+_MOSTLY = 0.5  # of the time
 _WORTH = 0.1  # share of the mean threshold that a part that grows with speed has to save
 _SPEEDS = np.linspace(0.0, 1.0, 21)  # shares of the level at rest that the largest speed adds
 
@@ -115,7 +116,7 @@ class LevelsResult:
     floored: bool = False
     """the contact level is its floor: less was seen"""
     largest: float = float("nan")
-    """|r| without the raise near rest, in what was not frozen"""
+    """|r| without what the threshold was raised by now and then, in what was not frozen"""
     used_s: float = 0.0
     seen: Seen = Seen(0.0, 0.0, 0.0)
     discarded: tuple[Discarded, ...] = ()
@@ -131,7 +132,7 @@ def identify_levels(
     count = len(motion.residual) // per_block
     whole = slice(0, count * per_block)
     frozen = _around(np.logical_or.reduce(motion.touched, axis=1) | motion.unsure, period_s)
-    blocks = excess(motion.residual, motion.raised)[whole].reshape(count, per_block, -1)
+    blocks = _beyond(motion)[whole].reshape(count, per_block, -1)
     used = np.logical_and.reduce(~frozen[whole].reshape(count, per_block), axis=1)
     maxima = blocks.max(axis=1)
     gross = np.zeros_like(maxima, dtype=np.bool_)
@@ -150,6 +151,14 @@ def identify_levels(
         one = replace(one, seen=_seen(motion, i), discarded=tuple(lists[i]))
         found.append(_doubted(one, lists, settings, i))
     return found
+
+
+def _beyond(motion: Motion) -> Matrix:
+    """|r| beyond the raise (N, n) [Nm]; all of it at a joint that was raised most of the time, as
+    where its side of a gap never shows: the raise goes with the level that is in force, and would
+    hide what a lower one has to bear."""
+    raised = np.where((motion.raised > 0.0).mean(axis=0) > _MOSTLY, 0.0, motion.raised)
+    return excess(motion.residual, raised)
 
 
 def _around(touched: NDArray[np.bool_], period_s: float) -> NDArray[np.bool_]:

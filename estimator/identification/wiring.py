@@ -13,6 +13,7 @@ from estimator.model import Model
 
 SCALE_TOLERANCE = 0.05
 GRAVITY_TOLERANCE = 0.25
+_BOUNCES = 0.3  # of the motor's motion, by which a light link's may seem to be off
 LEAST_MOTION = 0.005
 """[rad] the motor must have turned."""
 _PIECE = 0.012  # [rad]: less than the link is to move
@@ -73,11 +74,10 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
             about += (f": wrong link_position object or scale, or a half-gap of more than "
                       f"{1e3 * (0.5 * turned - _PIECE):.0f} mrad")  # fmt: skip
         return WiringResult(joint=name, problems=(*problems, about))
-    carried = [s for s in strokes if s.carried]
     engaged = np.zeros(len(q), dtype=np.bool_)
-    for stroke in carried:
-        engaged[stroke.rows] = True
-    follows = sum(s.way for s in carried) / sum(s.turned for s in carried)
+    for stroke in strokes:
+        engaged[stroke.rows] |= stroke.carried
+    follows = _follows(strokes)
     if follows < 0.0:
         problems.append(OTHER_WAY)
     elif abs(follows - 1.0) > SCALE_TOLERANCE:
@@ -144,6 +144,21 @@ def follows_both_ways(log: MotionLog, joint: int) -> bool:
     steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
     strokes = _strokes(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
     return {s.upward for s in strokes if s.carried} == {True, False}
+
+
+def scale_unsure(log: MotionLog, joint: int) -> bool:
+    """True where the link followed by a share that an encoder's error over so short a way, or a
+    link that bounces, may make: another motion tells."""
+    steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
+    follows = _follows(_strokes(log.link_position[:, joint], log.motor_velocity[:, joint], steps))
+    return SCALE_TOLERANCE < abs(follows - 1.0) < _BOUNCES
+
+
+def _follows(strokes: list["_Stroke"]) -> float:
+    """Motion of the link over that of the motor where the gear carried; NaN where it never did."""
+    carried = [s for s in strokes if s.carried]
+    turned = sum(s.turned for s in carried)
+    return sum(s.way for s in carried) / turned if turned else float("nan")
 
 
 def in_Nm(torque: float) -> str:

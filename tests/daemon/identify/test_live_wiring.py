@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -42,3 +43,15 @@ def test_torques_are_rounded_for_people(tmp_path: Path) -> None:
     arm = CommissionedArm(tmp_path, SINGLE_JOINT, change=lambda _: None)
     arm.identify("wiring")
     assert re.search(r"holds -?0(\.00\d)? Nm of -?0(\.00\d)? Nm gravity", arm.output)
+
+
+def test_a_link_that_moves_by_another_share_is_moved_once_more(tmp_path: Path) -> None:
+    def off(written: dict[str, Any]) -> None:
+        (drive,) = written["drives"].values()
+        drive["link_position"]["scale"] *= 0.85
+
+    arm = CommissionedArm(tmp_path, SINGLE_JOINT, change=off)
+    assert not arm.identify("wiring")
+    said = " ".join(arm.output.split())
+    assert said.count("by another share than its motor: once more") == 1
+    assert re.search(r"the link moves 0\.8\d+ times as far as the motor says: gear, or", said)

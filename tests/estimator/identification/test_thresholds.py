@@ -119,9 +119,22 @@ def test_floor_ceiling_and_too_little_motion():
 
 def test_the_raise_near_rest_is_not_learned_twice():
     r = noise(60.0)
-    raised = np.full_like(r, 0.2)
+    rests = np.arange(len(r)) % 100 < 45
+    r[rests] *= 3.0
+    raised = np.where(rests[:, None], 1.0, np.zeros_like(r))
     low = identify_levels(("a", "b"), T, replace(motion(r), raised=raised), PLAIN)
     assert low[1].contact < learn(r)[1].contact - 0.1
+    assert low[1].largest < np.abs(r[:, 1]).max() - 0.1
+
+
+def test_a_raise_that_never_ends_hides_nothing():
+    """As where the side of a gap never shows: a lower level is raised by less."""
+    r = noise(60.0)
+    raised = np.zeros_like(r)
+    raised[:, 1] = 5.0
+    found = identify_levels(("a", "b"), T, replace(motion(r), raised=raised), PLAIN)
+    assert [one.contact for one in found] == [one.contact for one in learn(r)]
+    assert found[1].largest == pytest.approx(np.abs(r[:, 1]).max(), rel=0.2)
 
 
 def test_a_residual_that_is_no_number_is_refused():

@@ -8,7 +8,7 @@ import pytest
 from bench.rigs.arm_batch import record_fleet
 from daemon.identify.motions import WIRING_SPEED, WIRING_TRAVEL, wiring_motion
 from estimator.identification.motion_log import MotionLog
-from estimator.identification.wiring import check_wiring
+from estimator.identification.wiring import check_wiring, scale_unsure
 from simulator.description import SimulationSettings
 from simulator.mismatch import true_parameters
 
@@ -62,6 +62,15 @@ def test_a_well_wired_joint_passes(wired, check, joint):
     assert found.passed, found
     assert found.follows == pytest.approx(1.0, abs=0.02)
     assert found.friction > 0.0
+
+
+@pytest.mark.parametrize(
+    ("scale", "unsure"),
+    [(1.0, False), (0.98, False), (0.9, True), (1.1, True), (0.8, True), (0.6, False), (1.5, False),
+     (-1.0, False), (0.0, False)],
+)  # fmt: skip
+def test_a_share_that_chance_may_make_is_measured_again(wired, scale, unsure):
+    assert scale_unsure(scaled(wired, "link_position", scale, ELBOW), ELBOW) is unsure
 
 
 def test_a_link_that_falls_to_its_other_border_is_no_wrong_scale(wired, check):
