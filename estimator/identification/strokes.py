@@ -130,8 +130,9 @@ def _fitted(
     center = middle + drift * seen.time_s
     alpha, fit = half, None
     for _ in range(6):
-        free, off = _free_torque(seen, seen.phi - center, alpha)
-        rows = _carried(seen, seen.phi - center, alpha, free, off)
+        free, offset, off = _free_torque(seen, seen.phi - center, alpha)
+        load = seen.torque - offset - seen.direction * free
+        rows = _carried(seen, seen.phi - center, alpha, load, off)
         if rows is None:
             break
         # As far as theta drifts, phi does: the motor stands where the middle of the gap says.
@@ -144,15 +145,20 @@ def _fitted(
     return fit
 
 
-def _free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[float, float]:
-    """Torque of the motor inside the gap on its way up [Nm], which is that down but for its sign,
-    and how far it may be off: a link that fell through was not seen there."""
+def _free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[float, float, float]:
+    """Torque of the motor inside the gap on its way up [Nm], which is that down but for its sign;
+    an offset of the current, which both ways have in common [Nm]; and how far the first may be off:
+    a link that fell through was not seen there."""
     inside = seen.late & (np.abs(phi) < 0.6 * alpha) & (seen.follows < -0.5)
+    ways = [inside & (seen.direction == way) for way in (1.0, -1.0)]
+    if min(int(one.sum()) for one in ways) >= _FEWEST_FREE:
+        up, down = (float(np.median(seen.torque[one])) for one in ways)
+        return 0.5 * (up - down), 0.5 * (up + down), 0.0
     if inside.sum() >= _FEWEST_FREE:
-        return float(np.median((seen.torque * seen.direction)[inside])), 0.0
+        return float(np.median((seen.torque * seen.direction)[inside])), 0.0, 0.0
     held = held_by(seen)
     whole = held.friction if held is not None else 0.0
-    return _ROTORS * whole, (1.0 - _ROTORS) * whole
+    return _ROTORS * whole, 0.0, (1.0 - _ROTORS) * whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,13 +174,12 @@ class _Carried:
     stroke: Vector
 
 
-def _carried(seen: Samples, phi: Vector, alpha: float, free: float, off: float) -> _Carried | None:
+def _carried(seen: Samples, phi: Vector, alpha: float, load: Vector, off: float) -> _Carried | None:
     side = -np.sign(phi)
     outer = np.abs(phi) > 0.5 * alpha
     plateau = seen.late & outer & (np.abs(seen.follows) < 0.25)
     if not plateau.any() or len(np.unique(side[plateau])) < 2:
         return None
-    load = seen.torque - seen.direction * free
     usual = {way: float(np.median((load * side)[plateau & (side == way)])) for way in (-1.0, 1.0)}
     enough = 0.3 * np.where(side > 0.0, usual[1.0], usual[-1.0])
     into = seen.late & ~plateau & outer & (side == seen.direction)
