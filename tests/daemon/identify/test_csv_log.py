@@ -4,9 +4,11 @@ import gzip
 import json
 import os
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -14,8 +16,10 @@ from mcap.writer import Writer
 
 from bench.rigs.lockstep import SINGLE_JOINT
 from daemon.commands.contactd import main
+from daemon.config.identified import GapEntry
+from daemon.config.load import load_robot, refuse_unreadable
 from daemon.identify.csv_log import read_csv
-from errors import LogError
+from errors import ConfigurationError, LogError
 
 DATA = Path(os.environ.get("CONTACTD_DATA", Path(__file__).parents[4] / "shared" / "data"))
 T = 0.01
@@ -49,6 +53,32 @@ def test_a_gap_needs_two_positions_and_a_torque(tmp_path: Path) -> None:
     friction = CliRunner().invoke(main, ["identify", "friction", *given])
     assert friction.exit_code != 0
     assert "no column motor_velocity.joint" in friction.output
+
+
+def test_degrees_are_no_radians_and_void_no_configuration(tmp_path: Path) -> None:
+    """A half-gap that no configuration takes: a daemon would not begin with it."""
+    columns = pressed(0.02)
+    columns["link_position.joint"] = np.degrees(columns["link_position.joint"])
+    path = save(tmp_path / "log.csv", columns)
+    folder = shutil.copytree(SINGLE_JOINT.parent, tmp_path / "configs") / "single_joint"
+    before = (folder / "identified.yaml").read_bytes()
+    given = ["--config", str(folder), "--log", str(path)]
+    result = CliRunner().invoke(main, ["identify", "gap", "joint", *given])
+    assert result.exit_code != 0, result.output
+    assert "alpha 1.15e+03 mrad, at most 500 mrad: positions in another unit" in result.output
+    assert (folder / "identified.yaml").read_bytes() == before
+
+
+def test_what_would_not_be_read_again_is_not_written() -> None:
+    robot = load_robot(SINGLE_JOINT)
+    assert robot.identified is not None
+    refuse_unreadable(robot, robot.identified)
+    entries = robot.identified.joints["joint"]
+    wide = GapEntry(date="2026-01-01", log="", half_gap=1.1, confidence=0.0)
+    joints = {"joint": msgspec.structs.replace(entries, gap=wide)}
+    found = msgspec.structs.replace(robot.identified, joints=joints)
+    with pytest.raises(ConfigurationError, match=r"not written.*half_gap: must be .* at most 0.5"):
+        refuse_unreadable(robot, found)
 
 
 @pytest.mark.parametrize("without", ["link_position.joint", "motor_position.joint", "torque.joint"])
