@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arrays import Matrix, Vector
+from estimator.identification.bending import USUAL
 from estimator.identification.encoder_errors import Harmonic, turns
 from estimator.identification.gap_result import (
     CLEAR,
@@ -31,7 +32,7 @@ STROKES = 4
 _FEWEST = 3
 _BLOCK_S = 0.2  # samples of a plateau that count as one
 _TURN = 0.6  # of a motor's turn, in which its harmonics show
-_GEARS = (1.2e-3, 0.9e-3)  # [rad/Nm]: compliance of gears, and how far they differ
+_GEARS = (USUAL, 0.9e-3)  # [rad/Nm]: compliance of gears, and how far they differ
 _ENCODERS = 3e-5  # [rad]: what no scatter shows of them
 _STEP = 0.3  # of an encoder, by which the mean over a way may be off
 _LATE_S = 0.002  # by which the current may be later than the positions, unseen
