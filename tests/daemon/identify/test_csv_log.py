@@ -325,3 +325,35 @@ def test_a_csv_has_no_topic(tmp_path: Path) -> None:
     (tmp_path / "log.yaml").write_text(OF_A_TOPIC)
     with pytest.raises(LogError, match="topic: '/arm', only an MCAP has any"):
         read_csv(path, ["joint"], {"joint": 3.0}, of_gap=True)
+
+
+def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path) -> None:
+    path = save(tmp_path / "log.csv", pressed(0.02))
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    log, _ = read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
+    assert log.time_s[0] == 0.0
+
+
+def test_semicolons_are_told_by_what_is_there(tmp_path: Path) -> None:
+    path = save(tmp_path / "log.csv", pressed(0.02))
+    path.write_text(path.read_text().replace(",", ";"))
+    with pytest.raises(LogError, match=r"log.csv: no column time; there are time;link_position"):
+        read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda c: c["time"].__setitem__(500, 2.0), "time does not grow at sample 500"),
+        (lambda c: c["link_position.joint"].__setitem__(7, np.nan), "link_position of joint is"),
+        (lambda c: c.update({k: v[:50] for k, v in c.items()}), "too short: 50 samples"),
+    ],
+)
+def test_what_a_log_has_wrong_is_said_with_its_name(
+    tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None], told: str
+) -> None:
+    columns = pressed(0.02)
+    change(columns)
+    path = save(tmp_path / "log.csv", columns)
+    with pytest.raises(LogError, match=f"log.csv: .*{told}"):
+        read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
