@@ -20,7 +20,7 @@ from daemon.commands.questions import choice, sure
 from daemon.commands.sentences import say
 from daemon.config.evidence import outdated
 from daemon.config.identified import Identified, write_identified
-from daemon.config.load import Robot, load_robot
+from daemon.config.load import Robot, load_robot, refuse_unreadable
 from daemon.config.schema import AnyStep
 from daemon.identify.bodies import masses_step, merged_payloads, payload_step, refuse_name
 from daemon.identify.encoders import encoders_step
@@ -242,6 +242,7 @@ class Identification:
         return all(line.good for line in outcome.lines)
 
     def _write(self, found: Identified) -> None:
+        refuse_unreadable(self._robot, found)
         write_identified(self._robot.folder / self._robot.configuration.identified, found)
         self._robot = replace(self._robot, identified=found)
 

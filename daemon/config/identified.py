@@ -235,22 +235,26 @@ def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> K
     return []
 
 
-def write_identified(path: Path, found: Identified) -> None:
-    """Replace the file at once: a reader sees the old one or the new one, also after a power cut.
-
-    Raises ConfigurationError if it cannot be written; the old file is then untouched.
-    """
+def identified_text(found: Identified) -> str:
+    """The file's text."""
     text = (
         "# Written by `contactd identify`; values here replace those of config.yaml.\n"
         "# Delete a step of a joint to go back to the value of config.yaml.\n"
     )
     plain = msgspec.to_builtins(found)
-    text += yaml.safe_dump(plain, sort_keys=False, default_flow_style=None, width=100)
+    return text + yaml.safe_dump(plain, sort_keys=False, default_flow_style=None, width=100)
+
+
+def write_identified(path: Path, found: Identified) -> None:
+    """Replace the file at once: a reader sees the old one or the new one, also after a power cut.
+
+    Raises ConfigurationError if it cannot be written; the old file is then untouched.
+    """
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                stream.write(text)
+                stream.write(identified_text(found))
                 stream.flush()
                 os.fsync(stream.fileno())
             Path(name).chmod(0o644)

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from daemon.config.checks import cross_checks
-from daemon.config.identified import Identified, applied, identified_keys
+from daemon.config.identified import Identified, applied, identified_keys, identified_text
 from daemon.config.motion import recorded_path
 from daemon.config.problem import Problem
 from daemon.config.schema import Configuration
@@ -109,7 +109,25 @@ def _with_identified(robot: Robot) -> Robot:
     path = robot.folder / robot.configuration.identified
     if not os.path.lexists(path):  # a link to nowhere is no reason to go on without
         return robot
-    text, found = _identified(read_yaml(path), robot.configuration)
+    return _with(robot, read_yaml(path))
+
+
+def refuse_unreadable(robot: Robot, found: Identified) -> None:
+    """Raises ConfigurationError where identified.yaml with `found` would be refused when it is
+    read: a daemon would not begin with it."""
+    path = robot.folder / robot.configuration.identified
+    source = parse_yaml(identified_text(found), path)
+    try:
+        _with(replace(robot, configuration=robot.by_hand or robot.configuration), source)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"what was found is not written, it is not allowed: {error}"
+        ) from error
+
+
+def _with(robot: Robot, source: Source) -> Robot:
+    """Robot with the values of the identified.yaml of `source`. Raises ConfigurationError."""
+    text, found = _identified(source, robot.configuration)
     robot = replace(
         robot,
         configuration=applied(robot.configuration, found),

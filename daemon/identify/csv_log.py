@@ -58,10 +58,14 @@ def read_csv(
         if len(found) == len(joints):
             columns[name] = np.stack(found, axis=1)
     if "motor_velocity" not in columns:
-        safe = np.maximum.accumulate(time_s + 1e-9 * np.arange(len(time_s)))
-        columns["motor_velocity"] = np.gradient(columns["motor_position"], safe, axis=0)
-    # Refuses what is not a number, and times that do not grow, before anything is interpolated.
-    log = MotionLog(tuple(joints), time_s, **columns)
+        position = columns["motor_position"]
+        grows = bool((np.diff(time_s) > 0.0).all())  # else it is refused next
+        velocity = np.gradient(position, time_s, axis=0) if grows else np.zeros_like(position)
+        columns["motor_velocity"] = velocity
+    try:  # before anything is interpolated
+        log = MotionLog(tuple(joints), time_s, **columns)
+    except LogError as error:
+        raise type(error)(f"{path}: {error}") from error
     return _on_a_raster(log, notes)
 
 
@@ -99,7 +103,7 @@ def _rows(path: Path) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
     def lines() -> Iterator[tuple[int, list[str]]]:
         rows = None
         try:
-            with open_text(path, newline="") as stream:
+            with open_text(path, encoding="utf-8-sig", newline="") as stream:
                 rows = csv.reader(stream)
                 yield from enumerate(rows, start=1)
         except csv.Error as error:
@@ -131,7 +135,8 @@ def _places(
     known = {"time", *(f"{c}.{j}" for c in (*COLUMNS, _ALSO) for j in joints)}
     if named is None:
         if "time" not in header:
-            raise LogError(f"{path}: no column time")
+            there = printable(", ".join(header)[:200])
+            raise LogError(f"{path}: no column time; there are {there or 'none'}, by commas")
         return {name: Place(name) for name in known if name in header}, None
     places = {name: place for name, place in named.places.items() if name in known}
     which = named.rows

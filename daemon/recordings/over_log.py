@@ -18,6 +18,7 @@ from estimator.estimate import Estimate
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 
 _ANOTHER = 0.1  # of the period: more is another one
+_SLOWEST = 10  # periods between two samples: beyond, what lies between is made up
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,10 @@ def over_log(log: MotionLog, c: Configuration, urdf: str) -> OverLog:
         raise LogError("the log has no motor_position of every joint, which the configuration's "
                        "estimator takes (`estimator.motor_position`)")  # fmt: skip
     notes: tuple[str, ...] = ()
+    if log.period_s > _SLOWEST * c.period_s:
+        raise LogError(f"samples every {log.period_s:.3g} s, the configuration's period is "
+                       f"{c.period_s:g} s: at most {_SLOWEST} times as much is allowed; is "
+                       "the unit of `time` right?")  # fmt: skip
     if abs(log.period_s / c.period_s - 1.0) > _ANOTHER:
         notes = (f"samples every {1e3 * log.period_s:.3g} ms: taken every "
                  f"{1e3 * c.period_s:.3g} ms, the configuration's period",)  # fmt: skip

@@ -16,13 +16,21 @@ import numpy as np
 
 from arrays import Vector
 from estimator.identification.gap_in_motion import from_motion
-from estimator.identification.gap_result import SMALLEST, GapResult, GapVerdict, spread
+from estimator.identification.gap_result import (
+    SMALLEST,
+    GapResult,
+    GapVerdict,
+    Limit,
+    refused,
+    spread,
+)
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 from estimator.identification.plateaus import from_plateaus
 from estimator.identification.ramps import from_ramps
 from estimator.identification.stroke_samples import stroking
 from estimator.identification.strokes import from_strokes
 
+_WIDEST = 0.5  # [rad]: what a configuration takes
 _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
 
 
@@ -32,6 +40,10 @@ def identify_gap(
     """Half-gap of one joint by the method that fits what moved in the log, which may be that of
     several sittings. gear: turns of the motor for one of the link, 0 where it is not known."""
     found = _by_what_moved(log, joint, torque_constant, gear)
+    if found.usable:
+        widest = Limit("alpha", 1e3 * found.half_gap, 1e3 * _WIDEST, "mrad",
+                       "positions in another unit than rad")  # fmt: skip
+        found = refused(found, GapVerdict.UNCLEAR, [widest])
     if log.motor_position is not None:
         return found
     # No encoder of the motor was read: what repeats with its turn is not that encoder's error.

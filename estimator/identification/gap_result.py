@@ -16,6 +16,8 @@ CROSSINGS = 15
 CLEAR = 0.15
 """Scatter of the plateaus, as a share of alpha, beyond which they are no borders."""
 
+_SAME = 1e-9  # [rad]: closer ones are one value of an encoder, rounded otherwise
+
 
 class GapVerdict(StrEnum):
     """Verdict on a joint's gap; only `clear` and `none` come with a half-gap to use."""
@@ -101,6 +103,13 @@ def spread(values: Vector) -> float:
     """Range between the 1st and the 99th percentile."""
     low, high = np.percentile(values, [1.0, 99.0])
     return float(high - low)
+
+
+def resolution(values: Vector) -> float:
+    """Step of an encoder, the smallest between two of its values; 0 of one value."""
+    steps = np.diff(np.unique(values))
+    steps = steps[steps > _SAME]
+    return float(steps.min()) if len(steps) else 0.0
 
 
 def smoothed(values: Vector, width: int) -> Vector:

@@ -1,6 +1,7 @@
 """The half-gap, from a link that is led by hand from border to border while its motor stands."""
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from arrays import Vector
-from estimator.identification.bending import Bending, bending
+from estimator.identification.bending import USUAL, Bending, bending
 from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
@@ -17,6 +18,7 @@ from estimator.identification.gap_result import (
     GapVerdict,
     Limit,
     refused,
+    resolution,
     smoothed,
     spread,
 )
@@ -24,6 +26,7 @@ from estimator.identification.gap_result import (
 _CREEP = 0.01  # [rad/s] that no bias of a velocity explains
 _SURE = 3.0  # standard errors by which a border loads the motor
 _ALIKE = 0.35  # of the load at the other border; a motor takes a while to forget that
+_STEP = 0.4  # of an encoder: two rests are off by less against each other, nineteen times of twenty
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,21 +100,33 @@ def from_plateaus(
     # Of single plateaus: each difference has two.
     scatter = np.sqrt(2.0) * 1.4826 * float(np.median(np.abs(left)))
     confidence = 0.9 * scatter / np.sqrt(crossings) * float(student.ppf(0.975, crossings - 2))
+    # Rests that do not scatter read the same step of an encoder each time.
+    confidence = float(np.hypot(confidence, _STEP * max(resolution(q), resolution(theta))))
     about = f"{crossings} crossings, plateaus scatter by {1e3 * scatter:.2g} mrad"
     if alpha < SMALLEST:
         return GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
                    confidence=confidence, crossings=crossings)  # fmt: skip
     found_gap = GapResult(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
                     confidence=confidence, crossings=crossings)  # fmt: skip
-    found_gap = _straightened(found_gap, bending(time_s, phi, torque, found.time_s, found.upper))
-    return _judged(found_gap, scatter, *_doubtful_border(time_s, phi, torque, found))
+    pressed = _pressed(time_s, phi, torque, found)
+    bent = bending(time_s, phi, torque, found.time_s, found.upper)
+    if not np.ptp(torque) > 0.0:
+        doubt = "the motor's torque is the same throughout: it does not tell which ends are borders"
+        return replace(found_gap, verdict=GapVerdict.UNCLEAR, half_gap=np.nan, estimate=alpha,
+                       reason=f"{about}; {doubt}")  # fmt: skip
+    found_gap = _straightened(found_gap, bent, pressed)
+    return _judged(found_gap, scatter, *_doubtful_border(pressed))
 
 
-def _straightened(found: GapResult, bent: Bending | None) -> GapResult:
+def _straightened(
+    found: GapResult, bent: Bending | None, pressed: Mapping[str, Vector]
+) -> GapResult:
     """`found` without what the gear bends, where that is known better than it matters; else with
-    that in its interval."""
+    that in its interval, or with what a usual gear bends where it was `pressed` so much."""
     if bent is None:
-        return found
+        loads = [float(loads.mean()) for loads in pressed.values()]
+        gives = USUAL * max(*loads, 0.0) if loads else 0.0
+        return replace(found, confidence=found.confidence + gives)
     gives = found.half_gap - bent.half_gap
     if bent.confidence > max(CLEAR * bent.half_gap, 0.5 * SMALLEST):
         wider = found.confidence + abs(gives) + bent.confidence
@@ -138,24 +153,29 @@ def _judged(found: GapResult, scatter: float, doubt: str, felt: bool) -> GapResu
     return replace(doubtful, verdict=GapVerdict.UNCLEAR, half_gap=np.nan, estimate=found.half_gap)
 
 
-def _doubtful_border(
-    time_s: Vector, phi: Vector, torque: Vector, found: Plateaus
-) -> tuple[str, bool]:
+def _pressed(time_s: Vector, phi: Vector, torque: Vector, found: Plateaus) -> dict[str, Vector]:
+    """Torque [Nm] by which a border loads the motor, beyond what it feels inside the gap, at each
+    rest at the upper and at the lower end; empty where the motor never was inside."""
+    low, high = np.percentile(phi, [2.0, 98.0])
+    free = np.abs(phi - 0.5 * (low + high)) < 0.25 * (high - low)
+    if not free.any():
+        return {}
+    beyond = torque - torque[free].mean()
+    loads = np.array([beyond[np.abs(time_s - t) < 0.1].mean() for t in found.time_s])
+    loads = np.where(found.upper, -loads, loads)
+    return {"upper": loads[found.upper], "lower": loads[~found.upper]}
+
+
+def _doubtful_border(sides: Mapping[str, Vector]) -> tuple[str, bool]:
     """Reason to doubt that one end of phi's range is a border rather than where the hand stopped,
-    or "" if both load the motor alike: a link ahead of it (phi > 0) is held back, one behind it
-    pushed. With it, whether that end loaded the motor at all.
+    or "" if both load the motor alike (`_pressed`): a link ahead of it (phi > 0) is held back, one
+    behind it pushed. With it, whether that end loaded the motor at all.
 
     The share of a load that the motor's friction takes is unknown here: of a good arm that is
     pressed alike, one end may load the motor six times as much as the other.
     """
-    low, high = np.percentile(phi, [2.0, 98.0])
-    free = np.abs(phi - 0.5 * (low + high)) < 0.25 * (high - low)
-    if not free.any() or not np.ptp(torque) > 0.0:
+    if not sides:
         return "", True
-    pressed = torque - torque[free].mean()
-    loads = np.array([pressed[np.abs(time_s - t) < 0.1].mean() for t in found.time_s])
-    loads = np.where(found.upper, -loads, loads)
-    sides = {"upper": loads[found.upper], "lower": loads[~found.upper]}
     mean = {side: float(x.mean()) for side, x in sides.items()}
     error = {side: float(x.std(ddof=1)) / np.sqrt(len(x)) for side, x in sides.items()}
     weak = min(mean, key=mean.__getitem__)

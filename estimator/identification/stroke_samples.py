@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Vector
-from estimator.identification.gap_result import smoothed
+from estimator.identification.gap_result import resolution, smoothed
 
 FASTEST = 0.045
 """[rad/s]: beyond, impacts and the swing of the link are not slow any more."""
@@ -31,6 +31,8 @@ class Samples:
     stroke: NDArray[np.int64]
     late: NDArray[np.bool_]
     """Not in the beginning of a stroke"""
+    resolution: float
+    """of the coarser encoder [rad]"""
 
 
 def stroking(theta_dot: Vector) -> bool:
@@ -76,6 +78,7 @@ def steady(time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector, torque: 
         follows=slope[at] / np.where(v[at] == 0.0, 1.0, v[at]),
         stroke=np.concatenate(stroke),
         late=np.concatenate(late),
+        resolution=max(resolution(q), resolution(theta)),
     )
 
 

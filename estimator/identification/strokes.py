@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arrays import Matrix, Vector
+from estimator.identification.bending import USUAL
 from estimator.identification.encoder_errors import Harmonic, turns
 from estimator.identification.gap_result import (
     CLEAR,
@@ -31,8 +32,13 @@ STROKES = 4
 _FEWEST = 3
 _BLOCK_S = 0.2  # samples of a plateau that count as one
 _TURN = 0.6  # of a motor's turn, in which its harmonics show
-_GEARS = (1.2e-3, 0.9e-3)  # [rad/Nm]: compliance of gears, and how far they differ
-_ENCODERS = 3e-5  # [rad]: resolution, which no scatter shows
+_GEARS = (USUAL, 0.9e-3)  # [rad/Nm]: compliance of gears, and how far they differ
+_ENCODERS = 3e-5  # [rad]: what no scatter shows of them
+_STEP = 0.3  # of an encoder, by which the mean over a way may be off
+_LATE_S = 0.002  # by which the current may be later than the positions, unseen
+_PERIOD_S = 0.01  # of the log, of whose samples at the borders no more than a few are averages
+_STIFFEST = 2.5e-4  # [rad/Nm]: no gear bends less, but where the torque does not show it
+_PUSHED = 0.3  # of the torque's noise: less pushes no link
 _UNSURE = 0.1  # of what the gear bent: friction does not quite keep its size
 _FEWEST_FREE = 5  # samples inside the gap
 _ROTORS = 0.75  # of all friction, where nothing is known: half of it or all
@@ -61,7 +67,12 @@ class _Fit:
     coulomb: float
     """of the rotor [Nm]"""
     unsure: float
-    """[rad] of what the gear bent, where that friction is not known"""
+    """[rad] of what the gear bent, where that friction is not known, or the torque does not show
+    what it bends"""
+    hidden: float
+    """[rad]: `_hidden`"""
+    noise: float
+    """of the torque over what it pushes its link with at the weaker border"""
 
 
 def from_strokes(
@@ -130,29 +141,35 @@ def _fitted(
     center = middle + drift * seen.time_s
     alpha, fit = half, None
     for _ in range(6):
-        free, off = _free_torque(seen, seen.phi - center, alpha)
-        rows = _carried(seen, seen.phi - center, alpha, free, off)
+        free, offset, off = _free_torque(seen, seen.phi - center, alpha)
+        load = seen.torque - offset - seen.direction * free
+        rows = _carried(seen, seen.phi - center, alpha, load, off)
         if rows is None:
             break
         # As far as theta drifts, phi does: the motor stands where the middle of the gap says.
         rows = replace(rows, theta=rows.theta + np.interp(rows.time_s, seen.time_s, center))
         fit, center = _solved(seen, rows, gear, integrated=integrated)
-        fit = replace(fit, coulomb=free, unsure=off * max(fit.compliance, _GEARS[0]))
+        fit = replace(fit, coulomb=free, unsure=fit.unsure + off * max(fit.compliance, _GEARS[0]))
         if abs(fit.alpha - alpha) < 1e-6:
             break
         alpha = max(fit.alpha, 0.25 * half)
     return fit
 
 
-def _free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[float, float]:
-    """Torque of the motor inside the gap on its way up [Nm], which is that down but for its sign,
-    and how far it may be off: a link that fell through was not seen there."""
+def _free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[float, float, float]:
+    """Torque of the motor inside the gap on its way up [Nm], which is that down but for its sign;
+    an offset of the current, which both ways have in common [Nm]; and how far the first may be off:
+    a link that fell through was not seen there."""
     inside = seen.late & (np.abs(phi) < 0.6 * alpha) & (seen.follows < -0.5)
+    ways = [inside & (seen.direction == way) for way in (1.0, -1.0)]
+    if min(int(one.sum()) for one in ways) >= _FEWEST_FREE:
+        up, down = (float(np.median(seen.torque[one])) for one in ways)
+        return 0.5 * (up - down), 0.5 * (up + down), 0.0
     if inside.sum() >= _FEWEST_FREE:
-        return float(np.median((seen.torque * seen.direction)[inside])), 0.0
+        return float(np.median((seen.torque * seen.direction)[inside])), 0.0, 0.0
     held = held_by(seen)
     whole = held.friction if held is not None else 0.0
-    return _ROTORS * whole, (1.0 - _ROTORS) * whole
+    return _ROTORS * whole, 0.0, (1.0 - _ROTORS) * whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,19 +183,20 @@ class _Carried:
     load: Vector
     """tau [Nm]"""
     stroke: Vector
+    noise: float
+    """of the torque over its mean at the weaker border; infinite where it pushes the wrong way"""
 
 
-def _carried(seen: Samples, phi: Vector, alpha: float, free: float, off: float) -> _Carried | None:
+def _carried(seen: Samples, phi: Vector, alpha: float, load: Vector, off: float) -> _Carried | None:
     side = -np.sign(phi)
     outer = np.abs(phi) > 0.5 * alpha
     plateau = seen.late & outer & (np.abs(seen.follows) < 0.25)
     if not plateau.any() or len(np.unique(side[plateau])) < 2:
         return None
-    load = seen.torque - seen.direction * free
     usual = {way: float(np.median((load * side)[plateau & (side == way)])) for way in (-1.0, 1.0)}
+    noise = 1.4826 * float(np.median(np.abs(np.diff(seen.torque)))) / np.sqrt(2.0)
     enough = 0.3 * np.where(side > 0.0, usual[1.0], usual[-1.0])
     into = seen.late & ~plateau & outer & (side == seen.direction)
-    noise = 1.4826 * float(np.median(np.abs(np.diff(seen.torque)))) / np.sqrt(2.0)
     # What a link that falls through its gap seems to load, friction being no better known, is none.
     into &= load * side > np.maximum(enough, max(4.0 * noise, off))
     block = np.round(seen.time_s / _BLOCK_S)
@@ -197,6 +215,7 @@ def _carried(seen: Samples, phi: Vector, alpha: float, free: float, off: float) 
         side=mean(side),
         load=mean(load),
         stroke=np.round(mean(seen.stroke.astype(np.float64))),
+        noise=noise / weakest if (weakest := min(usual.values())) > 0.0 else float("inf"),
     )
 
 
@@ -238,10 +257,22 @@ def _solved(seen: Samples, rows: _Carried, gear: float, *, integrated: bool) -> 
         harmonics=repeats.harmonics(solution[2 + plain.shape[1] :], harmonic) if turned > _TURN
         else (),
         coulomb=float("nan"),
-        unsure=0.0,
+        unsure=_GEARS[0] * load if solution[1] < _STIFFEST else 0.0,
+        hidden=_hidden(seen),
+        noise=rows.noise,
     )  # fmt: skip
     center = origin(seen.time_s) @ solution[2 : 2 + plain.shape[1]]
     return fit, center
+
+
+def _hidden(seen: Samples) -> float:
+    """What alpha may be off unseen [rad]: the motor goes on between two samples, and between the
+    current's instant and theirs; and encoders count steps."""
+    speed = float(np.median(np.abs(np.gradient(seen.theta, seen.time_s))))
+    period = float(np.median(np.diff(seen.time_s)))
+    # A motor at one speed reads evenly, too: an encoder's step shows where it stays for samples.
+    step = seen.resolution if seen.resolution > 1.5 * speed * period else 0.0
+    return speed * (_LATE_S + max(period - _PERIOD_S, 0.0)) + _STEP * step
 
 
 def _origin(time_s: Vector, stroke: Vector, *, integrated: bool) -> Callable[[Vector], Matrix]:
@@ -285,7 +316,8 @@ def _one_border(name: str, seen: Samples, half: float) -> GapResult:
 def _confidence(fit: _Fit) -> float:
     """Half the 95 % interval of alpha [rad]."""
     repeats = sum(harmonic.amplitude for harmonic in fit.harmonics)
-    return 2.0 * fit.error + _UNSURE * (fit.bent + repeats) + fit.unsure + _ENCODERS
+    seen = float(np.hypot(2.0 * fit.error, fit.hidden))
+    return seen + _UNSURE * (fit.bent + repeats) + fit.unsure + _ENCODERS
 
 
 def _judged(name: str, fit: _Fit, strokes: int) -> GapResult:
@@ -307,6 +339,8 @@ def _judged(name: str, fit: _Fit, strokes: int) -> GapResult:
                      "", "gravity holds the link at one border: by hand")  # fmt: skip
     found = refused(found, GapVerdict.ONE_BORDER, [one_side])
     limits = [
+        Limit("noise of the torque over what pushes the link", fit.noise, 1.0 / _PUSHED, "",
+              "the log's current is not this motor's, or has the other sign (`motor_sign`)"),
         Limit("scatter of phi at the borders", 1e3 * fit.scatter,
               1e3 * (CLEAR * fit.alpha + _ROUGH), "mrad",
               "somebody touched the link, or encoders with errors that do not repeat with a turn"),

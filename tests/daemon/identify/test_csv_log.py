@@ -4,9 +4,11 @@ import gzip
 import json
 import os
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -14,8 +16,10 @@ from mcap.writer import Writer
 
 from bench.rigs.lockstep import SINGLE_JOINT
 from daemon.commands.contactd import main
+from daemon.config.identified import GapEntry
+from daemon.config.load import load_robot, refuse_unreadable
 from daemon.identify.csv_log import read_csv
-from errors import LogError
+from errors import ConfigurationError, LogError
 
 DATA = Path(os.environ.get("CONTACTD_DATA", Path(__file__).parents[4] / "shared" / "data"))
 T = 0.01
@@ -49,6 +53,32 @@ def test_a_gap_needs_two_positions_and_a_torque(tmp_path: Path) -> None:
     friction = CliRunner().invoke(main, ["identify", "friction", *given])
     assert friction.exit_code != 0
     assert "no column motor_velocity.joint" in friction.output
+
+
+def test_degrees_are_no_radians_and_void_no_configuration(tmp_path: Path) -> None:
+    """A half-gap that no configuration takes: a daemon would not begin with it."""
+    columns = pressed(0.02)
+    columns["link_position.joint"] = np.degrees(columns["link_position.joint"])
+    path = save(tmp_path / "log.csv", columns)
+    folder = shutil.copytree(SINGLE_JOINT.parent, tmp_path / "configs") / "single_joint"
+    before = (folder / "identified.yaml").read_bytes()
+    given = ["--config", str(folder), "--log", str(path)]
+    result = CliRunner().invoke(main, ["identify", "gap", "joint", *given])
+    assert result.exit_code != 0, result.output
+    assert "alpha 1.15e+03 mrad, at most 500 mrad: positions in another unit" in result.output
+    assert (folder / "identified.yaml").read_bytes() == before
+
+
+def test_what_would_not_be_read_again_is_not_written() -> None:
+    robot = load_robot(SINGLE_JOINT)
+    assert robot.identified is not None
+    refuse_unreadable(robot, robot.identified)
+    entries = robot.identified.joints["joint"]
+    wide = GapEntry(date="2026-01-01", log="", half_gap=1.1, confidence=0.0)
+    joints = {"joint": msgspec.structs.replace(entries, gap=wide)}
+    found = msgspec.structs.replace(robot.identified, joints=joints)
+    with pytest.raises(ConfigurationError, match=r"not written.*half_gap: must be .* at most 0.5"):
+        refuse_unreadable(robot, found)
 
 
 @pytest.mark.parametrize("without", ["link_position.joint", "motor_position.joint", "torque.joint"])
@@ -295,3 +325,35 @@ def test_a_csv_has_no_topic(tmp_path: Path) -> None:
     (tmp_path / "log.yaml").write_text(OF_A_TOPIC)
     with pytest.raises(LogError, match="topic: '/arm', only an MCAP has any"):
         read_csv(path, ["joint"], {"joint": 3.0}, of_gap=True)
+
+
+def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path) -> None:
+    path = save(tmp_path / "log.csv", pressed(0.02))
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    log, _ = read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
+    assert log.time_s[0] == 0.0
+
+
+def test_semicolons_are_told_by_what_is_there(tmp_path: Path) -> None:
+    path = save(tmp_path / "log.csv", pressed(0.02))
+    path.write_text(path.read_text().replace(",", ";"))
+    with pytest.raises(LogError, match=r"log.csv: no column time; there are time;link_position"):
+        read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda c: c["time"].__setitem__(500, 2.0), "time does not grow at sample 500"),
+        (lambda c: c["link_position.joint"].__setitem__(7, np.nan), "link_position of joint is"),
+        (lambda c: c.update({k: v[:50] for k, v in c.items()}), "too short: 50 samples"),
+    ],
+)
+def test_what_a_log_has_wrong_is_said_with_its_name(
+    tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None], told: str
+) -> None:
+    columns = pressed(0.02)
+    change(columns)
+    path = save(tmp_path / "log.csv", columns)
+    with pytest.raises(LogError, match=f"log.csv: .*{told}"):
+        read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)

@@ -70,7 +70,7 @@ def by_hand(alpha: float = 0.09, visits: int = 24) -> dict[str, np.ndarray]:
     zero = np.zeros_like(q)
     return {
         "time": 0.01 * np.arange(len(q)),
-        "current.joint": zero,
+        "current.joint": -0.05 * np.sign(q) * (np.abs(q) > 0.99 * alpha),
         "link_position.joint": q,
         "motor_velocity.joint": zero,
         "motor_position.joint": zero,

@@ -135,12 +135,13 @@ def test_a_hand_goes_on_with_the_borders_that_it_met_before(
     phi = np.concatenate([np.linspace(a, b, 41)[1:] for a, b in itertools.pairwise(ends)])
     phi = np.repeat(phi.reshape(13, 40), [1] * 39 + [60], axis=1).ravel()
     times, zero = 0.01 * np.arange(len(phi)), np.zeros((len(phi), 1))
-    before = MotionLog(("joint",), times, zero, phi[:, None], zero, zero)
+    pressed = -np.sign(phi) * (np.abs(phi) > 0.019)
+    before = MotionLog(("joint",), times, pressed[:, None], phi[:, None], zero, zero)
     hands = [Hand(0, 1.0, "joint"), Hand(0, 1.0, "joint", before)]
     for tick, x in enumerate(phi):
         state = msgspec.structs.replace(
             make_state(tick),
-            current=[0.0],
+            current=[float(pressed[tick])],
             link_position=[0.3 + x],
             motor_velocity=[0.0],
             motor_position=[0.3],

@@ -130,6 +130,15 @@ def test_motor_positions_that_the_estimator_takes_are_asked_for():
         over_log(log, msgspec.structs.replace(c, estimator=estimator), robot.urdf)
 
 
+def test_milliseconds_are_no_seconds(tmp_path, states):
+    """Between samples 10 s apart nothing was measured; a long log would become a hundred million
+    samples."""
+    late = [msgspec.structs.replace(s, time_s=1e3 * s.time_s) for s in states]
+    result = replayed(saved(tmp_path / "log.csv", late))
+    assert result.exit_code != 0
+    assert "samples every 10 s, the configuration's period is 0.01 s" in result.output
+
+
 def test_a_pause_begins_anew_and_is_no_contact():
     robot = load_robot(SINGLE_JOINT)
     t, zero = 0.01 * np.arange(800), np.zeros((800, 1))

@@ -54,8 +54,28 @@ def test_a_drifting_integral_changes_nothing():
     phi = visits(0.02, 24)
     t = T * np.arange(len(phi))
     drift = 0.0004 * t  # 10 mrad in the end
-    gap = from_plateaus("j", t, phi, drift, 0.0004, np.zeros_like(t))
+    gap = from_plateaus("j", t, phi, drift, 0.0004, -np.sign(phi) * (np.abs(phi) > 0.019))
     assert gap.half_gap == pytest.approx(0.02, abs=1e-4)
+
+
+def test_what_no_scatter_of_plateaus_shows_is_in_the_interval():
+    """An encoder of 4096 steps reads the same at each rest, and a gear that is pressed bends by as
+    much each time; without a torque nobody knows what the ends are."""
+    phi = visits(0.01, 24)
+    t, still = T * np.arange(len(phi)), np.zeros_like(phi)
+    step = 2.0 * np.pi / 4096.0
+    pressed = -np.sign(phi) * (np.abs(phi) > 0.95 * 0.01)
+    coarse = step * np.round((phi + 0.0003) / step)
+    soft = from_plateaus("j", t, coarse, still, 0.0, 0.01 * pressed)
+    assert soft.verdict is GapVerdict.CLEAR, soft
+    assert abs(soft.half_gap - 0.01) < soft.confidence
+    assert 0.3 * step < soft.confidence < 0.5 * step
+    hard = from_plateaus("j", t, phi, still, 0.0, 2.0 * pressed)
+    assert 0.001 < hard.confidence < 0.005
+    none = from_plateaus("j", t, phi, still, 0.0, still)
+    assert none.verdict is GapVerdict.UNCLEAR, none
+    assert none.estimate == pytest.approx(0.01)
+    assert "the same throughout" in none.reason
 
 
 @pytest.mark.parametrize("measured", [True, False])

@@ -235,3 +235,68 @@ def test_a_link_that_falls_through_its_gap_is_not_carried_there():
     assert found.verdict is GapVerdict.CLEAR, found.reason
     assert found.half_gap == pytest.approx(alpha, abs=found.confidence)
     assert found.confidence < 0.0003
+
+
+def slow_strokes(
+    alpha: float, *, T: float = 0.01, gear: float = 1000.0, link: float = 0.5
+) -> tuple[np.ndarray, ...]:
+    """Time, positions of link and motor, velocity and torque of four strokes at 15 mrad/s of a
+    joint without inertia: friction of 1 Nm at the motor and of `link` [Nm] at the link."""
+    rng, way, speed = np.random.default_rng(0), 2.0 * alpha + 0.06, 0.015
+    corners = 0.5 * way * np.array([0.0, -1.0, 1.0, -1.0, 1.0, 0.0])
+    at = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(corners)))]) / speed
+    t = np.arange(0.0, at[-1], T)
+    theta, q, q_now = np.interp(t, at, corners), np.zeros_like(t), 0.0
+    reach = alpha + link / gear
+    for k, motor in enumerate(theta.tolist()):
+        q_now = min(max(q_now, motor - reach), motor + reach)
+        q[k] = q_now
+    velocity, apart = np.gradient(theta, t), theta - q
+    torque = gear * (apart - np.clip(apart, -alpha, alpha)) + np.tanh(velocity / 0.002)
+    return t, q, theta, velocity, torque + 0.02 * rng.standard_normal(len(t))
+
+
+@pytest.mark.parametrize("alpha", [0.002, 0.01])
+@pytest.mark.parametrize("offset", [-0.5, 0.2, 2.0])
+def test_an_offset_of_the_current_changes_nothing(alpha, offset):
+    *moved, torque = slow_strokes(alpha)
+    found = from_strokes("j", *moved, torque + offset)
+    assert found.verdict is GapVerdict.CLEAR, found
+    assert found.half_gap == pytest.approx(alpha, abs=found.confidence)
+    assert found.half_gap == pytest.approx(alpha, abs=1e-4)
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.005, 0.02, 0.08])
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        {"step": 0.002},
+        {"step": 2.0 * np.pi / 4096.0},
+        {"late": 0.05},
+        {"T": 0.06},
+        {"T": 0.1},
+        {"turned": 0.0},
+        {"turned": -1.0},
+        {"turned": 0.0, "gear": 300.0, "link": 3.0},
+        {"turned": -1.0, "gear": 300.0, "link": 3.0},
+    ],
+    ids=str,
+)
+def test_what_spoils_a_log_makes_the_interval_wider_or_is_refused(alpha, spoil):
+    """Encoders of coarse steps, a current that comes late, slow logs, no current, one of the other
+    sign: what the gear bends is taken for gap, and no scatter shows it."""
+    wrong = {"step": 0.0, "late": 0.0, "turned": 1.0}
+    wrong |= {name: spoil[name] for name in wrong if name in spoil}
+    plant = {name: value for name, value in spoil.items() if name not in wrong}
+    t, q, theta, velocity, torque = slow_strokes(alpha, **plant)
+    if wrong["step"]:
+        q = wrong["step"] * np.round(q / wrong["step"])
+    noise = 0.01 * np.random.default_rng(1).standard_normal(len(t))
+    torque = wrong["turned"] * np.interp(t - wrong["late"], t, torque) + noise
+    found = from_strokes("j", t, q, theta, velocity, torque)
+    if found.verdict is GapVerdict.CLEAR:
+        assert abs(found.half_gap - alpha) < 1.5 * found.confidence, found
+    elif found.verdict is GapVerdict.NONE:
+        assert alpha == 0.0, found
+    if wrong["turned"] <= 0.0:
+        assert not found.usable, found
