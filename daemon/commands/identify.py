@@ -279,6 +279,7 @@ def identification(
         status = session.client.ask_status()
         if status.mode == Mode.FAULTED and (yes or may_reset(status.cause)):
             session.reset()
+            session.say(f"the fault is reset: {status.cause}")
         session.take_up_changes()
         robot = load_robot(from_here(Path(session.client.ask_status().configuration)))
         if config is not None and load_robot(config).path.resolve() != robot.path.resolve():

@@ -66,6 +66,7 @@ def test_a_step_resets_a_fault_and_takes_up_what_was_written_before_it(
     rewired(arm)
     result = served.contactd("identify", "wiring", "--yes")
     assert result.exit_code == 0, result.output
+    assert "the fault is reset: " in result.output
     assert "changed since" not in result.output
     assert served.rig.mode is Mode.OFF
     assert served.service.process.files.changed() == []
