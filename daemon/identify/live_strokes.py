@@ -87,7 +87,7 @@ class StrokesOfJoint:
         return search(
             self.i, joint.torque_constant, joint.wiring.gear, joint.half_gap,
             lambda pose: float(self.model.gravity(pose)[self.i]),
-            float(self.pose[self.i]), self.room,
+            float(self.pose[self.i]), self.room, self.c.period_s,
         )  # fmt: skip
 
     def announcement(self) -> str:

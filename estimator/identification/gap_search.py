@@ -21,6 +21,7 @@ from estimator.identification.strokes import STROKES
 SPEED = 0.03
 """of the motor at the link [rad/s], at most"""
 _SLOW = 0.015  # [rad/s], where a gap is crossed within a second
+_SLOWEST, _PERIOD_S = 0.007, 0.01  # [rad/s] for a longer period: between two samples it goes on
 _NARROW = 0.015  # [rad] of half-gap
 _SCOUTS = 2
 _BEYOND = 0.03  # [rad] beyond the gap, so that the link comes along
@@ -61,11 +62,14 @@ def search(
     gravity: Gravity,
     start: float,
     room: tuple[float, float],
+    period_s: float = _PERIOD_S,
 ) -> Search:
     """Search for the gap of `joint`; guess: half-gap [rad] to begin with; start: link position
     [rad] at which gravity changes side by the URDF; room: link positions [rad] within which it is
-    to stay. Returns the result."""
+    to stay; period_s: between two samples of the logs, [s]: the motor turns slower where it is
+    long. Returns the result."""
     half, about, moves = max(guess, 0.002), start, 0
+    fastest = float(np.clip(SPEED * _PERIOD_S / period_s, _SLOWEST, SPEED))
 
     def strokes(way: float, speed: float, count: int) -> Strokes:
         way = min(way, room[1] - room[0])
@@ -73,7 +77,7 @@ def search(
         return Strokes(float(inside), way, speed, count)
 
     while True:
-        log = yield strokes(2.0 * half + _BEYOND, SPEED, _SCOUTS)
+        log = yield strokes(2.0 * half + _BEYOND, fastest, _SCOUTS)
         scouted = by_strokes(log, joint, torque_constant, gear)
         there = _balance(log, joint, torque_constant, gravity)
         reachable = abs(there - start) < _OFF and room[0] < there < room[1]
@@ -90,7 +94,7 @@ def search(
     carried = min(max(_TURNS * 2.0 * np.pi / gear, _BEYOND), FURTHEST)
     count = STROKES
     while True:
-        speed = _SLOW if half < _NARROW else SPEED
+        speed = min(_SLOW, fastest) if half < _NARROW else fastest
         log = yield strokes(2.0 * half + carried, speed, count)
         found = by_strokes(log, joint, torque_constant, gear)
         if found.verdict is GapVerdict.TOO_SHORT and half < WIDEST:

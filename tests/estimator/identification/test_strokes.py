@@ -162,6 +162,17 @@ def test_strokes_stay_within_the_limits(room):
     assert one.way <= 2.0 * WIDEST + FURTHEST
 
 
+@pytest.mark.parametrize(
+    ("period_s", "speed"), [(0.002, 0.03), (0.01, 0.03), (0.02, 0.015), (0.1, 0.007)]
+)
+def test_a_motor_that_is_seldom_sampled_turns_slowly(period_s, speed):
+    """Between two samples it goes on, which is in the interval of the gap."""
+    steps = search(0, 1.0, 100.0, 0.02, lambda pose: 0.0, 0.0, (-2.0, 2.0), period_s)
+    scouts = next(steps)
+    final = steps.send(crossing_log(scouts, 0.02, 0.0))
+    assert (scouts.speed, final.speed) == pytest.approx((speed, speed))
+
+
 def test_a_balanced_pose_is_near_and_hangs():
     robot = load_robot(ROMEO)
     c = robot.configuration
