@@ -71,13 +71,10 @@ class Gatherer:
     def _day(self, rows: Matrix, days: dict[str, Day]) -> Day:
         date = datetime.fromtimestamp(rows[-1, WALL], UTC).date().isoformat()
         if date not in days:
-            days[date] = Day(arm=self._arm, date=date)
+            days[date] = Day(arm=self._arm, date=date, identified=self._identified)
         day = days[date]
         for name in self._joints:
-            # What was learned before another identification is of another model.
-            if name not in day.joints or self._identified.get(name) != day.identified.get(name):
-                day.joints[name] = JointDay()
-        day.identified = self._identified
+            day.joints.setdefault(name, JointDay())
         return day
 
     def _column(self, rows: Matrix, joint: int, what: int) -> Vector:

@@ -99,20 +99,3 @@ def test_a_rotor_that_is_not_measured_shows_its_gap_but_no_skew() -> None:
     (day,) = gathered(integrated).values()
     assert day.joints["elbow"].half_gap.mean == pytest.approx(0.012, rel=0.1)
     assert day.joints["elbow"].skew_ms.weight == 0.0
-
-
-def test_a_day_on_which_a_joint_is_identified_begins_anew_for_it() -> None:
-    """What was at its bound before says nothing of what was found since."""
-    at = rows(60.0)
-    at[:, [HEAD + 4, HEAD + PER_JOINT + 4]] = 1.7
-    at[:, HEAD + PER_JOINT + 2] = 0.5  # the other moves, too
-    days: dict[str, Day] = {}
-    names, before = ["elbow", "wrist"], {"elbow": "2027-01-14", "wrist": "2027-01-14"}
-    Gatherer("arm", names, T, before).take(at, days)
-    after = before | {"elbow": "2027-01-15"}
-    for first in (0, 6000):  # and goes on where nothing else was identified
-        Gatherer("arm", names, T, after).take(rows(60.0, tick=first), days)
-    (day,) = days.values()
-    assert day.identified == after
-    assert (day.joints["elbow"].bound_s, day.joints["wrist"].bound_s) == pytest.approx((0.0, 60.0))
-    assert day.joints["elbow"].moved_s == pytest.approx(113.0, abs=3.0)
