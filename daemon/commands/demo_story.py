@@ -91,6 +91,12 @@ class Story:
             if event.contact and event.contact.level == "contact"
         ]
 
+    @property
+    def faults(self) -> list[str]:
+        """Faults that the daemon reported, a latched one or not."""
+        notices = [notice for state in self._states for notice in state.notices]
+        return [notice.text for notice in notices if notice.kind == "fault"]
+
     def touched(self, state: State) -> bool:
         """True if the hand was on the arm, or had just left it."""
         touch, now = self._touch, state.timing.monotonic_s
@@ -206,7 +212,7 @@ class Story:
                 false["backlash"] == 0,
                 ", ".join(f"{name} {count}" for name, count in false.items()),
             ),
-            Check("no fault", Mode.FAULTED not in names, ""),
+            Check("no fault was latched", Mode.FAULTED not in names, ", ".join(self.faults)),
         ]
 
     def report(self, *, ended_well: bool) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from daemon.commands.demo import verdict
 from daemon.commands.demo_story import Story, Touch, touch_of
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
-from daemon.protocol.messages import STATE_FORMAT, Snapshot
+from daemon.protocol.messages import STATE_FORMAT, Notice, Snapshot
 from simulator.hand import Guide, Push, Release
 
 HAND = (
@@ -97,13 +97,21 @@ def faulted(states, touch):
         (with_a_jump, "it went on without a jump"),
         (untouched, "the push was felt"),
         (with_a_false_contact, "no false contact"),
-        (faulted, "no fault"),
+        (faulted, "no fault was latched"),
     ],
 )
 def test_a_story_that_went_wrong_fails(played, spoil, what):
     story = story_of(*spoil(*played))
     assert what in [c.what for c in story.checks() if not c.happened]
     assert not story.report(ended_well=True)["pass"]
+
+
+def test_a_fault_that_was_not_latched_is_named(played):
+    states, touch = played
+    late = Notice(kind="fault", text="too many late ticks (51 ms late)")
+    changed = msgspec.structs.replace(states[20], notices=[late])
+    *_, check = story_of([*states[:20], changed, *states[21:]], touch).checks()
+    assert (check.happened, check.figure) == (True, late.text)
 
 
 def test_an_arm_left_in_disorder_fails(played):
