@@ -198,7 +198,7 @@ install-service:
 	  install -d $$(dirname $$link) && ln -sf $(PREFIX)/share/$$page $$link || exit 1; done
 	cp -R --no-preserve=ownership docs systemd/examples $(SHARE)/
 	cp -R --no-preserve=ownership $(EXAMPLES) $(SHARE)/configs/
-	rm -f $(SHARE)/configs/*/*.mcap
+	find $(SHARE)/configs -name '*.mcap' -delete
 	chmod -R a+rX $(SHARE)
 	$(PUBLIC) install -d $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE)
 	$(PUBLIC) sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd.service >$(UNITS)/contactd.service
@@ -214,7 +214,7 @@ install-files: install-service
 	@if [ -e $(DESTDIR)/etc/contactd ]; then \
 	  echo "/etc/contactd is there already: kept as it is$(if $(ROBOT),; ROBOT=$(ROBOT) is not copied)"; else \
 	  set -ex; cp -RL --no-preserve=ownership $(or $(ROBOT),configs/romeo_left_arm) $(DESTDIR)/etc/contactd; \
-	  rm -f $(DESTDIR)/etc/contactd/*.mcap; \
+	  find $(DESTDIR)/etc/contactd -name '*.mcap' -delete; \
 	  $(if $(ROBOT),,rm $(DESTDIR)/etc/contactd/identified.yaml; \
 	  sed -i 's|^bus:.*|bus: {interface: socketcan, channel: can0, bitrate: 1000000}|' $(DESTDIR)/etc/contactd/config.yaml;) \
 	  chmod -R a+rX $(DESTDIR)/etc/contactd; fi

@@ -305,7 +305,8 @@ class Reply(TypedDict):
     row: NotRequired[int | None]
     # joints that are told to stop and not seen to stand
     unproved: NotRequired[list[str]]
-    # of `start` and `go` that are done, and of a plan: beyond what the thresholds have seen
+    # of `start` and `go` that are done, and of a plan: beyond what the thresholds have seen, or
+    # nearer to a limit than a joint may get
     warnings: NotRequired[list[str]]
     # of `go` that is done, or planned
     way: NotRequired[Way | None]

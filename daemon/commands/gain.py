@@ -59,10 +59,10 @@ def balance(options: Options, *, apply: bool) -> None:
     if options.json:
         print_json({"applied": apply, "joints": rows})
     else:
-        click.echo(in_words(rows))
+        say(in_words(rows))
     if not apply:
         if not options.json:
-            click.echo("nothing has changed: --apply changes the gains until the daemon ends")
+            say("nothing has changed: --apply changes the gains until the daemon ends")
         return
     with options.connect() as client:
         for name, row in rows.items():
@@ -135,15 +135,15 @@ def in_words(rows: dict[str, dict[str, float]]) -> str:
     from daemon.motion.balance import LEADING_RAD_S
 
     width = max(map(len, rows))
-    head = f"{'lever [m]':>12}  {'K_a now':>7} {'balanced':>8}  {'at rest from':>12}"
+    head = f"{'lever [m]':>9}  {'K_a now':>7} {'balanced':>8}  {'at rest':>7}"
     lines = [f"{'':{width}}  {head}  led, now -> balanced"]
     for name, row in rows.items():
-        lever = f"{row['lever_shortest_m']:.2f} to {row['lever_longest_m']:.2f}"
+        lever = f"{row['lever_shortest_m']:.2f}-{row['lever_longest_m']:.2f}"
         gains = f"{row['gain_now']:7.3g} {row['gain']:8.3g}"
         rest = f"{row['at_rest_from_N']:.1f} N"
-        now = f"{row['now_least_N']:.1f} to {row['now_most_N']:.1f} N"
-        after = f"{row['least_N']:.1f} to {row['most_N']:.1f} N"
-        lines.append(f"{name:{width}}  {lever:>12}  {gains}  {rest:>12}  {now} -> {after}")
+        now = f"{row['now_least_N']:.1f}-{row['now_most_N']:.1f} N"
+        after = f"{row['least_N']:.1f}-{row['most_N']:.1f} N"
+        lines.append(f"{name:{width}}  {lever:>9}  {gains}  {rest:>7}  {now} -> {after}")
     even = [
         max(row[f"{when}most_N"] for row in rows.values())
         / min(row[f"{when}least_N"] for row in rows.values())

@@ -34,7 +34,7 @@ NO_COLLISION_CHECK = (
 
 def destination(words: Sequence[str]) -> tuple[str, dict[str, float]]:
     """Pose, or targets [rad] by joint, of the words that were typed. Raises UsageError."""
-    if len(words) == 1 and "=" not in words[0]:
+    if len(words) == 1 and words[0] and "=" not in words[0]:
         return words[0], {}
     targets: dict[str, float] = {}
     for word in words:
@@ -56,6 +56,8 @@ def go(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> No
     """Show the way, ask unless `yes`, move, and wait for its end; exit 1 where it ended elsewhere
     or was refused. Without words: list the poses."""
     if not words:
+        if yes:  # of a script whose variable is empty: nothing moves, and that is no success
+            raise click.UsageError("--yes moves the arm: to which POSE, or JOINT=VALUE?")
         _list_poses(options)
         return
     pose, targets = destination(words)
@@ -107,11 +109,15 @@ def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Rep
     while not interrupted():
         now = client.ask_status()
         if now.mode in RESTING:
-            places = zip(now.link_position, way.goal, strict=True)
-            there = all(abs(q - goal) <= THERE_RAD for q, goal in places)
-            done = now.mode is Mode.HOLDING and now.trajectory.state == "ready" and there
+            places = zip(way.joints, now.link_position, way.goal, strict=True)
+            far = [
+                f"{name} stands at {q:.3f} rad, {abs(q - goal):.3f} rad from {goal:.3f}"
+                for name, q, goal in places
+                if abs(q - goal) > THERE_RAD
+            ]
+            done = now.mode is Mode.HOLDING and now.trajectory.state == "ready" and not far
             text = f"{now.mode}: {now.cause}" if done else f"not there: {now.mode}, {now.cause}"
-            reasons = [] if done else now.advice.splitlines()
+            reasons = [] if done else now.advice.splitlines() or far
             return Reply(ok=done, message=text, reasons=reasons, mode=now.mode, way=way)
         time.sleep(POLL_S)
     return None
@@ -138,6 +144,6 @@ def _list_poses(options: Options) -> None:
         return
     for name, values in poses.items():
         places = " ".join(f"{joint}={value:g}" for joint, value in values.items())
-        click.echo(f"{name:16} {places}")
+        say(f"{name:16} {places}")
     if not poses:
         say("no `poses` in the configuration; `contactctl go JOINT=VALUE ...` needs none")

@@ -3,6 +3,8 @@ numbers for both command lines."""
 # ruff: noqa: PLC0415 - the client is imported by the command that needs it
 
 import math
+import os
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -90,11 +92,20 @@ class Group(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; an error of ours sets the exit status."""
+        _open_closed_streams()
         try:
             return super().invoke(ctx)
         except ContactdError as error:
             say(f"contactctl: {error}", err=True)
             ctx.exit(error.exit_code)
+
+
+def _open_closed_streams() -> None:
+    """Open what a caller closed (`contactctl stop >&-`): what was done is no failure for want of
+    somebody to tell, and no socket takes the place of stdout."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - as long as the program runs
 
 
 class Range(click.FloatRange):

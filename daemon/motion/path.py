@@ -122,9 +122,9 @@ class Place:
         return self if path is self.path else Place(path)
 
     def leaves_limits(self, q: Vector, lower: Vector, upper: Vector) -> NDArray[np.bool_]:
-        """Mask (n,) of joints whose path from here on, anchored at q, leaves [lower, upper]; a
-        joint that holds does not."""
-        first, last = self.room(lower, upper)
+        """Mask (n,) of joints whose path from here on, as it goes on from q, leaves [lower,
+        upper]; a joint that holds does not."""
+        first, last = self.led_to(q).room(lower, upper)
         return (q < first - ROUNDING) | (q > last + ROUNDING)
 
     def room(self, lower: Vector, upper: Vector) -> tuple[Vector, Vector]:
@@ -140,7 +140,7 @@ class Place:
         """Pose (n,) [rad] nearest to q from which the path from here on stays within [lower,
         upper]: by `inside` [rad] where there is so much room, in the middle where there is less;
         NaN for a joint whose path fits nowhere."""
-        first, last = self.room(lower, upper)
+        first, last = self.led_to(q).room(lower, upper)
         room = last - first
         margin = np.minimum(inside, 0.5 * room)
         nearest = np.minimum(np.maximum(q, first + margin), last - margin)

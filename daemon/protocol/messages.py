@@ -180,7 +180,8 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     felt: Felt | None = None  # of `arm` that is done; a client that does not know it leaves it out
     row: int | None = None  # of a trajectory: the first that was refused, from 0
     unproved: list[str] = []  # joints that are told to stop and not seen to stand
-    # of `start` and `go` that are done, and of a plan: beyond what the thresholds have seen
+    # of `start` and `go` that are done, and of a plan: beyond what the thresholds have seen, or
+    # nearer to a limit than a joint may get
     warnings: list[str] = []
     way: Way | None = None  # of `go` that is done, or planned
     status: "Status | None" = None

@@ -16,6 +16,7 @@ from errors import TrajectoryError
 
 # Of the joint that goes furthest, unless asked for otherwise [rad/s].
 USUAL_SPEED = 0.2
+TOLD_RAD = 1e-3  # what a joint may stop short by, and nobody is told
 
 
 @dataclass(slots=True)
@@ -67,6 +68,19 @@ class Poses:
             speed=path.fastest(0.0).tolist(),
             duration_s=run_time_s(path.duration, self._ramp_s),
         )
+
+    def short_of(self, path: PosePath) -> list[str]:
+        """Warnings for joints that the path leads nearer to a limit than a link may fall in its
+        gap: they stop short of it, unless the link has fallen to that side already."""
+        goal, limits = path.goal, self._limits
+        gaps = np.array([2.0 * joint.half_gap for joint in self.robot.configuration.joints])
+        short = gaps - np.minimum(goal - limits.lower, limits.upper - goal)
+        return [
+            f"{joint} may stop up to {short[i]:.3f} rad short of {goal[i]:.3f}: nearer to its "
+            f"limit its link could fall beyond, through its gap"
+            for i, joint in enumerate(self.joints)
+            if path.way[i] and short[i] > TOLD_RAD
+        ]
 
     def _asked_for(self, request: Request) -> tuple[str, dict[str, float]]:
         if (request.pose is None) == (not request.targets):

@@ -224,14 +224,16 @@ class Service:
         reasons = self.loop.tick.arming_checks.unsettled()
         if request.plan:
             reasons = reasons or self.loop.tick.controller.refusals(Event.START, path)
-            warnings = self.process.seen.beyond(poses.joints, q, Place(path))
+            seen = self.process.seen.beyond(poses.joints, q, Place(path))
             planned = self._reply(request, reasons, "planned")
+            warnings = [*seen, *poses.short_of(path)]
             return planned if reasons else replace(planned, way=poses.way(path), warnings=warnings)
         reply = self._reply(request, reasons or self.set_up.request(Event.START, who, path))
         if not reply.ok:
             return reply
         self.attendance.begin(peer.connection if request.attended else 0, self.loop.time_s)
-        return replace(reply, way=poses.way(path), warnings=self._beyond_what_was_seen())
+        warnings = [*self._beyond_what_was_seen(), *poses.short_of(path)]
+        return replace(reply, way=poses.way(path), warnings=warnings)
 
     def _arm(self, request: Request, peer: Peer) -> Reply:
         answer = self.permission.arm(request, peer, self.loop.time_s)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from contactd_client.paths import why_unreachable
 from daemon.faults.finding import Finding, advice_on
 from daemon.faults.symptoms import PAGE, SECTION_OF, advice_of
 from daemon.faults.table import TABLE, Condition
@@ -17,7 +18,7 @@ SECTIONS = {
 }
 SOURCES = "\n".join(
     path.read_text(encoding="utf-8")
-    for folder in ("daemon", "drivers", "estimator")
+    for folder in ("contactd_client", "daemon", "drivers", "estimator")
     for path in sorted((ROOT / folder).rglob("*.py"))
 )
 
@@ -57,6 +58,12 @@ def test_what_is_said_is_what_the_program_says(anchor: str) -> None:
     words = said_as(SECTIONS[anchor])
     assert words or "*Said as* nothing" in SECTIONS[anchor]
     assert [text for text in words if text not in SOURCES] == []
+
+
+@pytest.mark.parametrize("error", [FileNotFoundError(), ConnectionRefusedError()])
+def test_who_reaches_no_daemon_finds_what_was_said(error: OSError) -> None:
+    said = why_unreachable(Path("/tmp/contactd-1.sock"), error)
+    assert any(words in said for words in said_as(SECTIONS["it-does-not-start-or-refuses"]))
 
 
 def test_signs_come_before_the_gap() -> None:

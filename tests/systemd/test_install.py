@@ -123,6 +123,8 @@ def my_arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("robots") / "my_arm"
     shutil.copytree(ROOT / "configs/romeo_left_arm", folder)
     (folder / "touch.mcap").touch()
+    (folder / "identify").mkdir()
+    (folder / "identify/strokes.mcap").touch()
     (folder / "drive.eds").unlink()
     (folder / "drive.eds").symlink_to(ROOT / "configs/romeo_left_arm/drive.eds")
     return folder
@@ -132,7 +134,7 @@ def test_the_folder_of_a_robot_is_installed_and_kept(tmp_path: Path, my_arm: Pat
     done = make("install-files", tmp_path, ROBOT=str(my_arm))
     assert done.returncode == 0, done.stderr
     there = tmp_path / "etc/contactd"
-    assert files(there) == files(my_arm) - {"touch.mcap"}
+    assert files(there) == files(my_arm) - {"touch.mcap", "identify/strokes.mcap"}
     assert load_robot(there).text == (my_arm / "config.yaml").read_text()
     assert not (there / "drive.eds").is_symlink()
     identified = (there / "identified.yaml").read_text()
@@ -151,6 +153,8 @@ def test_of_configs_only_the_examples_are_installed(tmp_path: Path, my_arm: Path
     shutil.copy(ROOT / "Makefile", clone)
     shutil.move(my_arm, clone / "configs/my_arm")
     (clone / "configs/desk_arm/touch.mcap").touch()
+    (clone / "configs/desk_arm/identify").mkdir()
+    (clone / "configs/desk_arm/identify/strokes.mcap").touch()
     assert make("install-files", tmp_path / "root", clone=clone).returncode == 0
     examples = tmp_path / "root/opt/contactd/share/contactd/configs"
     assert not list(examples.rglob("*.mcap"))

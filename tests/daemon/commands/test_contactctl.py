@@ -308,3 +308,13 @@ def test_commands_but_record_and_watch_are_light(fake_daemon: Any) -> None:
     )
     command = [sys.executable, "-c", program, "--socket", str(fake_daemon.path), "stop"]
     subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_done_is_done_where_nobody_can_be_told(fake_daemon: Any, closed: str) -> None:
+    main = "from daemon.commands.contactctl import main; main()"
+    command = [sys.executable, "-c", main, "--socket", str(fake_daemon.path), "stop"]
+    shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *command]
+    done = subprocess.run(shell, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert fake_daemon.seen[0][0] == "stop"

@@ -45,6 +45,7 @@ def test_the_table_says_how_even_it_is_before_and_after(romeo: ServedDaemon) -> 
     table = romeo.contactctl("gain", "--balance").stdout
     assert all(name in table for name in rows)
     assert table.count(" N -> ") == len(rows)
+    assert max(len(line) for line in table.splitlines()[: 1 + len(rows)]) <= 80
     assert "Largest force of led joints, of the smallest: " in table
 
 

@@ -101,6 +101,8 @@ def test_poses_are_listed(served: ServedDaemon) -> None:
         (["go", "=1", "--yes"], 2, "either one POSE, or JOINT=VALUE for each joint"),
         (["go", "home", "joint=1", "--yes"], 2, "'home': either one POSE"),
         (["go", "joint=1", "joint=1", "--yes"], 2, "joint is given twice"),
+        (["go", "--yes"], 2, "to which POSE, or JOINT=VALUE?"),
+        (["go", "", "--yes"], 2, "'': either one POSE, or JOINT=VALUE for each joint"),
         (["go", "home"], 2, "--yes moves the arm without a question"),
         (["go", "home", "--json"], 2, "--yes moves the arm without a question"),
         (["go", "home", "--yes", "--speed", "0"], 2, "not in the range 0<x<=2"),
@@ -180,6 +182,18 @@ def test_a_contact_on_the_way_halts_it_and_the_command_says_so(served: ServedDae
     while served.rig.mode is Mode.TRACKING:
         served.tick()
     assert served.until(lambda: _waited(served, way)).ok
+
+
+def test_short_of_a_limit_by_its_gap_it_says_so_before_and_where_it_stands(
+    served: ServedDaemon,
+) -> None:
+    served.rig.enable()
+    result = served.contactctl("go", "joint=-1.4", "--yes")
+    assert result.exit_code == 1
+    warning, end, where = result.stderr.splitlines()
+    assert "warning: joint may stop up to 0.200 rad short of -1.400" in warning
+    assert end.endswith("not there: holding, the way to joint=-1.4 came to its end")
+    assert re.fullmatch(r"  - joint stands at -1.2\d\d rad, 0.1\d\d rad from -1.400", where)
 
 
 def test_interrupted_it_stops(served: ServedDaemon, monkeypatch: pytest.MonkeyPatch) -> None:

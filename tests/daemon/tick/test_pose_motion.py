@@ -54,6 +54,32 @@ def test_not_armed_a_contact_halts_it_and_start_goes_on_to_the_goal() -> None:
     np.testing.assert_allclose(arm.q, GOAL, atol=5e-3)
 
 
+def test_halted_on_the_way_to_a_limit_it_goes_on_from_nearer_to_that_limit() -> None:
+    """Displaced as other trajectories are, the rest of the way would lead beyond."""
+    arm, corner = holding_arm(), np.array([1.0, -1.0])
+    assert go(arm, corner) == []
+    arm.run(2.0)
+    arm.touch(0.01)
+    arm.run_until(Mode.HOLDING, 1.0)
+    arm.q = arm.q + np.array([0.05, -0.3])
+    arm.run(0.5)
+    assert arm.request(Event.START) == []
+    arm.run_until(Mode.HOLDING)
+    np.testing.assert_allclose(arm.q, corner, atol=5e-3)
+
+
+def test_armed_and_led_towards_its_limit_it_goes_on_to_the_goal_without_a_way_back() -> None:
+    arm = holding_arm(bounds=FAR)
+    assert go(arm, np.array([1.0, -1.0])) == []
+    arm.run(2.0)
+    assert arm.controller.arm("me") == []
+    arm.run(1.0, **arm.push(0.8))
+    assert arm.mode is Mode.ADMITTANCE
+    while arm.mode is Mode.ADMITTANCE:
+        arm.step()
+    assert (arm.mode, arm.cause) == (Mode.TRACKING, "quiet for 2.00 s")
+
+
 @pytest.mark.parametrize("armed", [False, True])
 def test_a_contact_that_is_only_reported_halts_it_too(armed: bool) -> None:
     arm = under_way(reactions=Reactions(contact=ContactReaction.REPORT))
