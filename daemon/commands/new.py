@@ -9,7 +9,7 @@ import click
 from daemon.commands import simulated_robot
 from daemon.commands.sentences import say
 from daemon.commands.simulated_robot import write_truth
-from daemon.config.draft import MARK, draft
+from daemon.config.draft import draft, guesses
 from daemon.config.drafted_drive import drafted_drive
 from daemon.config.load import load_robot
 from daemon.config.mistakes import urdf_mistakes
@@ -90,8 +90,7 @@ def _refuse_clashes(given: Sequence[Path]) -> None:
 
 
 def _say(folder: Path, written: str, remarks: Sequence[str]) -> None:
-    marked = written.count(MARK)
-    click.echo(f"wrote {folder / 'config.yaml'}: {marked} lines with CHECK hold guesses")
+    click.echo(f"wrote {folder / 'config.yaml'}: {guesses(written)} lines with CHECK hold guesses")
     for remark in remarks:
         say(remark)
     click.echo(

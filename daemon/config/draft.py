@@ -22,6 +22,12 @@ SLOWLY = 0.5  # [rad/s]
 POSITION_GAIN = 4.0  # [1/s]
 STRONGEST = 3000.0  # [Nm] at a joint: beyond, an arm is none that a person may touch
 
+
+def guesses(text: str) -> int:
+    """Lines of a configuration that are marked as guesses."""
+    return sum(MARK in line for line in text.splitlines())
+
+
 HEAD = """\
 # Draft by `contactd new`. Every line with CHECK holds a guess: look it up, correct it, and take the
 # mark away. `contactd check --explain FIELD` says what a field is and how to find it.

@@ -179,6 +179,32 @@ def test_limits_in_degrees_are_told_at_once(tmp_path):
     assert "arm.urdf, line 11: joint 'column': its <limit> of -92 to 92 rad" in result.output
 
 
+def test_the_check_says_how_many_guesses_are_left(given):
+    folder = given(0)
+    config = folder / "config.yaml"
+    marked = config.read_text().count("# CHECK")
+    for left in (marked, marked - 1, 0):
+        kept = config.read_text().split("\n")
+        while sum("# CHECK" in line for line in kept) > left:
+            i = next(i for i, line in enumerate(kept) if "# CHECK" in line)
+            kept[i] = kept[i].partition("# CHECK")[0]
+        config.write_text("\n".join(kept))
+        said = CliRunner().invoke(main, ["check", str(folder)]).output
+        assert (f"{left} lines still hold guesses (CHECK)" in said) is (left > 0), said
+        assert ("guesses" in said) is (left > 0)
+
+
+def test_a_drive_without_cyclic_velocity_is_told(tmp_path):
+    text, found = re.subn(
+        r"(?s)(\[6502\].*?DefaultValue=)\w+", r"\g<1>0xA5", (DESK_ARM / "drive.eds").read_text()
+    )
+    assert found == 1
+    (tmp_path / "drive.eds").write_text(text)
+    new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
+    said = " ".join(CliRunner().invoke(main, ["check", str(tmp_path / "mine")]).output.split())
+    assert "drives.drive.eds: drive.eds says 0x000000A5 of 0x6502, without bit 8" in said
+
+
 def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):
     eds = str(ROMEO / "drive.eds")
     twice = new(tmp_path / "mine", ROMEO / "arm.urdf", eds, f"drive={eds}")
