@@ -101,7 +101,7 @@ def test_shipped_arms_are_what_their_configurations_say(folder):
         (lambda d: (d["drives"]["servo"].pop("motor_position", None), wrong_encoder(d, "motor")),
          r"joints\[0\] \(base\).encoder_errors\[0\].encoder: motor, but drives.servo has no motor"),
         (lambda d: wrong_encoder(d, "tacho"),
-         r"encoder_errors\[0\].encoder: invalid enum value 'tacho' \(allowed: link, motor\)"),
+         r"encoder_errors\[0\].encoder: must be one of link, motor, not 'tacho'"),
         (lambda d: d["joints"][1].update(node=d["joints"][0]["node"]),
          r"yaml: joints\[1\] \(shoulder\).node: \d+ is that of base, too"),
         (lambda d: d["joints"][1].update(name="base"),
