@@ -268,6 +268,12 @@ def test_a_makers_own_current_is_a_guess_and_no_demand(tmp_path):
     (line,) = re.findall(r".*current: {.*", (tmp_path / "mine" / "config.yaml").read_text())
     assert "0x2011" in line
     assert "# CHECK" in line
+    assert line.endswith("mA are 0.001 / rated_current_A")
+
+
+def test_a_deceleration_is_guessed_in_its_own_unit(given):
+    (line,) = re.findall(r".*quick_stop_deceleration: {.*", (given(1) / "config.yaml").read_text())
+    assert "0.1 rpm/s is a guess: 1 rpm/s is" in line
 
 
 def test_fixed_pdos_that_repeat_an_object_are_passed_over(tmp_path):
