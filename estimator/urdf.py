@@ -49,10 +49,12 @@ def moved_links(text: str) -> list[MovedLink]:
     """Links that movable joints carry, on a chain of `fixed` joints, too.
 
     Raises ModelError for a text that is not XML, and for an <inertial> of such a link that lacks
-    mass or inertia, gives them as anything but finite numbers, or is that of no possible body. A
-    link may be without one: a frame, or one whose mass others include.
+    mass or inertia, gives them as anything but finite numbers, or is that of no possible body; and
+    for a joint between links that are not there. A link may be without one: a frame, or one whose
+    mass others include.
     """
     root, lines = parsed(text)
+    _refuse_unknown_links(root, lines)
     carried = _carried(root)
     links = []
     for link in root.findall("link"):
@@ -152,6 +154,20 @@ def _carried(root: ET.Element) -> dict[str, str]:
             if parent in carried:
                 carried.setdefault(child, carried[parent])
     return carried
+
+
+def _refuse_unknown_links(root: ET.Element, lines: _Lines) -> None:
+    """pinocchio says on stderr alone which joint it is. Raises ModelError."""
+    known = [link.get("name", "") for link in root.findall("link")]
+    for joint in root.findall("joint"):
+        for role in ("parent", "child"):
+            if (name := _link(joint, role)) not in known:
+                element = joint.find(role)
+                raise ModelError(
+                    f"joint {joint.get('name', '')!r}, line "
+                    f"{lines[joint if element is None else element]}: no link {name!r} for its "
+                    f"<{role}>; there are: {', '.join(known)}"
+                )
 
 
 def _link(joint: ET.Element, role: str) -> str:

@@ -69,6 +69,7 @@ class SimulatedArm:
             self.plant.weight,
             parameters.torque_constant
             * np.array([joint.max_current_A for joint in description.joints]),
+            parameters.coulomb[:n] + parameters.coulomb[n:],
         )
         self.external_torque = np.zeros(n)
         """Torque on the links besides the hand's (n,) [Nm], for tests and benches: write to it."""

@@ -49,7 +49,7 @@ class Grip(Act, frozen=True, kw_only=True):
 
     stiffness: Positive = 40.0
     damping: NotNegative = 2.0
-    # LEADING of what the joint's motor can give, and no more than STRONGEST, if None
+    # LEADING of what the joint's motor can give, OVER_FRICTION and STRONGEST at most, if None
     max_torque: Strength | None = STRONGEST
 
 
@@ -112,8 +112,9 @@ TAKING_S, VISIT_S, WAY_S = 1.5, 0.9, 0.25
 the way takes."""
 SOFT = 0.01
 """Share of a motor's torque with which a hand presses that is to feel it, and not to turn it."""
-LEADING = 0.2
-"""The same of one that is to be followed, and not taken for a crash."""
+LEADING, OVER_FRICTION = 0.2, 4.0
+"""The same of one that is to be followed, and not taken for a crash; and how many times the joint's
+friction it pulls with at most: identified levels are as small as that is."""
 Script = tuple[AnyAct, ...]
 _NAMES = tuple(str(act.__struct_config__.tag) for act in get_args(AnyAct))
 _OF_ACT = re.compile(r"\[(\d+)\]\.?(.*)")
@@ -173,9 +174,10 @@ class Hand:
         give: Callable[[Give], None] = lambda _: None,
         weight: Callable[[Vector], Vector] = np.zeros_like,
         strongest: Vector | float = 100.0,
+        friction: Vector | float = np.inf,
     ) -> None:
         """give: puts something into the arm's hand. weight: what holds the links at q (n,) [Nm].
-        strongest: what the motors can give (n,) [Nm].
+        strongest: what the motors can give, friction: what holds the joints (n,) [Nm].
         Raises ConfigurationError when the script names an unknown joint."""
         self._script = sorted(script, key=lambda act: act.at_s)
         self._index: Mapping[str, int] = {name: i for i, name in enumerate(names)}
@@ -190,6 +192,10 @@ class Hand:
         self._gap: tuple[Gap, float, float, float] | None = None
         self._soft = SOFT * np.broadcast_to(strongest, n)
         self._leading = np.minimum(LEADING * np.broadcast_to(strongest, n), STRONGEST)
+        held = np.broadcast_to(friction, n)
+        self._leading = np.where(
+            held > 0.0, np.minimum(self._leading, OVER_FRICTION * held), self._leading
+        )
         self._asked: list[AnyAct] = []
         self._anchor, self._goal, self._speed, self._rate = np.zeros((4, n))
         self._stiffness, self._damping, self._strongest = np.zeros((3, n))
@@ -208,7 +214,13 @@ class Hand:
         ConfigurationError for an unknown joint."""
         self._refuse_unknown(act)
         self._asked.append(act)
-        return _describe(act)
+        if not isinstance(act, Guide):
+            return _describe(act)
+        pulls = [
+            self._leading[self._index[name]] if act.max_torque is None else act.max_torque
+            for name in act.to
+        ]
+        return f"{_describe(act)}, with at most {', '.join(f'{most:.2g} Nm' for most in pulls)}"
 
     @property
     def busy(self) -> bool:

@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from arrays import Vector
 from errors import ModelError
+from regular_file import read_text
 from simulator.description import ArmDescription, SimulationSettings
 
 
@@ -36,12 +37,19 @@ class PlantParameters:
 def load_model(description: ArmDescription) -> pin.Model:
     """The nominal pinocchio model. Raises ModelError when it is not the described chain."""
     try:
-        model = pin.buildModelFromUrdf(str(description.urdf))
+        model = pin.buildModelFromXML(read_text(description.urdf))
+    except OSError as error:
+        raise ModelError(f"{description.urdf}: cannot be read: {error.strerror}") from error
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"{description.urdf}: not a readable URDF: {error}") from error
     found, expected = list(model.names)[1:], [joint.name for joint in description.joints]
     if found != expected or model.nq != model.nv:
-        raise ModelError(f"{description.urdf}: joints {found}, the description has {expected}")
+        strangers = [name for name in expected if name not in found]
+        first = f"no joint {strangers[0]!r} moves: " if strangers else ""
+        raise ModelError(
+            f"{description.urdf}: {first}it moves {', '.join(found)}; to be simulated are "
+            f"{', '.join(expected)}, which have to be the same in the same order"
+        )
     return model
 
 

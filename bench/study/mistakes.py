@@ -245,9 +245,9 @@ MISTAKES: tuple[Mistake, ...] = (
                 _scaled("upper", math.degrees(1.0), which="shoulder")(text))),
     Mistake("a joint's velocity in degrees/s", "urdf",
             urdf=_scaled("velocity", math.degrees(1.0), which="shoulder")),
-    Mistake("a joint that has another name in the URDF", "urdf",
+    Mistake("a joint that has another name in the URDF", _AT + "name",
             urdf=_replaced('joint name="shoulder"', 'joint name="Shoulder"')),
-    Mistake("a moving joint that is `fixed` in the URDF", "urdf",
+    Mistake("a moving joint that is `fixed` in the URDF", _AT + "name",
             urdf=_replaced('name="shoulder" type="revolute"', 'name="shoulder" type="fixed"')),
     Mistake("a moving joint that is not configured", "urdf", _without_last_joint),
     # Motor and gear.

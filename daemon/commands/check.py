@@ -13,6 +13,7 @@ from daemon.commands.felt_poses import felt_over_poses
 from daemon.commands.sentences import say
 from daemon.config.bounds import near
 from daemon.config.checks import suspects
+from daemon.config.draft import guesses
 from daemon.config.evidence import unarmable
 from daemon.config.explanations import explain
 from daemon.config.load import load_robot
@@ -101,6 +102,8 @@ def print_check(config: Path) -> None:
         say(f"`contactctl arm` will be refused: {reason}")
     if plain := compiled.warning():
         say(plain)
+    if marked := guesses(robot.text):
+        say(f"{robot.path}: {marked} lines still hold guesses (CHECK)")
     say(f"{robot.path}: good")
 
 

@@ -5,6 +5,7 @@ here; the arm's gains change only by the requests that `--apply` sends, one for 
 """
 # ruff: noqa: PLC0415 - the model of the arm is imported by what needs it
 
+import math
 from typing import TYPE_CHECKING
 
 import click
@@ -134,16 +135,27 @@ def in_words(rows: dict[str, dict[str, float]]) -> str:
     """Balance as a table, a line for each joint, and how even it is before and after."""
     from daemon.motion.balance import LEADING_RAD_S
 
-    width = max(map(len, rows))
-    head = f"{'lever [m]':>9}  {'K_a now':>7} {'balanced':>8}  {'at rest':>7}"
-    lines = [f"{'':{width}}  {head}  led, now -> balanced"]
-    for name, row in rows.items():
-        lever = f"{row['lever_shortest_m']:.2f}-{row['lever_longest_m']:.2f}"
-        gains = f"{row['gain_now']:7.3g} {row['gain']:8.3g}"
-        rest = f"{row['at_rest_from_N']:.1f} N"
-        now = f"{row['now_least_N']:.1f}-{row['now_most_N']:.1f} N"
-        after = f"{row['least_N']:.1f}-{row['most_N']:.1f} N"
-        lines.append(f"{name:{width}}  {lever:>9}  {gains}  {rest:>7}  {now} -> {after}")
+    ways = [
+        [f"{row[f'{w}least_N']:.1f} to {row[f'{w}most_N']:.1f}" for row in rows.values()]
+        for w in ("now_", "")
+    ]
+    table = [("", "lever [m]", "K_a", "then", "rest", "led", "then")] + [
+        (
+            name,
+            f"{row['lever_shortest_m']:.2f} to {row['lever_longest_m']:.2f}",
+            f"{row['gain_now']:.3g}",
+            f"{row['gain']:.3g}",
+            f"{row['at_rest_from_N']:.1f}" if math.isfinite(row["at_rest_from_N"]) else "-",
+            now,
+            then,
+        )
+        for (name, row), now, then in zip(rows.items(), *ways, strict=True)
+    ]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = [
+        "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])])
+        for line in table
+    ]
     even = [
         max(row[f"{when}most_N"] for row in rows.values())
         / min(row[f"{when}least_N"] for row in rows.values())
@@ -152,9 +164,10 @@ def in_words(rows: dict[str, dict[str, float]]) -> str:
     return "\n".join(
         [
             *lines,
-            f"Forces at the hand; led: at {LEADING_RAD_S:g} rad/s, by the pose, over 500 poses "
+            f"Forces at the hand [N]; led: at {LEADING_RAD_S:g} rad/s, by the pose, over 500 poses "
             "within the limits but for rare ones.",
-            "At rest: from which a joint sets out, by its level and friction; no gain changes it.",
+            "Rest: from which a joint sets out, by its level and friction, which no gain changes; "
+            "- where it feels nothing, as with its drives off.",
             f"Largest force of led joints, of the smallest: {even[0]:.1f} -> {even[1]:.1f}",
         ]
     )

@@ -7,10 +7,12 @@ from pathlib import Path
 import click
 
 from daemon.commands import simulated_robot
+from daemon.commands.sentences import say
 from daemon.commands.simulated_robot import write_truth
-from daemon.config.draft import MARK, draft
+from daemon.config.draft import draft, guesses
 from daemon.config.drafted_drive import drafted_drive
 from daemon.config.load import load_robot
+from daemon.config.mistakes import urdf_mistakes
 from drivers.boot.data_sheet import load_data_sheet
 from errors import ConfigurationError
 from regular_file import read_text
@@ -24,7 +26,9 @@ def new_arm(folder: Path, urdf: Path, sheets: Sequence[str]) -> None:
     left."""
     try:
         text = read_text(urdf)
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise ConfigurationError(f"{urdf} cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
         raise ConfigurationError(f"{urdf} cannot be read: {error}") from error
     named = dict(_named(sheet) for sheet in sheets)
     if len(named) < len(sheets):
@@ -55,7 +59,9 @@ def new_arm(folder: Path, urdf: Path, sheets: Sequence[str]) -> None:
             why = f"{folder} is not written: by what {urdf} and the EDS say the draft is refused"
             raise ConfigurationError(f"{why}:\n{error}") from error
         raise
-    _say(folder, written, [f"{n}: {r}" for n, (_, d) in drives.items() for r in d.remarks])
+    of_urdf = [f"{urdf.name}, {place}: {what}" for place, what in urdf_mistakes(text)]
+    of_drives = [f"{n}: {r}" for n, (_, d) in drives.items() for r in d.remarks]
+    _say(folder, written, [*of_urdf, *of_drives])
 
 
 def _named(sheet: str) -> tuple[str, Path]:
@@ -84,10 +90,9 @@ def _refuse_clashes(given: Sequence[Path]) -> None:
 
 
 def _say(folder: Path, written: str, remarks: Sequence[str]) -> None:
-    marked = written.count(MARK)
-    click.echo(f"wrote {folder / 'config.yaml'}: {marked} lines with CHECK hold guesses")
+    click.echo(f"wrote {folder / 'config.yaml'}: {guesses(written)} lines with CHECK hold guesses")
     for remark in remarks:
-        click.echo(remark)
+        say(remark)
     click.echo(
         f"""next:
   contactd check {folder}

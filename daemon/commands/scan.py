@@ -28,7 +28,8 @@ def run_scan(config: Path, port: int | None) -> None:
     if port is not None:
         bus = msgspec.structs.replace(bus, port=port)
     sheets = data_sheets(path.parent)
-    say(f"listening for a master on {bus.interface} {bus.channel}, then asking 127 nodes")
+    where = f"{bus.interface} {bus.channel}"
+    say(f"listening for a master on {where}, then asking 127 nodes: some ten seconds")
     opened = open_bus(bus)
     try:
         found = scan(opened.wire)

@@ -9,7 +9,8 @@ from typing import Any
 import click
 import msgspec
 
-from daemon.commands.simulated_robot import true_arm
+from daemon.commands.sentences import say
+from daemon.commands.simulated_robot import refused_drives, true_arm
 from daemon.config.load import Robot
 from daemon.protocol.socket_path import default_hand_path
 from daemon.service.realtime import go_realtime
@@ -25,6 +26,8 @@ def run_simulation(
     """Serve until SIGTERM or SIGINT; `door` is the socket of the live hand, where it is not the
     usual one. Raises ContactdError."""
     description, simulation = true_arm(robot)
+    for sentence in refused_drives(robot, simulation):
+        say(sentence, err=True)
     chosen = {"seed": seed, "friction": friction}
     changes = {name: value for name, value in chosen.items() if value is not None}
     settings = msgspec.structs.replace(simulation.settings, **changes)

@@ -59,6 +59,28 @@ def true_arm(robot: Robot) -> tuple[ArmDescription, SimulationFile]:
     return described(simulation, path, robot.configuration.period_s), simulation
 
 
+def refused_drives(robot: Robot, simulation: SimulationFile) -> list[str]:
+    """What `contactd run` is going to refuse of the true arm's drives, in sentences: node ids and
+    rated currents that `config.yaml` has otherwise."""
+    configured = {joint.name: joint.wiring for joint in robot.configuration.joints}
+    found = [
+        f"  {true.name}: {name} is {getattr(true, name):g} here, and "
+        f"{getattr(configured[true.name], name):g} in {robot.path.name}"
+        for true in simulation.joints
+        if true.name in configured
+        for name in ("node", "rated_current_A")
+        if getattr(true, name) != getattr(configured[true.name], name)
+    ]
+    if not found:
+        return []
+    return [
+        f"`contactd run` is going to refuse drives of this arm, which is that of {FILE}:",
+        *found,
+        f"To simulate the arm of {robot.path.name} instead, move {FILE} and {URDF} away, then "
+        f"`contactd simulate {robot.folder} --write-truth`",
+    ]
+
+
 def write_truth(robot: Robot) -> Path:
     """Write the true arm into the robot's `simulation.yaml`, a copy of the URDF beside it, and
     return its path. What a file of before says is kept. Raises ConfigurationError where a truth is
@@ -67,7 +89,10 @@ def write_truth(robot: Robot) -> Path:
     simulation = read_simulation(robot)
     for there in (path if simulation.joints or simulation.drives else None, urdf):
         if there is not None and there.exists():
-            raise ConfigurationError(f"{there} is there already: it is never overwritten")
+            raise ConfigurationError(
+                f"{there} is there already: it is never overwritten; to have the arm of now in its "
+                f"place, move {FILE} and {URDF} away first"
+            )
     truth = in_yaml(as_configured(robot))
     before = path.read_text(encoding="utf-8").rstrip() + "\n" if path.exists() else HEAD
     shutil.copyfile(robot.folder / robot.configuration.urdf, urdf)

@@ -20,6 +20,7 @@ from drivers.settings import PdoEntry
 from errors import ConfigurationError, ModelError
 from estimator.body_inertia import refuse_impossible
 from estimator.payload import Payload
+from estimator.urdf import joint_ranges
 
 
 def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[Problem]:
@@ -258,6 +259,18 @@ def _poses(c: Configuration) -> Iterator[Problem]:
 
 def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
     try:
+        movable = [one.joint for one in joint_ranges(urdf)]
+        strangers = [
+            Problem(
+                *at(i, joint, "name"),
+                f"{c.urdf} has no joint of this name that moves; it has {', '.join(movable)}",
+            )
+            for i, joint in enumerate(c.joints)
+            if joint.name not in movable
+        ]
+        if strangers:
+            yield from strangers
+            return
         model = model_of(c, urdf)
     except ModelError as error:
         yield Problem(["urdf"], f"urdf ({c.urdf})", str(error))

@@ -7,6 +7,7 @@ import numpy as np
 
 from arrays import Vector
 from daemon.config.drafted_drive import DraftedDrive
+from daemon.config.mistakes import urdf_mistakes
 from daemon.config.problem import figure
 from daemon.config.yaml_source import quoted
 from errors import ConfigurationError, ModelError
@@ -19,6 +20,13 @@ INSIDE = 0.05  # of the URDF's limits [rad], at most a tenth of the range
 PEAK = 1.8  # times the rated current
 SLOWLY = 0.5  # [rad/s]
 POSITION_GAIN = 4.0  # [1/s]
+STRONGEST = 3000.0  # [Nm] at a joint: beyond, an arm is none that a person may touch
+
+
+def guesses(text: str) -> int:
+    """Lines of a configuration that are marked as guesses."""
+    return sum(MARK in line for line in text.splitlines())
+
 
 HEAD = """\
 # Draft by `contactd new`. Every line with CHECK holds a guess: look it up, correct it, and take the
@@ -101,7 +109,7 @@ def _moving(urdf: str, urdf_name: str) -> list[JointRange]:
 
 def _loads(urdf: str, urdf_name: str, names: list[str]) -> tuple[Vector, Vector]:
     """Torque with which each joint's motor carries the arm with room [Nm], and the largest inertia
-    that it moves [kg m2], both (n,)."""
+    that it moves [kg m2], both (n,). Raises ConfigurationError for an arm that none can carry."""
     try:
         model = Model(urdf, names)
     except ModelError as error:
@@ -109,7 +117,16 @@ def _loads(urdf: str, urdf_name: str, names: list[str]) -> tuple[Vector, Vector]
     poses = np.random.default_rng(0).uniform(model.lower, model.upper, (400, len(names)))
     gravity = np.max([np.abs(model.gravity(q)) for q in poses], axis=0)
     inertia = np.max([model.inertia(q) for q in poses], axis=0)
-    return 2.0 * gravity + 6.0 * inertia + 1.0, inertia
+    motors = 2.0 * gravity + 6.0 * inertia + 1.0
+    if motors.max() > STRONGEST:
+        i = int(motors.argmax())
+        reasons = [f"{urdf_name}, {place}: {what}" for place, what in urdf_mistakes(urdf)]
+        said = (
+            f"{urdf_name}: joint {names[i]!r} would need a motor of {figure(float(motors[i]))} Nm, "
+            f"at most {STRONGEST:g} can be: are masses in kg, inertias in kg m2 and lengths in m?"
+        )
+        raise ConfigurationError("\n".join([said, *reasons]))
+    return motors, inertia
 
 
 def _joint(

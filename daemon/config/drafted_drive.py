@@ -163,7 +163,9 @@ def _scale(name: str, where: Object, counts: float) -> tuple[float, str, bool]:
     """Scale, its reason, and whether that is more than a guess."""
     if name in ("current", "torque"):
         sure = where in CANDIDATES[name]
-        why = ", by CiA 402" if sure else " is a guess, as the maker's own object is"
+        own = " is a guess, as the maker's own object is"
+        own += "; mA are 0.001 / rated_current_A" if name == "current" else ""
+        why = ", by CiA 402" if sure else own
         return 0.001, f"per mille of what is rated{why}", sure
     if name == "link_position":
         return (
@@ -177,7 +179,9 @@ def _scale(name: str, where: Object, counts: float) -> tuple[float, str, bool]:
         return TURN / 4096, "2 pi / counts per turn of the motor's encoder: 4096 is a guess", False
     if where == (0x6080, 0):
         return RPM, "rpm, by CiA 402", True
-    return 0.1 * RPM, "0.1 rpm is a guess: 1 rpm is 0.10471975511965977, see docs/porting.md", False
+    rpm = "rpm/s" if name == "quick_stop_deceleration" else "rpm"
+    said = f"0.1 {rpm} is a guess: 1 {rpm} is 0.10471975511965977, see docs/porting.md"
+    return 0.1 * RPM, said, False
 
 
 # --- PDOs -----------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from daemon.config.problem import Keys, Problem, agree, figure
 from daemon.config.schema import Configuration
-from drivers.boot.data_sheet import DataSheet, counts_per_motor_turn
+from drivers.boot.data_sheet import DataSheet, counts_per_motor_turn, find_object
 from drivers.codec import quantity
 from drivers.settings import DriveProfile, Quantity
 
@@ -22,6 +22,7 @@ _MOST_TWOS = 30
 STANDARD = range(0x6000, 0x6800)
 """Objects of CiA 402 for the first axis; what is elsewhere is a maker's own."""
 TARGET_VELOCITY = 0x60FF
+CYCLIC_VELOCITY = 1 << 8  # of 0x6502, the modes that a drive has
 NOT_MEASURED = {
     0x6040: "the controlword", 0x6062: "the position that is demanded",
     0x606B: "the velocity that is demanded", 0x6074: "the torque that is demanded",
@@ -70,6 +71,14 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
         yield Problem(
             *_of_drive(name, "target_velocity", "object"),
             f"0x{target:04X} is no target velocity by CiA 402: that is 0x{TARGET_VELOCITY:04X}",
+        )
+    modes = find_object(sheet, 0x6502)
+    if modes is not None and modes.default and not modes.default & CYCLIC_VELOCITY:
+        yield Problem(
+            ["drives", name, "eds"],
+            f"drives.{name}.eds",
+            f"{profile.eds} says 0x{modes.default:08X} of 0x6502, without bit 8 (cyclic "
+            "synchronous velocity): a drive that says so is refused",
         )
     yield from _positions(name, profile, sheet, gears)
     yield from _velocities(name, profile)

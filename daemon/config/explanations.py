@@ -31,7 +31,8 @@ _QUANTITY = {
     "motor_position": ("position of the motor shaft; left out where there is none",
                        "rad of the motor shaft", "0x6064, 0x6063"),
     "current": ("current of the motor; instead of `torque`", "fraction of the rated current",
-                "0x6078, scale 0.001"),
+                "0x6078, scale 0.001; of an object in mA 0.001 / rated_current_A, with a profile "
+                "for each rated current"),
     "torque": ("torque of the motor; instead of `current`", "fraction of the rated torque",
                "0x6077, scale 0.001"),
     "target_velocity": ("setpoint of the mode cyclic synchronous velocity",

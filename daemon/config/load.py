@@ -31,8 +31,10 @@ _KINDS = {
     "array": "a list", "object": "a group of fields", "null": "nothing",
 }  # fmt: skip
 _UNSHOWN = ("array", "object", "null")
+_NO_CHOICE = "invalid enum value "
 _SIGNS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
 _SOME = "…"
+LONGEST = 60  # characters of a wrong value that are shown
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 
 
@@ -191,7 +193,11 @@ def convert(source: Source, kind: type[T]) -> T:
             if of_a_key:
                 message += " as a key"
             if choices := _choices_at(kind, keys, of_a_key):
-                message += f" (allowed: {', '.join(choices)})"
+                allowed = ", ".join(choices)
+                if message.startswith(_NO_CHOICE) and not of_a_key:
+                    message = f"must be one of {allowed}, not {message.removeprefix(_NO_CHOICE)}"
+                else:
+                    message += f" (allowed: {allowed})"
             else:
                 message += _value_at(keys, source.data)
         raise ConfigurationError(f"{source.path}:{line}: {place}: {message}") from error
@@ -258,7 +264,9 @@ def _value_at(keys: list[str | int], data: Any) -> str:
     value = _walk(keys, data)
     if isinstance(value, bool):
         return f", not {str(value).lower()}"
-    return f", not {value!r}" if isinstance(value, (str, int, float)) else ""
+    if isinstance(value, str):  # of a file that is something else it may be all of it
+        return f", not {value if len(value) <= LONGEST else value[:LONGEST] + _SOME!r}"
+    return f", not {value!r}" if isinstance(value, (int, float)) else ""
 
 
 def _spell(keys: list[str | int], data: Any) -> str:

@@ -41,8 +41,18 @@ def likely_mistakes(c: Configuration, urdf: str, sheets: Mapping[str, DataSheet]
             for i, joint in enumerate(c.joints)
             for problem in _joint(i, joint, c.drives[joint.wiring.profile], ranges[joint.name])
         ),
-        *(problem for link in moved_links(urdf) for problem in _link(c, link)),
-        *(problem for one in ranges.values() for problem in _range(c, one)),
+        *(
+            Problem(["urdf"], f"urdf ({c.urdf}), {place}", what)
+            for place, what in urdf_mistakes(urdf)
+        ),
+    ]
+
+
+def urdf_mistakes(urdf: str) -> list[tuple[str, str]]:
+    """What most likely is not meant in the text of a URDF: line and part of it, and what."""
+    return [
+        *(found for link in moved_links(urdf) for found in _link(link)),
+        *(found for one in joint_ranges(urdf) for found in _range(one)),
     ]
 
 
@@ -164,42 +174,34 @@ def _limits(i: int, joint: Joint, span: JointRange) -> Iterator[Problem]:
 # --- the URDF -------------------------------------------------------------------------------------
 
 
-def _link(c: Configuration, link: MovedLink) -> Iterator[Problem]:
+def _link(link: MovedLink) -> Iterator[tuple[str, str]]:
+    place = f"line {link.line}: link {link.name!r}"
     radius = (3.0 * link.mass / (4.0 * math.pi * DENSEST)) ** (1.0 / 3.0)
     least = 0.4 * link.mass * radius**2
     if 0.0 < link.moment < least:
-        yield _in_urdf(
-            c, link.line, f"link {link.name!r}",
+        yield (
+            place,
             f"its inertia of {figure(link.moment)} kg m2 is less than {figure(link.mass)} kg of "
             f"tungsten have as a ball ({figure(least)}): in other units than kg m2?",
-        )  # fmt: skip
+        )
     if link.lever > 2.0:
-        yield _in_urdf(
-            c, link.line, f"link {link.name!r}",
-            f"its centre of mass is {figure(link.lever)} m from its frame: in mm?",
-        )  # fmt: skip
+        yield place, f"its centre of mass is {figure(link.lever)} m from its frame: in mm?"
 
 
-def _range(c: Configuration, one: JointRange) -> Iterator[Problem]:
+def _range(one: JointRange) -> Iterator[tuple[str, str]]:
+    place = f"line {one.line}: joint {one.joint!r}"
     if max(abs(one.lower), abs(one.upper)) > 2.0 * TURN:
-        yield _in_urdf(
-            c, one.line, f"joint {one.joint!r}",
+        yield (
+            place,
             f"its <limit> of {figure(one.lower)} to {figure(one.upper)} rad is more than two "
             f"turns: in degrees? then it is {figure(one.lower * DEGREE)} to "
             f"{figure(one.upper * DEGREE)} rad",
-        )  # fmt: skip
+        )
     if one.velocity > 30.0:
-        yield _in_urdf(
-            c, one.line, f"joint {one.joint!r}",
+        yield (
+            place,
             f"its <limit velocity> of {figure(one.velocity)} rad/s: in degrees/s? then it is "
             f"{figure(one.velocity * DEGREE)}",
-        )  # fmt: skip
+        )
     if one.offset > 3.0:
-        yield _in_urdf(
-            c, one.line, f"joint {one.joint!r}",
-            f"its <origin> is {figure(one.offset)} m from the joint before it: in mm?",
-        )  # fmt: skip
-
-
-def _in_urdf(c: Configuration, line: int, of: str, what: str) -> Problem:
-    return Problem(["urdf"], f"urdf ({c.urdf}), line {line}: {of}", what)
+        yield place, f"its <origin> is {figure(one.offset)} m from the joint before it: in mm?"

@@ -35,7 +35,7 @@ class SeenMotion:
                     f"{name} will reach {fastest[i]:.2g} rad/s; its thresholds have seen "
                     f"{self.speed[i]:.2g}"
                 )
-            a, b = origin[i] + low[i], origin[i] + high[i]
+            a, b = min(q[i], origin[i] + low[i]), max(q[i], origin[i] + high[i])
             if fastest[i] > 0.0 and (a < self.lower[i] - _FURTHER or b > self.upper[i] + _FURTHER):
                 warnings.append(
                     f"{name} will move within [{a:.2f}, {b:.2f}] rad; its thresholds have seen "

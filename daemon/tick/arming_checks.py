@@ -220,18 +220,23 @@ class ArmingChecks:
             )
 
     def _of_sensing(self, record: TickRecord) -> Iterator[Check]:
+        lately: list[str] = []
+        shortest_s = SENSES_S
         for name, senses, since_s in zip(
             self._joints, record.sensing.tolist(), record.sensing_since_s.tolist(), strict=True
         ):
             if not senses:
                 yield _failed("estimator", f"{name} does not sense contact")
             elif (for_s := record.time_s - since_s) < SENSES_S:
-                yield _failed(
-                    "estimator",
-                    f"{name} has sensed contact for {for_s:.2f} s, which must be {SENSES_S:g} s: "
-                    "ask again (does it come and go? `contactctl status` says which samples are "
-                    "lost)",
-                )
+                lately.append(name)
+                shortest_s = min(shortest_s, for_s)
+        if lately:
+            yield _failed(
+                "estimator",
+                f"able to sense contact for only {shortest_s:.2f} s, which must be {SENSES_S:g} s: "
+                f"{', '.join(lately)}; ask again (does it come and go? `contactctl status` says "
+                "which samples are lost)",
+            )
 
     def _of_limits(self, samples: Samples) -> Iterator[Check]:
         q, limits = samples.link_position, self._limits

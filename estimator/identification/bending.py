@@ -16,6 +16,8 @@ from estimator.identification.gap_result import smoothed
 
 USUAL = 1.2e-3
 """Compliance of gears [rad/Nm], where nothing shows it."""
+SOFT = 10.0
+"""Times as soft as usual, 83 Nm/rad: no gear that carries an arm is softer."""
 _FROM = (0.3, 0.4, 0.5)
 """Shares of the largest torque from which on the line is fitted; below, borders are round. The
 outer ones show how much that matters."""

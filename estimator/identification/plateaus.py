@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from arrays import Vector
-from estimator.identification.bending import USUAL, Bending, bending
+from estimator.identification.bending import SOFT, USUAL, Bending, bending
 from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
@@ -123,16 +123,18 @@ def _straightened(
 ) -> GapResult:
     """`found` without what the gear bends, where that is known better than it matters; else with
     that in its interval, or with what a usual gear bends where it was `pressed` so much."""
+    loads = [float(loads.mean()) for loads in pressed.values()]
+    usual = USUAL * max(*loads, 0.0) if loads else 0.0
     if bent is None:
-        loads = [float(loads.mean()) for loads in pressed.values()]
-        gives = USUAL * max(*loads, 0.0) if loads else 0.0
-        return replace(found, confidence=found.confidence + gives)
+        return replace(found, confidence=found.confidence + usual)
     gives = found.half_gap - bent.half_gap
     if bent.confidence > max(CLEAR * bent.half_gap, 0.5 * SMALLEST):
-        wider = found.confidence + abs(gives) + bent.confidence
-        return replace(found, confidence=wider,
+        # A line through next to no torque says nothing: then no gear bends more than a soft one.
+        most = SOFT * usual if loads else np.inf
+        wider = found.confidence + min(abs(gives) + bent.confidence, most)
+        return replace(found, confidence=float(wider),
                        reason=f"{found.reason}; of alpha the gear may have bent "
-                       f"{1e3 * max(gives, 0.0):.2g} mrad")  # fmt: skip
+                       f"{1e3 * min(max(gives, 0.0), most):.2g} mrad")  # fmt: skip
     about = (f"{found.reason}; the gear bends by {1e3 * bent.compliance:.2g} mrad/Nm, "
              f"{1e3 * gives:.2g} mrad of what was seen")  # fmt: skip
     return replace(found, half_gap=bent.half_gap, reason=about, compliance=bent.compliance,

@@ -130,6 +130,17 @@ def test_no_xml(text: str) -> None:
         moved_links(text)
 
 
+def test_a_joint_between_links_that_are_not_there(capfd) -> None:
+    for role, name in (("parent", "base"), ("child", "bar")):
+        text = ARM.replace(f'<{role} link="{name}"', f'<{role} link="{name}s"')
+        assert text != ARM
+        with pytest.raises(
+            ModelError, match=rf"'swing', line \d+: no link '{name}s' for its <{role}>"
+        ):
+            Model(text, ["swing"])
+    assert capfd.readouterr().err == ""
+
+
 def test_tabs_that_only_pinocchio_sees() -> None:
     with pytest.raises(ModelError, match=r"reads only 0 of the 1\.5 kg that move: no tab"):
         Model(ARM.replace("0 0 -0.2", "0\t0\t-0.2"), ["swing"])

@@ -84,6 +84,17 @@ def test_a_hand_leads_with_a_fifth_of_what_the_motor_gives_or_as_asked(
     assert torque(one) == pytest.approx(pulled)
 
 
+def test_a_hand_leads_with_four_times_the_friction_at_most_and_says_so() -> None:
+    """The level of an identified joint is some share of its friction, whatever its motor."""
+    one = Hand((), NAMES, np.full(2, 10.0), strongest=np.array([30.0, 8.0]),
+               friction=np.array([0.1, 0.0]))  # fmt: skip
+    words = one.take(Guide(at_s=0.0, to={"a": 2.0, "b": 2.0}, speed=1000.0, max_torque=None))
+    assert words == "guide a to 2 rad, b to 2 rad, with at most 0.4 Nm, 1.6 Nm"
+    one.update(0.0, Q)
+    one.update(1.0, Q)
+    assert torque(one) == pytest.approx([0.4, 1.6])
+
+
 def test_two_pushes_add_up() -> None:
     one = hand(
         Push(at_s=0.0, joint="a", torque=1.0, duration_s=1.0),

@@ -70,7 +70,10 @@ def test_the_urdf_must_be_the_described_chain(romeo: ArmDescription, tmp_path: P
     swapped = replace(romeo, joints=romeo.joints[::-1])
     with pytest.raises(ModelError, match="LWristPitch"):
         load_model(swapped)
-    with pytest.raises(ModelError, match=r"none\.urdf"):
+    other = replace(romeo, joints=(replace(romeo.joints[0], name="Thumb"), *romeo.joints[1:]))
+    with pytest.raises(ModelError, match="no joint 'Thumb' moves: it moves LShoulderPitch, "):
+        load_model(other)
+    with pytest.raises(ModelError, match=r"none\.urdf: cannot be read: No such file"):
         load_model(replace(romeo, urdf=tmp_path / "none.urdf"))
 
 

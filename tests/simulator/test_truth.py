@@ -14,7 +14,7 @@ from bench.rigs.generated_arms import generate
 from bench.rigs.generated_makes import MAKES
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from daemon.commands.contactd import main
-from daemon.commands.simulated_robot import describe, read_simulation, true_arm
+from daemon.commands.simulated_robot import describe, read_simulation, refused_drives, true_arm
 from daemon.config.load import load_robot
 from errors import ConfigurationError
 from simulator.state_machine import State
@@ -101,7 +101,7 @@ def test_shipped_arms_are_what_their_configurations_say(folder):
         (lambda d: (d["drives"]["servo"].pop("motor_position", None), wrong_encoder(d, "motor")),
          r"joints\[0\] \(base\).encoder_errors\[0\].encoder: motor, but drives.servo has no motor"),
         (lambda d: wrong_encoder(d, "tacho"),
-         r"encoder_errors\[0\].encoder: invalid enum value 'tacho' \(allowed: link, motor\)"),
+         r"encoder_errors\[0\].encoder: must be one of link, motor, not 'tacho'"),
         (lambda d: d["joints"][1].update(node=d["joints"][0]["node"]),
          r"yaml: joints\[1\] \(shoulder\).node: \d+ is that of base, too"),
         (lambda d: d["joints"][1].update(name="base"),
@@ -146,6 +146,27 @@ def test_a_file_of_before_is_refused_with_the_words_to_change_it_and_kept(tmp_pa
     again = CliRunner().invoke(main, ["simulate", str(folder), "--write-truth"])
     assert again.exit_code == 78
     assert "never overwritten" in again.output
+    assert "move simulation.yaml and simulation.urdf away first" in again.output
+
+
+def test_what_the_daemon_is_going_to_refuse_of_the_arm_is_said_with_the_way_out(tmp_path):
+    folder = generate(0).write(tmp_path / "arm")
+    assert refused_drives(load_robot(folder), true_arm(load_robot(folder))[1]) == []
+    text, found = re.subn(
+        r"rated_current_A: \S+",
+        "rated_current_A: 1.75",
+        (folder / "config.yaml").read_text(),
+        count=1,
+    )
+    assert found == 1
+    (folder / "config.yaml").write_text(text)
+    robot = load_robot(folder)
+    first, which, way = refused_drives(robot, true_arm(robot)[1])
+    assert "of simulation.yaml" in first
+    assert re.fullmatch(
+        r"  base: rated_current_A is [\d.]+ here, and 1.75 in config.yaml", which
+    ), which
+    assert way.endswith(f"`contactd simulate {folder} --write-truth`")
 
 
 def test_a_truth_cannot_be_written_of_setpoints_elsewhere(tmp_path):

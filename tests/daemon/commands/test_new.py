@@ -23,6 +23,14 @@ def new(folder: Path, urdf: Path, *sheets: str):
     return CliRunner().invoke(main, words)
 
 
+def in_millimetres(urdf: str) -> str:
+    return re.sub(
+        r'(?<=<origin )xyz="([^"]*)"',
+        lambda found: f'xyz="{" ".join(f"{float(x) * 1e3:g}" for x in found[1].split())}"',
+        urdf,
+    )
+
+
 @pytest.fixture
 def given(tmp_path: Path):
     """Writes what an owner has of the arm of a seed, and drafts a folder from it."""
@@ -137,6 +145,11 @@ def test_nothing_is_overwritten(tmp_path):
         (lambda u, e: (u, re.sub(r"\[60FF\].*?\n\n", "", e, flags=re.DOTALL)),
          "no object for target_velocity"),
         (lambda u, e: (u, "nothing"), "not a readable EDS"),
+        (lambda u, e: (in_millimetres(u), e),
+         "arm.urdf: joint '.*' would need a motor of .* Nm, at most 3000 can be: are masses in kg"
+         "(.|\n)*arm.urdf, line [0-9]+: joint 'LElbowRoll': its <origin> is .* m .*: in mm?"),
+        (lambda u, e: (re.sub(r'<mass value="([^"]+)"', r'<mass value="\g<1>e3"', u), e),
+         "arm.urdf: joint '.*' would need a motor of .* Nm(.|\n)*its inertia .* tungsten"),
         (lambda u, e: (u.replace('upper="2.22041"', 'upper="two"'), e),
          "arm.urdf: joint 'LShoulderPitch', line 1[0-9]: <limit upper=\"two\">: must be one"),
         (lambda u, e: (u.replace('xyz="', 'xyz="left ', 1), e), "must be three finite numbers"),
@@ -155,6 +168,41 @@ def test_what_cannot_be_drafted_is_refused_and_nothing_is_left(edit, says, tmp_p
     assert result.exit_code == 78, result.output
     assert re.search(says, result.output), result.output
     assert not (tmp_path / "mine").exists()
+
+
+def test_limits_in_degrees_are_told_at_once(tmp_path):
+    urdf = (DESK_ARM / "arm.urdf").read_text().replace('lower="-1.6" upper="1.6"',
+                                                       'lower="-92" upper="92"')  # fmt: skip
+    (tmp_path / "arm.urdf").write_text(urdf)
+    result = new(tmp_path / "mine", tmp_path / "arm.urdf", str(DESK_ARM / "drive.eds"))
+    assert result.exit_code == 0, result.output
+    assert "arm.urdf, line 11: joint 'column': its <limit> of -92 to 92 rad" in result.output
+
+
+def test_the_check_says_how_many_guesses_are_left(given):
+    folder = given(0)
+    config = folder / "config.yaml"
+    marked = config.read_text().count("# CHECK")
+    for left in (marked, marked - 1, 0):
+        kept = config.read_text().split("\n")
+        while sum("# CHECK" in line for line in kept) > left:
+            i = next(i for i, line in enumerate(kept) if "# CHECK" in line)
+            kept[i] = kept[i].partition("# CHECK")[0]
+        config.write_text("\n".join(kept))
+        said = CliRunner().invoke(main, ["check", str(folder)]).output
+        assert (f"{left} lines still hold guesses (CHECK)" in said) is (left > 0), said
+        assert ("guesses" in said) is (left > 0)
+
+
+def test_a_drive_without_cyclic_velocity_is_told(tmp_path):
+    text, found = re.subn(
+        r"(?s)(\[6502\].*?DefaultValue=)\w+", r"\g<1>0xA5", (DESK_ARM / "drive.eds").read_text()
+    )
+    assert found == 1
+    (tmp_path / "drive.eds").write_text(text)
+    new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
+    said = " ".join(CliRunner().invoke(main, ["check", str(tmp_path / "mine")]).output.split())
+    assert "drives.drive.eds: drive.eds says 0x000000A5 of 0x6502, without bit 8" in said
 
 
 def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):
@@ -220,6 +268,12 @@ def test_a_makers_own_current_is_a_guess_and_no_demand(tmp_path):
     (line,) = re.findall(r".*current: {.*", (tmp_path / "mine" / "config.yaml").read_text())
     assert "0x2011" in line
     assert "# CHECK" in line
+    assert line.endswith("mA are 0.001 / rated_current_A")
+
+
+def test_a_deceleration_is_guessed_in_its_own_unit(given):
+    (line,) = re.findall(r".*quick_stop_deceleration: {.*", (given(1) / "config.yaml").read_text())
+    assert "0.1 rpm/s is a guess: 1 rpm/s is" in line
 
 
 def test_fixed_pdos_that_repeat_an_object_are_passed_over(tmp_path):

@@ -113,7 +113,7 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "admittance_gain: 0.5\n    end: fall",
         "end: fall",
         "joints[2] (LElbowRoll).end",
-        ("invalid enum value 'fall'", "(allowed: brake, hold, limp)"),
+        ("must be one of brake, hold, limp, not 'fall'",),
     ),
     "not one of the PDOs": (
         '"2": [link_position, motor_position]',
@@ -127,7 +127,7 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         '"2": [link_position, Motor_position]',
         '"2": [link_position, Motor_position]',
         "drives.two_encoder_drive.tpdo.2[1]",
-        ("invalid enum value 'Motor_position'", "(allowed: controlword, current,"),
+        ("must be one of controlword, current,", "not 'Motor_position'"),
     ),
     "a limit beyond what setpoints can say": (
         "{object: 0x60FF, type: INTEGER32, scale: 0.01",
@@ -162,7 +162,7 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "contact: hug,",
         "contact: hug,",
         "reactions.contact",
-        ("'hug'", "(allowed: report, admittance, retract, release, hold, quick_stop)"),
+        ("must be one of report, admittance, retract, release, hold, quick_stop, not 'hug'",),
     ),
     "not a number": (
         "acceleration: 5.0",
@@ -181,9 +181,9 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
     "joint that the URDF lacks": (
         "- name: LWristYaw",
         "- name: LThumb",
-        "urdf: arm.urdf",
-        "urdf (arm.urdf)",
-        ("LThumb", "LWristYaw"),
+        "- name: LThumb",
+        "joints[5] (LThumb).name",
+        ("arm.urdf has no joint of this name that moves", "LWristYaw"),
     ),
     "two joints of one name": (
         "- name: LWristYaw",
@@ -344,7 +344,7 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "version: 2",
         "version: 2",
         "version",
-        ("invalid enum value 2",),
+        ("must be one of 1, not 2",),
     ),
     "a key that is a number": (
         '"1": [controlword, target_velocity]',
@@ -387,6 +387,11 @@ BROKEN_URDF: dict[str, tuple[str, str, tuple[str, ...]]] = {
         'ixx="0.00201004"',
         'ixx="-0.00201004"',
         ("line 24: its <inertia> has a principal moment of -0.00201 kg m2", "negative"),
+    ),
+    "a link that is misspelt": (
+        '<child link="l_wrist"',
+        '<child link="l_wirst"',
+        ("joint 'LWristPitch', line 111: no link 'l_wirst' for its <child>", "l_wrist"),
     ),
     "no XML": ("</robot>", "", ("not XML that can be read: no element found: line 125",)),
 }

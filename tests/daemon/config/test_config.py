@@ -74,6 +74,14 @@ def test_a_broken_urdf_is_refused(
     assert capfd.readouterr().err == ""  # where the parser would have its say
 
 
+def test_of_a_file_that_is_something_else_only_the_beginning_is_shown(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text("<robot> " + "many words " * 1000)
+    message = refusal(path)
+    assert "must be a group of fields, not '<robot> many words" in message
+    assert len(message) < 200 + len(str(path))
+
+
 def test_everything_that_does_not_fit_is_listed_at_once(tmp_path: Path) -> None:
     path = edited(
         tmp_path,

@@ -354,3 +354,13 @@ def test_a_joint_outside_its_limits(calm: Rig) -> None:
 
 def test_every_finding_has_a_check() -> None:
     assert {row.check for row in TABLE.values()} <= set(NAMES)
+
+
+def test_joints_that_sense_contact_only_just_are_named_at_once(calm) -> None:
+    since = np.array([calm.last.time_s - 0.14])
+    record = replace(calm.last, sensing=np.array([True]), sensing_since_s=since)
+    found = calm.tick.arming_checks.run(record, Mode.HOLDING, (), (), record.time_s)
+    (said,) = [one.text for one in found.checks if one.name == "estimator"]
+    assert said.startswith(
+        "able to sense contact for only 0.14 s, which must be 0.25 s: joint; ask again"
+    )

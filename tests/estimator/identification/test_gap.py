@@ -78,6 +78,19 @@ def test_what_no_scatter_of_plateaus_shows_is_in_the_interval():
     assert "the same throughout" in none.reason
 
 
+def test_a_hand_that_is_hardly_felt_leaves_no_interval_beyond_what_a_soft_gear_bends():
+    """0.16 Nm, with the noise of a current: the line through it ends anywhere."""
+    alpha, load, rng = 0.0125, 0.16, np.random.default_rng(3)
+    phi = visits(alpha, 24, strain=0.0002)
+    t, still = T * np.arange(len(phi)), np.zeros_like(phi)
+    border = np.clip((np.abs(phi) / alpha - 0.6) / 0.4, 0.0, 1.0)
+    torque = -np.sign(phi) * load * border + rng.normal(0.0, 0.05, len(phi))
+    gap = from_plateaus("j", t, phi, still, 0.0, torque)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert "of alpha the gear may have bent" in gap.reason
+    assert abs(gap.half_gap - alpha) < gap.confidence < 0.0025, gap
+
+
 @pytest.mark.parametrize("measured", [True, False])
 def test_a_second_sitting_adds_to_the_first_wherever_the_motor_stands_by_then(measured):
     """Neither alone has crossings enough; between them motor and zeros moved, and a hand leaned on
