@@ -366,6 +366,30 @@ def test_the_first_ramp_counts_from_its_end_on():
     assert from_ramps("j", t, phi, torque) == from_rest
 
 
+def test_a_gap_that_velocities_do_not_show_is_not_called_none():
+    """The motor crosses it between two samples of its velocity, or is caught on the way now and
+    then: what is left is no gear without a gap."""
+    t, phi, torque = sharp_gap(0.02, 0.03)
+    velocity = -np.gradient(phi, t)
+    fast = np.abs(velocity) > 0.1
+    for shown in (0.0, 0.3):
+        seen = np.where(fast, shown * velocity * (np.arange(len(t)) % 3 > 0), velocity)
+        still = np.zeros((len(t), 1))
+        gap = identify_gap(MotionLog(("j",), t, torque[:, None], still, seen[:, None]), 0, 1.0)
+        assert gap.verdict is GapVerdict.UNCLEAR, gap
+        assert "log its position" in gap.reason, gap
+
+
+def test_a_gear_that_stiffens_with_its_load_is_in_the_interval_of_ramps():
+    t, phi, torque = sharp_gap(0.02, 0.01)
+    for hardens in (0.0, 0.5, 1.0):
+        beyond = np.abs(phi) - 0.02
+        bent = np.where(beyond > 0.0, beyond * (1.0 + hardens * np.exp(-beyond / 0.004)), beyond)
+        gap = from_ramps("j", t, np.sign(phi) * (0.02 + bent), torque)
+        assert gap.verdict is GapVerdict.CLEAR, gap
+        assert abs(gap.half_gap - 0.02) < gap.confidence < 0.25 * 0.02, gap
+
+
 def test_real_torque_ramps_of_preloaded_gears():
     """What is refused shows its figure, the limit that it broke, and why that may be."""
     gap = identify_gap(*clamped_with("split_3pre1"))
