@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from arrays import Vector
 from estimator.identification.gap_result import smoothed
 
-USUAL = 1.2e-3
-"""Compliance of gears [rad/Nm], where nothing shows it."""
+USUAL, USUALLY = 1.2e-3, 0.9e-3
+"""Compliance of gears [rad/Nm] where nothing shows it, and how far they differ."""
 _FROM = (0.3, 0.4, 0.5)
 """Shares of the largest torque from which on the line is fitted; below, borders are round. The
 outer ones show how much that matters."""

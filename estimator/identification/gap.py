@@ -63,12 +63,13 @@ def _by_what_moved(log: MotionLog, joint: int, torque_constant: float, gear: flo
         return GapResult(joint=name, verdict=GapVerdict.NO_LINK_ENCODER, reason=about)
     if stroking(log.motor_velocity[:, joint]):
         return by_strokes(log, joint, torque_constant, gear)
+    torque = torque_constant * log.current[:, joint]
     if moved_q < 0.05 * moved_theta:
-        torque = torque_constant * log.current[:, joint]
         return _as_seen(from_ramps(name, log.time_s, q - theta, torque), log)
     between = spread(q - theta)
     if moved_theta > _SHAKEN and moved_theta > 3.0 * between:
-        return from_motion(name, log.time_s, q, theta, log.motor_velocity[:, joint], gear=gear)
+        velocity = log.motor_velocity[:, joint]
+        return from_motion(name, log.time_s, q, theta, velocity, gear=gear, torque=torque)
     return _by_hand(log, joint, torque_constant, q, theta)
 
 

@@ -57,7 +57,7 @@ def from_ramps(name: str, time_s: Vector, phi: Vector, torque: Vector) -> GapRes
         stiffness=stiffness,
     )
     fits = Limit("share of the torque that no gap explains", float(left.var() / tau.var()), _LEFT,
-                 "", "a link that was not clamped, too slow a log, or the current of another motor")  # fmt: skip
+                 "", "a link that was not clamped, too slow a log, or another current")  # fmt: skip
     if alpha < SMALLEST and fits.kept and hidden < SMALLEST:
         return GapResult(
             joint=name,

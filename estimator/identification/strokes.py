@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arrays import Matrix, Vector
-from estimator.identification.bending import USUAL
+from estimator.identification.bending import USUAL, USUALLY
 from estimator.identification.encoder_errors import Harmonic, turns
 from estimator.identification.gap_result import (
     CLEAR,
@@ -32,7 +32,6 @@ STROKES = 4
 _FEWEST = 3
 _BLOCK_S = 0.2  # samples of a plateau that count as one
 _TURN = 0.6  # of a motor's turn, in which its harmonics show
-_GEARS = (USUAL, 0.9e-3)  # [rad/Nm]: compliance of gears, and how far they differ
 _ENCODERS = 3e-5  # [rad]: what no scatter shows of them
 _STEP = 0.3  # of an encoder, by which the mean over a way may be off
 _LATE_S = 0.002  # by which the current may be later than the positions, unseen
@@ -149,7 +148,7 @@ def _fitted(
         # As far as theta drifts, phi does: the motor stands where the middle of the gap says.
         rows = replace(rows, theta=rows.theta + np.interp(rows.time_s, seen.time_s, center))
         fit, center = _solved(seen, rows, gear, integrated=integrated)
-        fit = replace(fit, coulomb=free, unsure=fit.unsure + off * max(fit.compliance, _GEARS[0]))
+        fit = replace(fit, coulomb=free, unsure=fit.unsure + off * max(fit.compliance, USUAL))
         if abs(fit.alpha - alpha) < 1e-6:
             break
         alpha = max(fit.alpha, 0.25 * half)
@@ -230,9 +229,9 @@ def _solved(seen: Samples, rows: _Carried, gear: float, *, integrated: bool) -> 
     # A gear's compliance is known that far: it decides where the torque shows little.
     weak = 1e-4  # [rad]: scatter of phi that goes with it
     prior = np.zeros((1, X.shape[1]))
-    prior[0, 1] = weak / _GEARS[1]
+    prior[0, 1] = weak / USUALLY
     A = np.vstack([X, prior])
-    y = np.append(rows.phi, prior[0, 1] * _GEARS[0])
+    y = np.append(rows.phi, prior[0, 1] * USUAL)
     solution, *_ = np.linalg.lstsq(A, y, rcond=None)
     if solution[1] < 0.0:
         A[:, 1] = 0.0
@@ -257,7 +256,7 @@ def _solved(seen: Samples, rows: _Carried, gear: float, *, integrated: bool) -> 
         harmonics=repeats.harmonics(solution[2 + plain.shape[1] :], harmonic) if turned > _TURN
         else (),
         coulomb=float("nan"),
-        unsure=_GEARS[0] * load if solution[1] < _STIFFEST else 0.0,
+        unsure=USUAL * load if solution[1] < _STIFFEST else 0.0,
         hidden=_hidden(seen),
         noise=rows.noise,
     )  # fmt: skip

@@ -243,6 +243,26 @@ def test_motion_shows_gap_and_skew_apart():
     assert np.percentile(np.abs(q - theta), 95) > 1.3 * alpha
 
 
+@pytest.mark.parametrize("gives", [0.0003, 0.0012, 0.002])
+def test_what_a_gear_bends_in_motion_is_in_the_interval(gives):
+    """Friction of 1 Nm at the link and 1 Nm at the motor: phi rests that much beyond its gap, each
+    time the same, and scatters by nothing."""
+    alpha = 0.01
+    t, q, theta = two_encoders(0.0, alpha)
+    way = np.sign(np.gradient(theta, t))
+    at_border = np.clip((theta - q) / alpha, -1.0, 1.0)
+    q = q - gives * at_border
+    current = at_border + way
+    velocity = np.gradient(theta, t)
+    log = MotionLog(("j",), t, *(x[:, None] for x in (current, q, velocity, theta)))
+    gap = identify_gap(log, 0, 1.0)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert abs(gap.half_gap - alpha) < gap.confidence < 0.3 * alpha, gap
+    wrong = identify_gap(replace(log, current=1000.0 * log.current), 0, 1.0)  # mA
+    assert wrong.verdict is GapVerdict.UNCLEAR, wrong
+    assert "another unit" in wrong.reason
+
+
 @pytest.mark.parametrize("turns", [40.0, 100.0, 160.0])
 def test_errors_that_repeat_with_a_turn_are_told_and_hide_no_gap(turns):
     alpha = 0.0015
