@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from arrays import Vector
-from estimator.identification.bending import USUAL, Bending, bending
+from estimator.identification.bending import SOFTEST, STIFFEST, USUAL, Bending, bending
 from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
@@ -123,11 +123,16 @@ def _straightened(
 ) -> GapResult:
     """`found` without what the gear bends, where that is known better than it matters; else with
     that in its interval, or with what a usual gear bends where it was `pressed` so much."""
+    loads = [float(loads.mean()) for loads in pressed.values()]
+    usual = USUAL * max(*loads, 0.0) if loads else 0.0
     if bent is None:
-        loads = [float(loads.mean()) for loads in pressed.values()]
-        gives = USUAL * max(*loads, 0.0) if loads else 0.0
-        return replace(found, confidence=found.confidence + gives)
+        return replace(found, confidence=found.confidence + usual)
     gives = found.half_gap - bent.half_gap
+    if (
+        not STIFFEST < bent.compliance < SOFTEST
+    ):  # friction hid what the motor held, or a controller
+        wider = found.confidence + max(abs(gives), usual) + bent.confidence
+        return replace(found, confidence=wider)
     if bent.confidence > max(CLEAR * bent.half_gap, 0.5 * SMALLEST):
         wider = found.confidence + abs(gives) + bent.confidence
         return replace(found, confidence=wider,

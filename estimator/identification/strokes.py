@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arrays import Matrix, Vector
-from estimator.identification.bending import USUAL, USUALLY
+from estimator.identification.bending import STIFFEST, USUAL, USUALLY
 from estimator.identification.encoder_errors import Harmonic, turns
 from estimator.identification.gap_result import (
     CLEAR,
@@ -36,7 +36,6 @@ _ENCODERS = 3e-5  # [rad]: what no scatter shows of them
 _STEP = 0.3  # of an encoder, by which the mean over a way may be off
 _LATE_S = 0.002  # by which the current may be later than the positions, unseen
 _PERIOD_S = 0.01  # of the log, of whose samples at the borders no more than a few are averages
-_STIFFEST = 2.5e-4  # [rad/Nm]: no gear bends less, but where the torque does not show it
 _PUSHED = 0.3  # of the torque's noise: less pushes no link
 _UNSURE = 0.1  # of what the gear bent: friction does not quite keep its size
 _FEWEST_FREE = 5  # samples inside the gap
@@ -256,7 +255,7 @@ def _solved(seen: Samples, rows: _Carried, gear: float, *, integrated: bool) -> 
         harmonics=repeats.harmonics(solution[2 + plain.shape[1] :], harmonic) if turned > _TURN
         else (),
         coulomb=float("nan"),
-        unsure=USUAL * load if solution[1] < _STIFFEST else 0.0,
+        unsure=USUAL * load if solution[1] < STIFFEST else 0.0,
         hidden=_hidden(seen),
         noise=rows.noise,
     )  # fmt: skip

@@ -78,6 +78,20 @@ def test_what_no_scatter_of_plateaus_shows_is_in_the_interval():
     assert "the same throughout" in none.reason
 
 
+def test_a_motor_that_answers_late_shows_no_stiff_gear():
+    """Its friction holds at first what a hand presses by; its controller takes that over while the
+    link rests, and the torque rises where nothing bends any more."""
+    alpha, gives = 0.01, 0.001
+    phi = visits(alpha + gives, 24)
+    late = np.resize(np.clip((np.arange(100) - 30.0) / 60.0, 0.0, 1.0), len(phi))
+    phi = phi + 1e-4 * np.sign(phi) * late
+    torque = -1.5 * np.sign(phi) * late
+    gap = from_plateaus("j", T * np.arange(len(phi)), phi, np.zeros_like(phi), 0.0, torque)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert abs(gap.half_gap - alpha) < gap.confidence < 0.3 * alpha, gap
+    assert np.isnan(gap.compliance)
+
+
 @pytest.mark.parametrize("measured", [True, False])
 def test_a_second_sitting_adds_to_the_first_wherever_the_motor_stands_by_then(measured):
     """Neither alone has crossings enough; between them motor and zeros moved, and a hand leaned on
