@@ -25,7 +25,13 @@ from estimator.identification.gap_result import (
     Limit,
     refused,
 )
-from estimator.identification.stroke_samples import Samples, held_by, steady, whole_strokes
+from estimator.identification.stroke_samples import (
+    Samples,
+    free_torque,
+    held_by,
+    steady,
+    whole_strokes,
+)
 
 STROKES = 4
 """From border to border; fewer than three give no answer."""
@@ -38,8 +44,6 @@ _LATE_S = 0.002  # by which the current may be later than the positions, unseen
 _PERIOD_S = 0.01  # of the log, of whose samples at the borders no more than a few are averages
 _PUSHED = 0.3  # of the torque's noise: less pushes no link
 _UNSURE = 0.1  # of what the gear bent: friction does not quite keep its size
-_FEWEST_FREE = 5  # samples inside the gap
-_ROTORS = 0.75  # of all friction, where nothing is known: half of it or all
 _RARE = 0.03  # share of the time carried; a border met more rarely is not believed
 _CLEARLY, _LITTLE = 0.1, 0.05  # of friction: a load that changes its side, or none
 _NONE = 0.7 * SMALLEST  # [rad]: below, a gap is not worth the name
@@ -139,7 +143,7 @@ def _fitted(
     center = middle + drift * seen.time_s
     alpha, fit = half, None
     for _ in range(6):
-        free, offset, off = _free_torque(seen, seen.phi - center, alpha)
+        free, offset, off = free_torque(seen, seen.phi - center, alpha)
         load = seen.torque - offset - seen.direction * free
         rows = _carried(seen, seen.phi - center, alpha, load, off)
         if rows is None:
@@ -147,27 +151,15 @@ def _fitted(
         # As far as theta drifts, phi does: the motor stands where the middle of the gap says.
         rows = replace(rows, theta=rows.theta + np.interp(rows.time_s, seen.time_s, center))
         fit, center = _solved(seen, rows, gear, integrated=integrated)
-        fit = replace(fit, coulomb=free, unsure=fit.unsure + off * max(fit.compliance, USUAL))
+        fit = replace(
+            fit,
+            coulomb=float(np.median(free)),
+            unsure=fit.unsure + off * max(fit.compliance, USUAL),
+        )
         if abs(fit.alpha - alpha) < 1e-6:
             break
         alpha = max(fit.alpha, 0.25 * half)
     return fit
-
-
-def _free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[float, float, float]:
-    """Torque of the motor inside the gap on its way up [Nm], which is that down but for its sign;
-    an offset of the current, which both ways have in common [Nm]; and how far the first may be off:
-    a link that fell through was not seen there."""
-    inside = seen.late & (np.abs(phi) < 0.6 * alpha) & (seen.follows < -0.5)
-    ways = [inside & (seen.direction == way) for way in (1.0, -1.0)]
-    if min(int(one.sum()) for one in ways) >= _FEWEST_FREE:
-        up, down = (float(np.median(seen.torque[one])) for one in ways)
-        return 0.5 * (up - down), 0.5 * (up + down), 0.0
-    if inside.sum() >= _FEWEST_FREE:
-        return float(np.median((seen.torque * seen.direction)[inside])), 0.0, 0.0
-    held = held_by(seen)
-    whole = held.friction if held is not None else 0.0
-    return _ROTORS * whole, 0.0, (1.0 - _ROTORS) * whole
 
 
 @dataclass(frozen=True, slots=True)
