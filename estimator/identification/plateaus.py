@@ -150,12 +150,17 @@ def _judged(found: GapResult, scatter: float, doubt: str, felt: bool) -> GapResu
     cause = "preload, an elastic gear, or you pressed now more, now less"
     limit = Limit("scatter of the plateaus", 1e3 * scatter, most, "mrad", cause)
     answer = refused(found, GapVerdict.UNCLEAR, [limit])
-    if answer.limit is not None or not doubt:
+    if answer.limit is not None:
         return answer
-    doubtful = replace(found, reason=f"{found.reason}; {doubt}")
-    if felt:
-        return doubtful
-    return replace(doubtful, verdict=GapVerdict.UNCLEAR, half_gap=np.nan, estimate=found.half_gap)
+    if doubt:
+        found = replace(found, reason=f"{found.reason}; {doubt}")
+    if not felt:
+        return replace(found, verdict=GapVerdict.UNCLEAR, half_gap=np.nan, estimate=found.half_gap)
+    wide = Limit("interval of alpha", 1e3 * found.confidence,
+                 1e3 * max(found.half_gap, SMALLEST), "mrad",
+                 "gears bend by as much as this gap: press more softly; or the current has another "
+                 "unit than A")  # fmt: skip
+    return refused(found, GapVerdict.UNCLEAR, [wide])
 
 
 def _pressed(time_s: Vector, phi: Vector, torque: Vector, found: Plateaus) -> dict[str, Vector]:
