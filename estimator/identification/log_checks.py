@@ -9,12 +9,17 @@ from estimator.identification.motion_log import PAUSE_S, MotionLog
 _MOVED = 0.1  # [rad]: less motion than this says little
 _STUCK = 0.1  # share of the moving time at one extreme position
 _FURTHEST = 4.0 * np.pi  # [rad], two turns: no arm is excited further
+_SLOWEST_S = 0.08  # between samples; the residual's filter, K of 25 per second, takes no more
 _STANDS = 1e-6  # of the link's motion, or the velocity is no measurement
 
 
 def refuse_implausible(log: MotionLog, max_current: Vector) -> None:
     """Raises LogError with everything that is wrong; max_current (n,) [A]."""
     wrong: list[str] = []
+    if log.period_s > _SLOWEST_S:
+        wrong.append(f"samples come every {1e3 * log.period_s:.3g} ms, at most "
+                     f"{1e3 * _SLOWEST_S:g} show friction and masses: log faster (is the unit of "
+                     "`time` right?)")  # fmt: skip
     for i, name in enumerate(log.joints):
         peak = float(np.abs(log.current[:, i]).max())
         if peak > 1.5 * max_current[i]:

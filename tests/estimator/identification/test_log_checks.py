@@ -43,3 +43,12 @@ def test_the_unit_or_column_that_is_wrong_is_named(
     log = MotionLog(("j",), T, *(one[:, None] for one in columns))
     with pytest.raises(LogError, match=said):
         refuse_implausible(log, np.array([1.0]))
+
+
+def test_a_log_that_is_too_slow_is_told_to_be_faster() -> None:
+    t = 0.1 * np.arange(400)
+    q = 0.2 * np.sin(0.5 * np.pi * t)
+    columns = (np.zeros_like(q), q, np.gradient(q, t))
+    log = MotionLog(("j",), t, *(one[:, None] for one in columns))
+    with pytest.raises(LogError, match=r"every 100 ms, at most 80 .* log faster"):
+        refuse_implausible(log, np.array([1.0]))
