@@ -150,12 +150,8 @@ def _fitted(
             break
         # As far as theta drifts, phi does: the motor stands where the middle of the gap says.
         rows = replace(rows, theta=rows.theta + np.interp(rows.time_s, seen.time_s, center))
-        fit, center = _solved(seen, rows, gear, integrated=integrated)
-        fit = replace(
-            fit,
-            coulomb=float(np.median(free)),
-            unsure=fit.unsure + off * max(fit.compliance, USUAL),
-        )
+        fit, center = _solved(seen, rows, gear, off, integrated=integrated)
+        fit = replace(fit, coulomb=float(np.median(free)))
         if abs(fit.alpha - alpha) < 1e-6:
             break
         alpha = max(fit.alpha, 0.25 * half)
@@ -173,6 +169,7 @@ class _Carried:
     load: Vector
     """tau [Nm]"""
     stroke: Vector
+    direction: Vector
     noise: float
     """of the torque over its mean at the weaker border; infinite where it pushes the wrong way"""
 
@@ -205,24 +202,34 @@ def _carried(seen: Samples, phi: Vector, alpha: float, load: Vector, off: float)
         side=mean(side),
         load=mean(load),
         stroke=np.round(mean(seen.stroke.astype(np.float64))),
+        direction=mean(seen.direction),
         noise=noise / weakest if (weakest := min(usual.values())) > 0.0 else float("inf"),
     )
 
 
-def _solved(seen: Samples, rows: _Carried, gear: float, *, integrated: bool) -> tuple[_Fit, Vector]:
-    """The fit, and the middle of the gap (N,) over the samples' time."""
+def _solved(
+    seen: Samples, rows: _Carried, gear: float, off: float, *, integrated: bool
+) -> tuple[_Fit, Vector]:
+    """The fit, and the middle of the gap (N,) over the samples' time.
+
+    off: what the rotor's friction may be other than was taken off the load [Nm]. The gear bends by
+    that one way as the motor goes up, the other way as it goes down; where the motor lets its link
+    down, too, that is not alpha.
+    """
     origin = _origin(rows.time_s, rows.stroke, integrated=integrated)
     repeats = turns(np.zeros_like(rows.theta), rows.theta, gear)
     turned = abs(gear) * float(np.ptp(rows.theta)) / (2.0 * np.pi)
     harmonic = repeats.columns if turned > _TURN else np.empty((len(rows.theta), 0))
     plain = origin(rows.time_s)
-    X = np.column_stack([-rows.side, -rows.load, plain, harmonic])
+    rubs = rows.direction[:, None] if off > 0.0 else np.empty((len(rows.theta), 0))
+    X = np.column_stack([-rows.side, -rows.load, plain, harmonic, rubs])
     # A gear's compliance is known that far: it decides where the torque shows little.
     weak = 1e-4  # [rad]: scatter of phi that goes with it
-    prior = np.zeros((1, X.shape[1]))
+    prior = np.zeros((2 if off > 0.0 else 1, X.shape[1]))
     prior[0, 1] = weak / USUALLY
+    prior[1:, -1] = weak / (off * USUAL) if off > 0.0 else 0.0
     A = np.vstack([X, prior])
-    y = np.append(rows.phi, prior[0, 1] * USUAL)
+    y = np.concatenate([rows.phi, prior[:, 1] * USUAL])
     solution, *_ = np.linalg.lstsq(A, y, rcond=None)
     if solution[1] < 0.0:
         A[:, 1] = 0.0
@@ -237,6 +244,7 @@ def _solved(seen: Samples, rows: _Carried, gear: float, *, integrated: bool) -> 
     variance += inverse[0, 0] * weak**2
     load = float(np.median(np.abs(rows.load)))
     upper = float((rows.side > 0.0).mean())
+    own = 2 + plain.shape[1]
     fit = _Fit(
         alpha=float(solution[0]),
         compliance=float(solution[1]),
@@ -244,14 +252,14 @@ def _solved(seen: Samples, rows: _Carried, gear: float, *, integrated: bool) -> 
         error=float(np.sqrt(variance)),
         scatter=scatter,
         rarer=min(upper, 1.0 - upper),
-        harmonics=repeats.harmonics(solution[2 + plain.shape[1] :], harmonic) if turned > _TURN
-        else (),
+        harmonics=repeats.harmonics(solution[own : own + harmonic.shape[1]], harmonic)
+        if turned > _TURN else (),
         coulomb=float("nan"),
         unsure=USUAL * load if solution[1] < STIFFEST else 0.0,
         hidden=_hidden(seen),
         noise=rows.noise,
     )  # fmt: skip
-    center = origin(seen.time_s) @ solution[2 : 2 + plain.shape[1]]
+    center = origin(seen.time_s) @ solution[2:own]
     return fit, center
 
 
