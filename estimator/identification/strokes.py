@@ -203,7 +203,7 @@ def _carried(seen: Samples, phi: Vector, alpha: float, load: Vector, off: float)
         load=mean(load),
         stroke=np.round(mean(seen.stroke.astype(np.float64))),
         direction=mean(seen.direction),
-        noise=noise / weakest if (weakest := min(usual.values())) > 0.0 else float("inf"),
+        noise=noise / weakest if (weakest := min(usual.values()) + off) > 0.0 else float("inf"),
     )
 
 

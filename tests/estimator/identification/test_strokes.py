@@ -228,9 +228,11 @@ def test_strokes_are_told_from_a_hand_and_from_fast_motion(handled, moved):
         assert not any(stroking(log.motor_velocity[:, i]) for i in range(log.n))
 
 
-def test_a_link_that_falls_through_its_gap_is_not_carried_there():
+@pytest.mark.parametrize("friction", [0.35, 1.2])
+def test_a_link_that_falls_through_its_gap_is_not_carried_there(friction):
     """Its motor is hardly seen inside the gap, so that its friction is not known: what seems to be
-    load beyond it, while the link falls, is none."""
+    load beyond it, while the link falls, is none. As it lets its link down, too, that friction is
+    told from alpha."""
     t = np.arange(0.0, 5 * 5.0, 0.01)
     direction = np.where(t // 5.0 % 2.0 < 1.0, 1.0, -1.0)
     theta_dot = 0.016 * direction
@@ -240,7 +242,7 @@ def test_a_link_that_falls_through_its_gap_is_not_carried_there():
     fallen = np.clip((ahead - 0.005) / 0.016 / 0.25, 0.0, 1.0)
     falls = (fallen > 0.0) & (fallen < 1.0)
     phi = alpha * direction * (2.0 * fallen**3 - 1.0) - 0.0008 * np.where(falls, 0.0, load)
-    torque = np.where(falls, 0.0, load) + 0.35 * direction
+    torque = np.where(falls, 0.0, load) + friction * direction
     torque += 0.003 * np.random.default_rng(1).standard_normal(len(t))
     found = from_strokes("j", t, theta + phi, theta, theta_dot, torque)
     assert found.verdict is GapVerdict.CLEAR, found.reason
