@@ -18,6 +18,7 @@ from regular_file import open_text
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position", "setpoint")
 _SIDES = COLUMNS[2:4]
 _ALSO = "torque"
+_TWICE = 0.3  # share of equal neighbours, below which rows may have been logged twice
 _JITTER = 0.2  # of the period: beyond it, samples are put on a raster
 
 
@@ -33,10 +34,10 @@ def read_csv(
     anything; a file of names and units beside the log (`log_names`) says where they stand if they
     are called otherwise.
 
-    Times rounded so coarsely that neighbours are equal are spread evenly, and samples at uneven
-    times put on an even raster. Raises LogError.
+    Times rounded so coarsely that neighbours are equal are spread evenly, rows logged twice left
+    out, and samples at uneven times put on an even raster. Raises LogError.
     """
-    table = _table(path, joints)
+    table, twice = _once(_table(path, joints))
     if len(table["time"]) == 0:
         raise LogError(f"{path}: there are no samples in it")
     missing: list[str] = []
@@ -66,7 +67,7 @@ def read_csv(
         log = MotionLog(tuple(joints), time_s, **columns)
     except LogError as error:
         raise type(error)(f"{path}: {error}") from error
-    return _on_a_raster(log, notes)
+    return _on_a_raster(log, twice + notes)
 
 
 def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
@@ -156,6 +157,21 @@ def _numbers(path: Path, line: int, row: Sequence[str | float]) -> list[float]:
         return [float(field) for field in row]
     except ValueError as error:
         raise LogError(f"{path}:{line}: not a number: {printable(str(error))[:100]}") from error
+
+
+def _once(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]]:
+    """Columns without the rows that repeat a time, where that is no rounding: spread evenly, times
+    would move by more than they are rounded by."""
+    time_s = table["time"]
+    again = np.diff(time_s, prepend=-np.inf) == 0.0
+    even, notes = _even(time_s)
+    if not notes or again.mean() > _TWICE:
+        return table, ()
+    steps = np.diff(time_s)
+    if np.abs(even - time_s).max() <= float(np.median(steps[steps > 0.0])):
+        return table, ()
+    left = {name: values[~again] for name, values in table.items()}
+    return left, (f"{again.sum()} rows repeat the time of the row before: left out",)
 
 
 def _even(time_s: Vector) -> tuple[Vector, tuple[str, ...]]:

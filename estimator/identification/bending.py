@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from arrays import Vector
 from estimator.identification.gap_result import smoothed
 
-USUAL = 1.2e-3
-"""Compliance of gears [rad/Nm], where nothing shows it."""
-SOFT = 10.0
-"""Times as soft as usual, 83 Nm/rad: no gear that carries an arm is softer."""
+USUAL, USUALLY = 1.2e-3, 0.9e-3
+"""Compliance of gears [rad/Nm] where nothing shows it, and how far they differ."""
+STIFFEST, SOFTEST = 2.5e-4, 4e-3
+"""[rad/Nm]: no gear bends less or more, but where the torque does not show what it carries."""
 _FROM = (0.3, 0.4, 0.5)
 """Shares of the largest torque from which on the line is fitted; below, borders are round. The
 outer ones show how much that matters."""

@@ -54,6 +54,10 @@ SHORTEST_S = 10.0
 _ROUNDS = 3
 _SHOWS = 0.3
 """Of Coulomb friction, by which gravity changes at least where it is compared."""
+_NOTHING = (
+    "it came out as nothing, which no rotor is: a current that is later than "
+    "estimator.current_delay_ms says hides it; B keeps its value"
+)
 _UNFILTERED = (
     "the drives do not filter their current (estimator.current_delay_ms is 0), and it is sampled "
     "between two steps: B keeps its value"
@@ -178,6 +182,9 @@ def _judged(
     if about := wider(play_of_joint, float(t.half_gap[i])):
         verdict, reason = Verdict.WRONG_GAP, about
     known = np.isfinite(solved.errors)
+    doubt = "" if settings.current_delay_ms > 0.0 else _UNFILTERED
+    if not doubt and known[2] and solved.coefficients[2] <= solved.errors[2]:
+        doubt = _NOTHING
     noise = {c: float(solved.errors[k]) for k, c in enumerate(COLUMNS) if known[k]}
     return FrictionFit(
         joint=name,
@@ -190,7 +197,7 @@ def _judged(
         r2=solved.r2,
         condition=solved.condition,
         gravity_scale=gravity,
-        rotor_doubt="" if settings.current_delay_ms > 0.0 else _UNFILTERED,
+        rotor_doubt=doubt,
         stiction=solved.stiction,
         stiction_error=solved.stiction_error,
     )

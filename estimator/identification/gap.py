@@ -63,13 +63,24 @@ def _by_what_moved(log: MotionLog, joint: int, torque_constant: float, gear: flo
         return GapResult(joint=name, verdict=GapVerdict.NO_LINK_ENCODER, reason=about)
     if stroking(log.motor_velocity[:, joint]):
         return by_strokes(log, joint, torque_constant, gear)
+    torque = torque_constant * log.current[:, joint]
     if moved_q < 0.05 * moved_theta:
-        torque = torque_constant * log.current[:, joint]
-        return from_ramps(name, log.time_s, q - theta, torque)
+        return _as_seen(from_ramps(name, log.time_s, q - theta, torque), log)
     between = spread(q - theta)
     if moved_theta > _SHAKEN and moved_theta > 3.0 * between:
-        return from_motion(name, log.time_s, q, theta, log.motor_velocity[:, joint], gear=gear)
+        velocity = log.motor_velocity[:, joint]
+        return from_motion(name, log.time_s, q, theta, velocity, gear=gear, torque=torque)
     return _by_hand(log, joint, torque_constant, q, theta)
+
+
+def _as_seen(found: GapResult, log: MotionLog) -> GapResult:
+    """Half-gap from ramps, which a log of velocities may hide."""
+    if log.motor_position is not None or found.verdict is GapVerdict.CLEAR:
+        return found
+    about = ("a motor may cross a gap between two samples of its velocity: log its position "
+             "(`motor_position`)")  # fmt: skip
+    return replace(found, verdict=GapVerdict.UNCLEAR, half_gap=np.nan,
+                   reason=f"{found.reason}; {about}")  # fmt: skip
 
 
 def by_strokes(log: MotionLog, joint: int, torque_constant: float, gear: float = 0.0) -> GapResult:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
+from estimator.identification.bending import USUAL, USUALLY
 from estimator.identification.encoder_errors import Harmonic, Turns, turns
 from estimator.identification.gap_result import (
     CLEAR,
@@ -20,6 +21,8 @@ from estimator.identification.gap_result import (
 
 _RARE = 0.03  # share of the time in motion; a border met more rarely is not believed
 _RESTS = 50  # fewest samples
+_ROTORS = 0.75  # of all friction, where nothing is known: half of it or all
+_WIDE = 0.5  # half the interval over alpha, at most
 
 
 def from_motion(
@@ -30,11 +33,13 @@ def from_motion(
     theta_dot: Vector,
     enough: int = CROSSINGS,
     gear: float = 0.0,
+    torque: Vector | None = None,
 ) -> GapResult:
-    """phi = c + c' t +- alpha - skew * velocity + what repeats with a turn of either encoder, of
-    the samples at which phi rests; the half-gap where there were `enough` crossings.
+    """phi = c + c' t +- alpha - skew * velocity - kappa tau + what repeats with a turn of either
+    encoder, of the samples at which phi rests; the half-gap where there were `enough` crossings.
 
-    gear: turns of the motor for one of the link, 0 where it is not known.
+    gear: turns of the motor for one of the link, 0 where it is not known; torque (N,) [Nm] of the
+    motor, by which a usual gear bends (kappa tau): without it that is taken for gap.
     """
     speed = smoothed(theta_dot, 3)
     fast = float(np.percentile(np.abs(speed), 95.0))
@@ -45,8 +50,22 @@ def from_motion(
     if rests.sum() < _RESTS:
         about = "phi is never at rest while the joint moves"
         return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=about)
-    fit = _fitted(time_s, q - theta, speed, repeats, rests)
-    return _judged(name, fit, enough)
+    load, off = (np.zeros_like(q), 0.0) if torque is None else _load(torque, q, speed, rests)
+    fit = _fitted(time_s, q - theta + USUAL * load, speed, repeats, rests)
+    unseen = 2.0 * USUALLY * float(np.median(np.abs(load[rests]))) + USUAL * off
+    return _judged(name, fit, unseen, enough)
+
+
+def _load(
+    torque: Vector, q: Vector, speed: Vector, rests: NDArray[np.bool_]
+) -> tuple[Vector, float]:
+    """Torque (N,) [Nm] that the gear carries, the motor's without an offset and without its own
+    friction, and how far that may be off."""
+    torque, way = smoothed(torque, 3), np.sign(speed)
+    columns = np.stack([np.ones_like(q), way, speed, q - q.mean()], axis=1)
+    found, *_ = np.linalg.lstsq(columns[rests], torque[rests], rcond=None)
+    friction = max(float(found[1]), 0.0)
+    return torque - _ROTORS * friction * way, (1.0 - _ROTORS) * friction
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,14 +107,16 @@ def _fitted(
     )
 
 
-def _judged(name: str, fit: _Fit, enough: int) -> GapResult:
+def _judged(name: str, fit: _Fit, unseen: float, enough: int) -> GapResult:
+    """Result of a fit; unseen: what the gear may have bent otherwise [rad]."""
     crossings = int(np.count_nonzero(np.diff(fit.side)))
     found = GapResult(
         joint=name,
         verdict=GapVerdict.CLEAR,
         reason=f"{crossings} crossings in motion, phi scatters by {1e3 * fit.scatter:.2g} mrad",
         half_gap=fit.alpha,
-        confidence=1.96 * float(fit.errors[2]),
+        # A link that bounces rests inside its gap, never beyond: scatter is no mere noise.
+        confidence=1.96 * float(fit.errors[2]) + fit.scatter + unseen,
         skew_s=fit.skew,
         skew_confidence_s=1.96 * float(fit.errors[3]),
         crossings=crossings,
@@ -112,6 +133,8 @@ def _judged(name: str, fit: _Fit, enough: int) -> GapResult:
         Limit("scatter of phi at the borders", 1e3 * fit.scatter, 1e3 * CLEAR * fit.alpha, "mrad",
               "an elastic gear, or encoders with errors that repeat otherwise than 1 or 2 x per "
               "turn"),
+        Limit("interval of alpha", 1e3 * found.confidence, 1e3 * _WIDE * fit.alpha, "mrad",
+              "gears bend by as much as this gap, or the current has another unit: by hand"),
     ]  # fmt: skip
     found = refused(found, GapVerdict.UNCLEAR, limits)
     few = Limit("crossings still missing", float(enough - crossings), 0.0, "", "move it longer")

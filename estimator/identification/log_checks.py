@@ -8,11 +8,18 @@ from estimator.identification.motion_log import PAUSE_S, MotionLog
 
 _MOVED = 0.1  # [rad]: less motion than this says little
 _STUCK = 0.1  # share of the moving time at one extreme position
+_FURTHEST = 4.0 * np.pi  # [rad], two turns: no arm is excited further
+_SLOWEST_S = 0.08  # between samples; the residual's filter, K of 25 per second, takes no more
+_STANDS = 1e-6  # of the link's motion, or the velocity is no measurement
 
 
 def refuse_implausible(log: MotionLog, max_current: Vector) -> None:
     """Raises LogError with everything that is wrong; max_current (n,) [A]."""
     wrong: list[str] = []
+    if log.period_s > _SLOWEST_S:
+        wrong.append(f"samples come every {1e3 * log.period_s:.3g} ms, at most "
+                     f"{1e3 * _SLOWEST_S:g} show friction and masses: log faster (is the unit of "
+                     "`time` right?)")  # fmt: skip
     for i, name in enumerate(log.joints):
         peak = float(np.abs(log.current[:, i]).max())
         if peak > 1.5 * max_current[i]:
@@ -44,17 +51,29 @@ def _encoders(log: MotionLog, i: int) -> list[str]:
     moved_q, moved_theta = float(np.ptp(flat)), float(np.ptp(theta))
     if max(moved_q, moved_theta) < _MOVED:
         return []
+    if moved_theta <= _STANDS * moved_q:
+        return [f"motor_velocity of {name} is the same throughout, while its link moves by "
+                f"{moved_q:.3g} rad: is it the right column?"]  # fmt: skip
     moving = np.abs(v) > 0.2 * np.abs(v).max()
     for end in (q.min(), q.max()):
         stuck = float((q[moving] == end).mean()) if moving.any() else 0.0
         if stuck > _STUCK and moved_q > 0.0:
             return [f"link_position of {name} stays at {end:.4g} rad while its motor moves: "
                     "the encoder is clipped"]  # fmt: skip
-    ratio = moved_q / moved_theta if moved_theta > 0.0 else float("inf")
+    return _apart(name, flat, theta)
+
+
+def _apart(name: str, q: Vector, theta: Vector) -> list[str]:
+    """Link and motor (N,) [rad] that do not move alike, or that move further than an arm does."""
+    moved = float(np.ptp(q))
+    ratio = moved / float(np.ptp(theta))
     if not 0.5 < ratio < 2.0:
         return [f"link_position of {name} moves {ratio:.3g} times as far as its motor: "
                 f"units wrong by {_decades(ratio)}, or swapped joints?"]  # fmt: skip
-    together = float(np.corrcoef(flat, theta)[0, 1])
+    if moved > _FURTHEST:
+        return [f"{name} moves by {moved:.3g} rad: are positions and velocities in degrees, or the "
+                "motor's? Tell units by a YAML of names beside the log"]  # fmt: skip
+    together = float(np.corrcoef(q, theta)[0, 1])
     if together < 0.8:
         return [f"link and motor of {name} do not move together (correlation {together:.2f}): "
                 "swapped joints, or a wrong sign?"]  # fmt: skip

@@ -39,6 +39,7 @@ _WORTH = 0.9  # times the same, of some joint, for which other masses are worth 
 _UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
 _MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
 _POSES = 200
+_UNLIKELY = 3.0  # times as much gravity as by the URDF, or as little: no masses are off so far
 
 
 class MassesVerdict(StrEnum):
@@ -50,6 +51,7 @@ class MassesVerdict(StrEnum):
     SATURATED = "current saturated"
     WRONG_GAP = "the gap is wider"
     COUPLED = "coupled with another joint"
+    WRONG_GRAVITY = "current and gravity disagree"
     WORSE = "worse on held-out motion"
     SWINGS = "swings by itself"
 
@@ -131,7 +133,8 @@ def identify_masses(
         fit = fitted(joints, whole, arm.nominal, motion.rows.period_s)
         touched = motion.touched(joints, *unbent(joints, whole, arm.nominal, motion.rows.period_s))
         transmission = with_friction(transmission, fit.friction)
-    reasons = _reasons(log, motion, joints, fit, transmission, _gravity_unknown(model, arm, fit))
+    gravity = _gravity(model, arm, fit)
+    reasons = _reasons(log, motion, joints, fit, transmission, gravity)
     return Masses(
         _judged(log.joints, joints, arm, motion.rows.period_s, fit, reasons),
         _told(arm.nominal, fit),
@@ -150,7 +153,7 @@ def _reasons(
     joints: list[JointRows],
     fit: BodiesFit,
     t: Transmission,
-    unknown: tuple[Vector, Vector],
+    gravity: tuple[Vector, Vector, Vector],
 ) -> list[Reason]:
     """Why joints cannot be judged by how well they fit; `good` where nothing is against it."""
     left = np.stack(
@@ -161,7 +164,7 @@ def _reasons(
     pairs = coupled(left, weight, coulomb, motion.rows, t.sign_width, GAIN)
     found: list[Reason] = []
     for i in range(log.n):
-        share, before = float(unknown[0][i]), float(unknown[1][i])
+        share, before, scale = (float(values[i]) for values in gravity)
         if about := unexcited(motion.rows.theta_dot[:, i]):
             found.append((MassesVerdict.NOT_EXCITED, about))
         elif about := saturated(float(motion.cut[:, i].mean())):
@@ -176,6 +179,10 @@ def _reasons(
             about = (f"the motion leaves {share:.0%} of what gravity may be off within the limits, "
                      f"{before:.2g} Nm: let it and those behind it move further")  # fmt: skip
             found.append((MassesVerdict.NOT_EXCITED, about))
+        elif before > _MATTERS * coulomb[i] and not 1.0 < _UNLIKELY * scale < _UNLIKELY**2:
+            about = (f"the motor carries {scale:.2g} times the gravity by the URDF: check sign and "
+                     "unit of the current, and `torque_constant`")  # fmt: skip
+            found.append((MassesVerdict.WRONG_GRAVITY, about))
         else:
             found.append((MassesVerdict.GOOD, ""))
     return found
@@ -236,9 +243,9 @@ def _held_out(joints: list[JointRows], nominal: Matrix, period_s: float) -> tupl
     return np.array(by_nominal), np.array(by_found)
 
 
-def _gravity_unknown(model: Model, arm: _Arm, fit: BodiesFit) -> tuple[Vector, Vector]:
-    """Standard deviation of gravity at each joint (n,) over poses within the limits: after the fit,
-    as a share of before; and before [Nm]."""
+def _gravity(model: Model, arm: _Arm, fit: BodiesFit) -> tuple[Vector, Vector, Vector]:
+    """Of gravity at each joint (n,) over poses within the limits: its standard deviation after the
+    fit, as a share of before; that before [Nm]; and what was found over what the URDF says."""
     drawn = np.random.default_rng(0).uniform(arm.lower, arm.upper, (_POSES, model.n))
     none = np.zeros(model.n)
     Y = np.array([model.regressor(q, none, none)[:, arm.massive] for q in drawn])
@@ -249,7 +256,9 @@ def _gravity_unknown(model: Model, arm: _Arm, fit: BodiesFit) -> tuple[Vector, V
         return np.asarray(np.sqrt(np.einsum("kij,jl,kil->i", Y, covariance, Y) / _POSES))
 
     before, after = deviation(prior(arm.nominal)), deviation(fit.information)
-    return after / np.maximum(before, 1e-12), before
+    nominal, found = (Y @ values.ravel() for values in (arm.nominal, fit.parameters))
+    scale = (found * nominal).sum(axis=0) / np.maximum(np.square(nominal).sum(axis=0), 1e-12)
+    return after / np.maximum(before, 1e-12), before, scale
 
 
 def _told(nominal: Matrix, fit: BodiesFit) -> int:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from arrays import Vector
-from estimator.identification.bending import SOFT, USUAL, Bending, bending
+from estimator.identification.bending import SOFTEST, STIFFEST, USUAL, Bending, bending
 from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
@@ -26,6 +26,7 @@ from estimator.identification.gap_result import (
 _CREEP = 0.01  # [rad/s] that no bias of a velocity explains
 _SURE = 3.0  # standard errors by which a border loads the motor
 _ALIKE = 0.35  # of the load at the other border; a motor takes a while to forget that
+_HIDDEN = 3.0  # times what the motor feels of a hand, at most: its friction holds the rest
 _STEP = 0.4  # of an encoder: two rests are off by less against each other, nineteen times of twenty
 
 
@@ -124,17 +125,19 @@ def _straightened(
     """`found` without what the gear bends, where that is known better than it matters; else with
     that in its interval, or with what a usual gear bends where it was `pressed` so much."""
     loads = [float(loads.mean()) for loads in pressed.values()]
-    usual = USUAL * max(*loads, 0.0) if loads else 0.0
+    load = max(*loads, 0.0) if loads else float("inf")
     if bent is None:
-        return replace(found, confidence=found.confidence + usual)
+        return replace(found, confidence=found.confidence + (USUAL * load if loads else 0.0))
     gives = found.half_gap - bent.half_gap
-    if bent.confidence > max(CLEAR * bent.half_gap, 0.5 * SMALLEST):
-        # A line through next to no torque says nothing: then no gear bends more than a soft one.
-        most = SOFT * usual if loads else np.inf
-        wider = found.confidence + min(abs(gives) + bent.confidence, most)
-        return replace(found, confidence=float(wider),
+    # Friction hid what the hand pressed with, or a controller that took it over late.
+    strange = not STIFFEST < bent.compliance < SOFTEST
+    if strange or bent.confidence > max(CLEAR * bent.half_gap, 0.5 * SMALLEST):
+        least = USUAL * load if strange and loads else 0.0
+        # A line through next to no torque ends anywhere; no gear does.
+        unknown = min(max(abs(gives), least) + bent.confidence, _HIDDEN * SOFTEST * load)
+        return replace(found, confidence=found.confidence + unknown,
                        reason=f"{found.reason}; of alpha the gear may have bent "
-                       f"{1e3 * min(max(gives, 0.0), most):.2g} mrad")  # fmt: skip
+                       f"{1e3 * min(max(gives, least), unknown):.2g} mrad")  # fmt: skip
     about = (f"{found.reason}; the gear bends by {1e3 * bent.compliance:.2g} mrad/Nm, "
              f"{1e3 * gives:.2g} mrad of what was seen")  # fmt: skip
     return replace(found, half_gap=bent.half_gap, reason=about, compliance=bent.compliance,
@@ -147,12 +150,17 @@ def _judged(found: GapResult, scatter: float, doubt: str, felt: bool) -> GapResu
     cause = "preload, an elastic gear, or you pressed now more, now less"
     limit = Limit("scatter of the plateaus", 1e3 * scatter, most, "mrad", cause)
     answer = refused(found, GapVerdict.UNCLEAR, [limit])
-    if answer.limit is not None or not doubt:
+    if answer.limit is not None:
         return answer
-    doubtful = replace(found, reason=f"{found.reason}; {doubt}")
-    if felt:
-        return doubtful
-    return replace(doubtful, verdict=GapVerdict.UNCLEAR, half_gap=np.nan, estimate=found.half_gap)
+    if doubt:
+        found = replace(found, reason=f"{found.reason}; {doubt}")
+    if not felt:
+        return replace(found, verdict=GapVerdict.UNCLEAR, half_gap=np.nan, estimate=found.half_gap)
+    wide = Limit("interval of alpha", 1e3 * found.confidence,
+                 1e3 * max(found.half_gap, SMALLEST), "mrad",
+                 "gears bend by as much as this gap: press more softly; or the current has another "
+                 "unit than A")  # fmt: skip
+    return refused(found, GapVerdict.UNCLEAR, [wide])
 
 
 def _pressed(time_s: Vector, phi: Vector, torque: Vector, found: Plateaus) -> dict[str, Vector]:

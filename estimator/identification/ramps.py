@@ -23,6 +23,8 @@ _VELOCITY_S = 0.2  # over which the velocity is taken: ramps last seconds
 _END = 0.1  # of phi's range: where it has come so close to an end, friction is that of one way
 _POINTS = 400  # of the way, per range of phi
 _FEWEST_BINS = 3
+_LEFT = 0.1  # of the torque's variance: more is no gap, whatever its figure
+_UNSURE = 0.15  # of what the gear bends: no gear bends quite in proportion
 
 
 def from_ramps(name: str, time_s: Vector, phi: Vector, torque: Vector) -> GapResult:
@@ -40,19 +42,32 @@ def from_ramps(name: str, time_s: Vector, phi: Vector, torque: Vector) -> GapRes
         _dead_zone(np.delete(x, b), np.delete(v, b), np.delete(tau, b), whole)[0] for b in blocks
     ]
     error = float(np.sqrt(0.9 * np.square(left_out - np.mean(left_out)).sum()))  # jackknife
+    error *= float(student.ppf(0.975, len(blocks) - 1))
+    left = _missed(whole, x, v, tau)
+    bent = float(np.percentile(_beyond(x, center, alpha), 99.0))
+    hidden = float(left.std()) / max(stiffness, 1e-9)
     found = GapResult(
         joint=name,
         verdict=GapVerdict.CLEAR,
         reason=f"inside, the torque rises with {slope:.3g} Nm/rad; "
         f"outside, with {stiffness:.3g} Nm/rad",
         half_gap=alpha,
-        confidence=error * float(student.ppf(0.975, len(blocks) - 1)),
+        confidence=float(np.linalg.norm([error, hidden, _UNSURE * bent])),
         coulomb=coulomb,
         stiffness=stiffness,
     )
-    if alpha < SMALLEST:
-        return GapResult(joint=name, verdict=GapVerdict.NONE, reason=found.reason, half_gap=0.0)
+    fits = Limit("share of the torque that no gap explains", float(left.var() / tau.var()), _LEFT,
+                 "", "a link that was not clamped, too slow a log, or another current")  # fmt: skip
+    if alpha < SMALLEST and fits.kept and hidden < SMALLEST:
+        return GapResult(
+            joint=name,
+            verdict=GapVerdict.NONE,
+            reason=found.reason,
+            half_gap=0.0,
+            confidence=hidden,
+        )
     limits = [
+        fits,
         Limit("slope inside over slope outside", slope / stiffness, _FLAT, "",
               "preloaded or elastic gear: torque passes at once"),
         Limit("interval of alpha", 1e3 * found.confidence, 1e3 * alpha, "mrad",
@@ -79,12 +94,9 @@ def _from_the_first_end(x: Vector, tau: Vector, v: Vector) -> tuple[Vector, Vect
 def _dead_zone(x: Vector, v: Vector, tau: Vector, start: Vector | None = None) -> Vector:
     """alpha, center, stiffness and Coulomb friction, bounded by what the data span."""
     span, height = float(np.ptp(x)), float(np.ptp(tau))
-    rub = np.tanh(v / _RAMP_WIDTH)
 
     def missed(p: Vector) -> Vector:
-        delta = x - p[1]
-        delta = delta - np.clip(delta, -p[0], p[0])
-        return np.asarray(p[2] * delta + p[3] * rub - tau)
+        return _missed(p, x, v, tau)
 
     low = [0.0, float(x.min()), 0.0, 0.0]
     high = [0.5 * span, float(x.max()), 1e3 * height / span, height]
@@ -97,6 +109,17 @@ def _dead_zone(x: Vector, v: Vector, tau: Vector, start: Vector | None = None) -
         for p in starts
     ]  # fmt: skip
     return np.asarray(min(fits, key=lambda fit: float(fit.cost)).x)
+
+
+def _missed(p: Vector, x: Vector, v: Vector, tau: Vector) -> Vector:
+    """What alpha, center, stiffness and Coulomb friction p make of the torque, less that [Nm]."""
+    delta = np.sign(x - p[1]) * _beyond(x, p[1], p[0])
+    return np.asarray(p[2] * delta + p[3] * np.tanh(v / _RAMP_WIDTH) - tau)
+
+
+def _beyond(x: Vector, center: float, alpha: float) -> Vector:
+    """How far the gear is bent [rad]: the way beyond its border, 0 inside the gap."""
+    return np.maximum(np.abs(x - center) - alpha, 0.0)
 
 
 def _inside(x: Vector, tau: Vector, center: float, alpha: float) -> tuple[float, float]:

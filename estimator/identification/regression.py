@@ -81,8 +81,8 @@ def regression(
     border, and every column passes the filter of r_nl.
 
     held (N, n): z - s(theta_dot) of `sticking.held`. The nuisance is what errors of the masses, an
-    offset of the current and stiction add: a share of gravity, a constant and what is held after a
-    reversal. Friction and rotor are not to answer for them.
+    offset of the current and stiction add: a share of gravity, as far as the motor carries it, a
+    constant and what is held after a reversal. Friction and rotor are not to answer for them.
     """
     phi, apart = where.phi, where.gap.astype(np.float64)
     together = 1.0 - apart
@@ -99,7 +99,9 @@ def regression(
         *(penetration(phi, t.half_gap) * together, phi_dot * together),
     ]
     r_nl = rows.inertial - t.torque_constant * rows.current * together
-    nuisance = np.stack([rows.gravity, np.ones_like(rows.gravity), -held * together], axis=2)
+    nuisance = np.stack(
+        [rows.gravity * together, np.ones_like(rows.gravity), -held * together], axis=2
+    )
     return Regression(
         low_pass(r_nl, rows, gain),
         low_pass(np.stack(columns, axis=2), rows, gain),
@@ -139,6 +141,8 @@ def solve_joint(
     if half_gap > 0.0:
         candidates.append(_SPRING)
     r2 = _held_out(A, N, y, weight, used, train)
+    # A gear bends by what gravity is: its spring would take the place of a wrong torque constant.
+    _, share = _lsq(A, N, y, weight, used)
     for pair in candidates:
         more = used.copy()
         more[pair] = True
@@ -157,7 +161,7 @@ def solve_joint(
     )
     return Solution(
         coefficients=coefficients, errors=errors, r2=r2, condition=condition,
-        gravity=1.0 - float(nuisance[0]), touched=touched, stiction=stiction,
+        gravity=1.0 - float(share[0]), touched=touched, stiction=stiction,
         stiction_error=stiction_error, left=left, weight=weight,
     )  # fmt: skip
 

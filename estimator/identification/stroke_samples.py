@@ -13,6 +13,9 @@ FASTEST = 0.045
 """[rad/s]: beyond, impacts and the swing of the link are not slow any more."""
 _BEGIN_S = 0.15  # of a stroke: the motor's friction turns round
 _FEWEST = 5  # samples, each way
+_FEWEST_FREE = 5  # samples inside the gap
+_FEWEST_WARM = 6  # strokes
+_ROTORS = 0.75  # of all friction, where nothing is known: half of it or all
 _SHOWN = 1.0  # [rad], over which gravity would be more than friction
 
 
@@ -130,3 +133,33 @@ def held_by(seen: Samples, slope: float | None = None) -> Held | None:
     found, *_ = np.linalg.lstsq(np.stack(columns, axis=1), torque, rcond=None)
     steep = float(found[2]) if slope is None else slope
     return Held(at, float(found[0]), 0.5 * abs(steep) * float(np.ptp(q)), abs(float(found[1])))
+
+
+def free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[Vector, float, float]:
+    """Torque (N,) of the motor inside the gap on its way up [Nm], which is that down but for its
+    sign, and changes as the motor warms; an offset of the current, which both ways have in common
+    [Nm]; and how far the first may be off: a link that fell through was not seen there."""
+    even = np.ones_like(phi)
+    inside = seen.late & (np.abs(phi) < 0.6 * alpha) & (seen.follows < -0.5)
+    ways = [inside & (seen.direction == way) for way in (1.0, -1.0)]
+    if min(int(one.sum()) for one in ways) >= _FEWEST_FREE:
+        up, down = (float(np.median(seen.torque[one])) for one in ways)
+        warms = _warming(seen, inside, 0.5 * (up + down))
+        return 0.5 * (up - down) + warms, 0.5 * (up + down), 0.0
+    if inside.sum() >= _FEWEST_FREE:
+        return float(np.median((seen.torque * seen.direction)[inside])) * even, 0.0, 0.0
+    held = held_by(seen)
+    whole = held.friction if held is not None else 0.0
+    return _ROTORS * whole * even, 0.0, (1.0 - _ROTORS) * whole
+
+
+def _warming(seen: Samples, inside: NDArray[np.bool_], offset: float) -> Vector:
+    """Change (N,) of the motor's friction over time [Nm], a line through that of the strokes; 0
+    where they are too few."""
+    friction = (seen.torque - offset) * seen.direction
+    strokes = [inside & (seen.stroke == k) for k in np.unique(seen.stroke[inside])]
+    if len(strokes) < _FEWEST_WARM:
+        return np.zeros_like(friction)
+    t, level = np.array([(seen.time_s[k].mean(), np.median(friction[k])) for k in strokes]).T
+    slope = float(np.polyfit(t, level, 1)[0])
+    return slope * (seen.time_s - float(np.median(seen.time_s[inside])))

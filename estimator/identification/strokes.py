@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arrays import Matrix, Vector
-from estimator.identification.bending import USUAL
+from estimator.identification.bending import STIFFEST, USUAL, USUALLY
 from estimator.identification.encoder_errors import Harmonic, turns
 from estimator.identification.gap_result import (
     CLEAR,
@@ -25,23 +25,25 @@ from estimator.identification.gap_result import (
     Limit,
     refused,
 )
-from estimator.identification.stroke_samples import Samples, held_by, steady, whole_strokes
+from estimator.identification.stroke_samples import (
+    Samples,
+    free_torque,
+    held_by,
+    steady,
+    whole_strokes,
+)
 
 STROKES = 4
 """From border to border; fewer than three give no answer."""
 _FEWEST = 3
 _BLOCK_S = 0.2  # samples of a plateau that count as one
 _TURN = 0.6  # of a motor's turn, in which its harmonics show
-_GEARS = (USUAL, 0.9e-3)  # [rad/Nm]: compliance of gears, and how far they differ
 _ENCODERS = 3e-5  # [rad]: what no scatter shows of them
 _STEP = 0.3  # of an encoder, by which the mean over a way may be off
 _LATE_S = 0.002  # by which the current may be later than the positions, unseen
 _PERIOD_S = 0.01  # of the log, of whose samples at the borders no more than a few are averages
-_STIFFEST = 2.5e-4  # [rad/Nm]: no gear bends less, but where the torque does not show it
 _PUSHED = 0.3  # of the torque's noise: less pushes no link
 _UNSURE = 0.1  # of what the gear bent: friction does not quite keep its size
-_FEWEST_FREE = 5  # samples inside the gap
-_ROTORS = 0.75  # of all friction, where nothing is known: half of it or all
 _RARE = 0.03  # share of the time carried; a border met more rarely is not believed
 _CLEARLY, _LITTLE = 0.1, 0.05  # of friction: a load that changes its side, or none
 _NONE = 0.7 * SMALLEST  # [rad]: below, a gap is not worth the name
@@ -141,35 +143,19 @@ def _fitted(
     center = middle + drift * seen.time_s
     alpha, fit = half, None
     for _ in range(6):
-        free, offset, off = _free_torque(seen, seen.phi - center, alpha)
+        free, offset, off = free_torque(seen, seen.phi - center, alpha)
         load = seen.torque - offset - seen.direction * free
         rows = _carried(seen, seen.phi - center, alpha, load, off)
         if rows is None:
             break
         # As far as theta drifts, phi does: the motor stands where the middle of the gap says.
         rows = replace(rows, theta=rows.theta + np.interp(rows.time_s, seen.time_s, center))
-        fit, center = _solved(seen, rows, gear, integrated=integrated)
-        fit = replace(fit, coulomb=free, unsure=fit.unsure + off * max(fit.compliance, _GEARS[0]))
+        fit, center = _solved(seen, rows, gear, off, integrated=integrated)
+        fit = replace(fit, coulomb=float(np.median(free)))
         if abs(fit.alpha - alpha) < 1e-6:
             break
         alpha = max(fit.alpha, 0.25 * half)
     return fit
-
-
-def _free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[float, float, float]:
-    """Torque of the motor inside the gap on its way up [Nm], which is that down but for its sign;
-    an offset of the current, which both ways have in common [Nm]; and how far the first may be off:
-    a link that fell through was not seen there."""
-    inside = seen.late & (np.abs(phi) < 0.6 * alpha) & (seen.follows < -0.5)
-    ways = [inside & (seen.direction == way) for way in (1.0, -1.0)]
-    if min(int(one.sum()) for one in ways) >= _FEWEST_FREE:
-        up, down = (float(np.median(seen.torque[one])) for one in ways)
-        return 0.5 * (up - down), 0.5 * (up + down), 0.0
-    if inside.sum() >= _FEWEST_FREE:
-        return float(np.median((seen.torque * seen.direction)[inside])), 0.0, 0.0
-    held = held_by(seen)
-    whole = held.friction if held is not None else 0.0
-    return _ROTORS * whole, 0.0, (1.0 - _ROTORS) * whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +169,7 @@ class _Carried:
     load: Vector
     """tau [Nm]"""
     stroke: Vector
+    direction: Vector
     noise: float
     """of the torque over its mean at the weaker border; infinite where it pushes the wrong way"""
 
@@ -215,24 +202,34 @@ def _carried(seen: Samples, phi: Vector, alpha: float, load: Vector, off: float)
         side=mean(side),
         load=mean(load),
         stroke=np.round(mean(seen.stroke.astype(np.float64))),
-        noise=noise / weakest if (weakest := min(usual.values())) > 0.0 else float("inf"),
+        direction=mean(seen.direction),
+        noise=noise / weakest if (weakest := min(usual.values()) + off) > 0.0 else float("inf"),
     )
 
 
-def _solved(seen: Samples, rows: _Carried, gear: float, *, integrated: bool) -> tuple[_Fit, Vector]:
-    """The fit, and the middle of the gap (N,) over the samples' time."""
+def _solved(
+    seen: Samples, rows: _Carried, gear: float, off: float, *, integrated: bool
+) -> tuple[_Fit, Vector]:
+    """The fit, and the middle of the gap (N,) over the samples' time.
+
+    off: what the rotor's friction may be other than was taken off the load [Nm]. The gear bends by
+    that one way as the motor goes up, the other way as it goes down; where the motor lets its link
+    down, too, that is not alpha.
+    """
     origin = _origin(rows.time_s, rows.stroke, integrated=integrated)
     repeats = turns(np.zeros_like(rows.theta), rows.theta, gear)
     turned = abs(gear) * float(np.ptp(rows.theta)) / (2.0 * np.pi)
     harmonic = repeats.columns if turned > _TURN else np.empty((len(rows.theta), 0))
     plain = origin(rows.time_s)
-    X = np.column_stack([-rows.side, -rows.load, plain, harmonic])
+    rubs = rows.direction[:, None] if off > 0.0 else np.empty((len(rows.theta), 0))
+    X = np.column_stack([-rows.side, -rows.load, plain, harmonic, rubs])
     # A gear's compliance is known that far: it decides where the torque shows little.
     weak = 1e-4  # [rad]: scatter of phi that goes with it
-    prior = np.zeros((1, X.shape[1]))
-    prior[0, 1] = weak / _GEARS[1]
+    prior = np.zeros((2 if off > 0.0 else 1, X.shape[1]))
+    prior[0, 1] = weak / USUALLY
+    prior[1:, -1] = weak / (off * USUAL) if off > 0.0 else 0.0
     A = np.vstack([X, prior])
-    y = np.append(rows.phi, prior[0, 1] * _GEARS[0])
+    y = np.concatenate([rows.phi, prior[:, 1] * USUAL])
     solution, *_ = np.linalg.lstsq(A, y, rcond=None)
     if solution[1] < 0.0:
         A[:, 1] = 0.0
@@ -247,6 +244,7 @@ def _solved(seen: Samples, rows: _Carried, gear: float, *, integrated: bool) -> 
     variance += inverse[0, 0] * weak**2
     load = float(np.median(np.abs(rows.load)))
     upper = float((rows.side > 0.0).mean())
+    own = 2 + plain.shape[1]
     fit = _Fit(
         alpha=float(solution[0]),
         compliance=float(solution[1]),
@@ -254,14 +252,14 @@ def _solved(seen: Samples, rows: _Carried, gear: float, *, integrated: bool) -> 
         error=float(np.sqrt(variance)),
         scatter=scatter,
         rarer=min(upper, 1.0 - upper),
-        harmonics=repeats.harmonics(solution[2 + plain.shape[1] :], harmonic) if turned > _TURN
-        else (),
+        harmonics=repeats.harmonics(solution[own : own + harmonic.shape[1]], harmonic)
+        if turned > _TURN else (),
         coulomb=float("nan"),
-        unsure=_GEARS[0] * load if solution[1] < _STIFFEST else 0.0,
+        unsure=USUAL * load if solution[1] < STIFFEST else 0.0,
         hidden=_hidden(seen),
         noise=rows.noise,
     )  # fmt: skip
-    center = origin(seen.time_s) @ solution[2 : 2 + plain.shape[1]]
+    center = origin(seen.time_s) @ solution[2:own]
     return fit, center
 
 

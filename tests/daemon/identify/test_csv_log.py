@@ -144,6 +144,28 @@ def test_rounded_times_are_said(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diff(log.time_s), log.period_s, rtol=1e-6)
 
 
+def test_rows_logged_twice_are_left_out_and_move_no_others(tmp_path: Path) -> None:
+    """Spread evenly, the times beside a hole would move by as much as it is long."""
+    columns = pressed(0.02)
+    there = np.arange(2400)
+    there = np.sort(np.concatenate([there[(there % 800 < 700)], [50, 51, 1000]]))
+    columns = {name: values[there] for name, values in columns.items()}
+    log, notes = read_csv(save(tmp_path / "a.csv", columns), ["joint"], {"joint": 1.0}, of_gap=True)
+    assert notes == ("3 rows repeat the time of the row before: left out",)
+    np.testing.assert_allclose(log.time_s, np.unique(columns["time"]))
+
+
+def test_a_current_in_milliamperes_is_no_wide_interval(tmp_path: Path) -> None:
+    columns = pressed(0.02)
+    columns["torque.joint"] = 1000.0 * columns["torque.joint"]
+    path = save(tmp_path / "log.csv", columns)
+    given = ["--config", str(SINGLE_JOINT), "--log", str(path), "--dry-run"]
+    result = CliRunner().invoke(main, ["identify", "gap", "joint", *given])
+    assert result.exit_code != 0, result.output
+    assert "no clear dead zone" in result.output
+    assert "another unit" in " ".join(result.output.split())
+
+
 def renamed(folder: Path, names: str) -> Path:
     """The log of a hand under somebody else's names and units, and a file of names beside it."""
     ours = pressed(0.02)

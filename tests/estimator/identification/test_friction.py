@@ -288,6 +288,30 @@ def test_a_gear_that_winds_up_is_not_taken_for_a_wider_gap(arm, wound_up):
     assert fits[1].verdict is Verdict.WRONG_GAP
 
 
+def test_no_spring_of_a_gear_hides_a_wrong_torque_constant(arm, moved):
+    """It bends by what gravity is, and explains what the constant does not."""
+    log, true = moved.filtered[0], moved.arms[0]
+    wrong = replace(
+        arm.transmission, half_gap=true.half_gap, torque_constant=1.6 * true.torque_constant
+    )
+    fits, _ = identify_friction(
+        log, arm.model, wrong, arm.configuration.estimator, 10.0 * arm.max_current
+    )
+    assert [fit.verdict for fit in fits] == [Verdict.WRONG_GRAVITY] * 7, fits
+    for fit in fits:
+        assert fit.gravity_scale == pytest.approx(1.6, rel=0.06), fit
+
+
+def test_a_rotor_that_comes_out_as_nothing_is_not_taken(moved, identify):
+    """Currents that were logged 80 ms late."""
+    log, true = moved.filtered[0], moved.arms[0]
+    late = np.concatenate([np.repeat(log.current[:1], 8, axis=0), log.current[:-8]])
+    fits, _ = identify(replace(log, current=late), true.half_gap)
+    nothing = [fit for fit in fits if fit.values["B"] <= fit.noise["B"]]
+    assert nothing
+    assert all("came out as nothing" in fit.rotor_doubt for fit in nothing)
+
+
 def test_motors_that_turn_each_others_joints_are_found(moved, identify):
     """As a coupled wrist does: what rubs as the sum of two joints turns loads both."""
     log, true = moved.filtered[0], moved.arms[0]

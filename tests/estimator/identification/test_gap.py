@@ -91,6 +91,20 @@ def test_a_hand_that_is_hardly_felt_leaves_no_interval_beyond_what_a_soft_gear_b
     assert abs(gap.half_gap - alpha) < gap.confidence < 0.0025, gap
 
 
+def test_a_motor_that_answers_late_shows_no_stiff_gear():
+    """Its friction holds at first what a hand presses by; its controller takes that over while the
+    link rests, and the torque rises where nothing bends any more."""
+    alpha, gives = 0.01, 0.001
+    phi = visits(alpha + gives, 24)
+    late = np.resize(np.clip((np.arange(100) - 30.0) / 60.0, 0.0, 1.0), len(phi))
+    phi = phi + 1e-4 * np.sign(phi) * late
+    torque = -1.5 * np.sign(phi) * late
+    gap = from_plateaus("j", T * np.arange(len(phi)), phi, np.zeros_like(phi), 0.0, torque)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert abs(gap.half_gap - alpha) < gap.confidence < 0.3 * alpha, gap
+    assert np.isnan(gap.compliance)
+
+
 @pytest.mark.parametrize("measured", [True, False])
 def test_a_second_sitting_adds_to_the_first_wherever_the_motor_stands_by_then(measured):
     """Neither alone has crossings enough; between them motor and zeros moved, and a hand leaned on
@@ -256,6 +270,26 @@ def test_motion_shows_gap_and_skew_apart():
     assert np.percentile(np.abs(q - theta), 95) > 1.3 * alpha
 
 
+@pytest.mark.parametrize("gives", [0.0003, 0.0012, 0.002])
+def test_what_a_gear_bends_in_motion_is_in_the_interval(gives):
+    """Friction of 1 Nm at the link and 1 Nm at the motor: phi rests that much beyond its gap, each
+    time the same, and scatters by nothing."""
+    alpha = 0.01
+    t, q, theta = two_encoders(0.0, alpha)
+    way = np.sign(np.gradient(theta, t))
+    at_border = np.clip((theta - q) / alpha, -1.0, 1.0)
+    q = q - gives * at_border
+    current = at_border + way
+    velocity = np.gradient(theta, t)
+    log = MotionLog(("j",), t, *(x[:, None] for x in (current, q, velocity, theta)))
+    gap = identify_gap(log, 0, 1.0)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert abs(gap.half_gap - alpha) < gap.confidence < 0.3 * alpha, gap
+    wrong = identify_gap(replace(log, current=1000.0 * log.current), 0, 1.0)  # mA
+    assert wrong.verdict is GapVerdict.UNCLEAR, wrong
+    assert "another unit" in wrong.reason
+
+
 @pytest.mark.parametrize("turns", [40.0, 100.0, 160.0])
 def test_errors_that_repeat_with_a_turn_are_told_and_hide_no_gap(turns):
     alpha = 0.0015
@@ -377,6 +411,30 @@ def test_the_first_ramp_counts_from_its_end_on():
     from_rest = from_ramps("j", t, phi, torque)
     torque = np.where(t < 3.0, -torque, torque)  # whatever the friction was before
     assert from_ramps("j", t, phi, torque) == from_rest
+
+
+def test_a_gap_that_velocities_do_not_show_is_not_called_none():
+    """The motor crosses it between two samples of its velocity, or is caught on the way now and
+    then: what is left is no gear without a gap."""
+    t, phi, torque = sharp_gap(0.02, 0.03)
+    velocity = -np.gradient(phi, t)
+    fast = np.abs(velocity) > 0.1
+    for shown in (0.0, 0.3):
+        seen = np.where(fast, shown * velocity * (np.arange(len(t)) % 3 > 0), velocity)
+        still = np.zeros((len(t), 1))
+        gap = identify_gap(MotionLog(("j",), t, torque[:, None], still, seen[:, None]), 0, 1.0)
+        assert gap.verdict is GapVerdict.UNCLEAR, gap
+        assert "log its position" in gap.reason, gap
+
+
+def test_a_gear_that_stiffens_with_its_load_is_in_the_interval_of_ramps():
+    t, phi, torque = sharp_gap(0.02, 0.01)
+    for hardens in (0.0, 0.5, 1.0):
+        beyond = np.abs(phi) - 0.02
+        bent = np.where(beyond > 0.0, beyond * (1.0 + hardens * np.exp(-beyond / 0.004)), beyond)
+        gap = from_ramps("j", t, np.sign(phi) * (0.02 + bent), torque)
+        assert gap.verdict is GapVerdict.CLEAR, gap
+        assert abs(gap.half_gap - 0.02) < gap.confidence < 0.25 * 0.02, gap
 
 
 def test_real_torque_ramps_of_preloaded_gears():

@@ -25,3 +25,30 @@ def test_a_link_that_moved_between_sittings_is_no_wrong_sign(offsets: tuple[floa
     refuse_implausible(sittings(*offsets), np.array([1.0]))
     with pytest.raises(LogError, match="link and motor of j do not move together"):
         refuse_implausible(sittings(*offsets, sign=-1.0), np.array([1.0]))
+
+
+@pytest.mark.parametrize(
+    ("positions", "velocities", "said"),
+    [
+        (1.0, 0.0, "motor_velocity of j is the same throughout, while its link moves by 0.4 rad"),
+        (57.3, 57.3, "j moves by 22.* rad: .* in degrees, or the motor's"),
+        (57.3, 1.0, "j moves 57.* times as far as its motor: units wrong"),
+    ],
+)
+def test_the_unit_or_column_that_is_wrong_is_named(
+    positions: float, velocities: float, said: str
+) -> None:
+    velocity = velocities * np.gradient(Q, T)
+    columns = (np.zeros_like(Q), positions * Q, velocity)
+    log = MotionLog(("j",), T, *(one[:, None] for one in columns))
+    with pytest.raises(LogError, match=said):
+        refuse_implausible(log, np.array([1.0]))
+
+
+def test_a_log_that_is_too_slow_is_told_to_be_faster() -> None:
+    t = 0.1 * np.arange(400)
+    q = 0.2 * np.sin(0.5 * np.pi * t)
+    columns = (np.zeros_like(q), q, np.gradient(q, t))
+    log = MotionLog(("j",), t, *(one[:, None] for one in columns))
+    with pytest.raises(LogError, match=r"every 100 ms, at most 80 .* log faster"):
+        refuse_implausible(log, np.array([1.0]))

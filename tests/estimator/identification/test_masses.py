@@ -101,6 +101,16 @@ def test_a_short_log_is_refused(subjects, log) -> None:
     assert identified(subjects, log.select(slice(0, 1500)), shortest_s=10.0).usable
 
 
+@pytest.mark.parametrize("share", [-1.0, 0.0, 0.1])
+def test_a_current_that_carries_no_such_arm_makes_no_masses(subjects, log, share) -> None:
+    """Of the other sign, that was not logged, of another unit: bodies fit it as well as any."""
+    found = identified(subjects, replace(log, current=share * log.current))
+    assert not found.usable
+    wrong = [fit for fit in found.fits if fit.verdict is MassesVerdict.WRONG_GRAVITY]
+    assert wrong
+    assert all("sign and unit of the current" in fit.reason for fit in wrong)
+
+
 def standing(log: MotionLog, joints: list[int]) -> MotionLog:
     """The log, in which these joints stood at their first position."""
     changed = {}

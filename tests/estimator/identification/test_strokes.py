@@ -228,9 +228,11 @@ def test_strokes_are_told_from_a_hand_and_from_fast_motion(handled, moved):
         assert not any(stroking(log.motor_velocity[:, i]) for i in range(log.n))
 
 
-def test_a_link_that_falls_through_its_gap_is_not_carried_there():
+@pytest.mark.parametrize("friction", [0.35, 1.2])
+def test_a_link_that_falls_through_its_gap_is_not_carried_there(friction):
     """Its motor is hardly seen inside the gap, so that its friction is not known: what seems to be
-    load beyond it, while the link falls, is none."""
+    load beyond it, while the link falls, is none. As it lets its link down, too, that friction is
+    told from alpha."""
     t = np.arange(0.0, 5 * 5.0, 0.01)
     direction = np.where(t // 5.0 % 2.0 < 1.0, 1.0, -1.0)
     theta_dot = 0.016 * direction
@@ -240,7 +242,7 @@ def test_a_link_that_falls_through_its_gap_is_not_carried_there():
     fallen = np.clip((ahead - 0.005) / 0.016 / 0.25, 0.0, 1.0)
     falls = (fallen > 0.0) & (fallen < 1.0)
     phi = alpha * direction * (2.0 * fallen**3 - 1.0) - 0.0008 * np.where(falls, 0.0, load)
-    torque = np.where(falls, 0.0, load) + 0.35 * direction
+    torque = np.where(falls, 0.0, load) + friction * direction
     torque += 0.003 * np.random.default_rng(1).standard_normal(len(t))
     found = from_strokes("j", t, theta + phi, theta, theta_dot, torque)
     assert found.verdict is GapVerdict.CLEAR, found.reason
@@ -249,12 +251,19 @@ def test_a_link_that_falls_through_its_gap_is_not_carried_there():
 
 
 def slow_strokes(
-    alpha: float, *, T: float = 0.01, gear: float = 1000.0, link: float = 0.5
+    alpha: float,
+    *,
+    T: float = 0.01,
+    gear: float = 1000.0,
+    link: float = 0.5,
+    strokes: int = 4,
+    warms: float = 0.0,
 ) -> tuple[np.ndarray, ...]:
-    """Time, positions of link and motor, velocity and torque of four strokes at 15 mrad/s of a
-    joint without inertia: friction of 1 Nm at the motor and of `link` [Nm] at the link."""
+    """Time, positions of link and motor, velocity and torque of strokes at 15 mrad/s of a joint
+    without inertia: friction of 1 Nm at the motor, which `warms` away by a share until the end, and
+    of `link` [Nm] at the link."""
     rng, way, speed = np.random.default_rng(0), 2.0 * alpha + 0.06, 0.015
-    corners = 0.5 * way * np.array([0.0, -1.0, 1.0, -1.0, 1.0, 0.0])
+    corners = 0.5 * way * np.array([0.0, *np.resize([-1.0, 1.0], strokes), 0.0])
     at = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(corners)))]) / speed
     t = np.arange(0.0, at[-1], T)
     theta, q, q_now = np.interp(t, at, corners), np.zeros_like(t), 0.0
@@ -263,7 +272,8 @@ def slow_strokes(
         q_now = min(max(q_now, motor - reach), motor + reach)
         q[k] = q_now
     velocity, apart = np.gradient(theta, t), theta - q
-    torque = gear * (apart - np.clip(apart, -alpha, alpha)) + np.tanh(velocity / 0.002)
+    torque = gear * (apart - np.clip(apart, -alpha, alpha))
+    torque += (1.0 - warms * t / t[-1]) * np.tanh(velocity / 0.002)
     return t, q, theta, velocity, torque + 0.02 * rng.standard_normal(len(t))
 
 
@@ -275,6 +285,14 @@ def test_an_offset_of_the_current_changes_nothing(alpha, offset):
     assert found.verdict is GapVerdict.CLEAR, found
     assert found.half_gap == pytest.approx(alpha, abs=found.confidence)
     assert found.half_gap == pytest.approx(alpha, abs=1e-4)
+
+
+@pytest.mark.parametrize("alpha", [0.01, 0.04])
+@pytest.mark.parametrize("warms", [-0.3, 0.3])
+def test_a_motor_that_warms_hides_nothing_of_what_a_soft_gear_bends(alpha, warms):
+    found = from_strokes("j", *slow_strokes(alpha, gear=350.0, strokes=10, warms=warms))
+    assert found.verdict is GapVerdict.CLEAR, found
+    assert abs(found.half_gap - alpha) < found.confidence, found
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.005, 0.02, 0.08])
