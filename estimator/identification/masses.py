@@ -39,6 +39,7 @@ _WORTH = 0.9  # times the same, of some joint, for which other masses are worth 
 _UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
 _MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
 _POSES = 200
+_CARRIES = 2.0  # times what gravity may be off by the URDF: of less, no share is unlikely
 _UNLIKELY = 3.0  # times as much gravity as by the URDF, or as little: no masses are off so far
 
 
@@ -245,7 +246,8 @@ def _held_out(joints: list[JointRows], nominal: Matrix, period_s: float) -> tupl
 
 def _gravity(model: Model, arm: _Arm, fit: BodiesFit) -> tuple[Vector, Vector, Vector]:
     """Of gravity at each joint (n,) over poses within the limits: its standard deviation after the
-    fit, as a share of before; that before [Nm]; and what was found over what the URDF says."""
+    fit, as a share of before; that before [Nm]; and what was found over what the URDF says, 1
+    where that is little beside what it may be off."""
     drawn = np.random.default_rng(0).uniform(arm.lower, arm.upper, (_POSES, model.n))
     none = np.zeros(model.n)
     Y = np.array([model.regressor(q, none, none)[:, arm.massive] for q in drawn])
@@ -257,7 +259,9 @@ def _gravity(model: Model, arm: _Arm, fit: BodiesFit) -> tuple[Vector, Vector, V
 
     before, after = deviation(prior(arm.nominal)), deviation(fit.information)
     nominal, found = (Y @ values.ravel() for values in (arm.nominal, fit.parameters))
-    scale = (found * nominal).sum(axis=0) / np.maximum(np.square(nominal).sum(axis=0), 1e-12)
+    size = np.square(nominal).mean(axis=0)
+    scale = (found * nominal).mean(axis=0) / np.maximum(size, 1e-12)
+    scale = np.where(np.sqrt(size) > _CARRIES * before, scale, 1.0)
     return after / np.maximum(before, 1e-12), before, scale
 
 

@@ -10,6 +10,7 @@ from bench.rigs.reaching import Reaching
 from bench.study.masses import Subjects, carrying, true_bodies
 from daemon.assembly import build_transmission
 from errors import LogError
+from estimator.body_inertia import BodyInertia
 from estimator.identification.masses import Masses, MassesVerdict, identify_masses
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.payload_fit import PayloadFit, PayloadVerdict, identify_payload
@@ -109,6 +110,15 @@ def test_a_current_that_carries_no_such_arm_makes_no_masses(subjects, log, share
     wrong = [fit for fit in found.fits if fit.verdict is MassesVerdict.WRONG_GRAVITY]
     assert wrong
     assert all("sign and unit of the current" in fit.reason for fit in wrong)
+
+
+def test_a_joint_that_carries_nothing_by_its_urdf_tells_of_no_current(subjects, log) -> None:
+    """Its last body has its centre on the axis: any gravity is many times none."""
+    *_, last = subjects.c.joint_names
+    body = BodyInertia.of(subjects.model.parameters()[-1])
+    centred = {last: replace_(body, com=(0.0, body.com[1], 0.0))}
+    found = identified(subjects, log, Model(subjects.robot.urdf, subjects.c.joint_names, centred))
+    assert MassesVerdict.WRONG_GRAVITY not in verdicts(found)
 
 
 def standing(log: MotionLog, joints: list[int]) -> MotionLog:
