@@ -13,12 +13,13 @@ from bench.report import Target
 from bench.rigs.lockstep import lockstep_rig
 from bench.rigs.person import CommissionedArm, Person, Written, poor_guesses
 from bench.study.commissioned import Show, judged
+from daemon.config.load import load_robot
 from daemon.modes.table import Event
 from simulator.description import SimulationSettings
 
 MOTIONS, COMPARED_S = 3, 20.0
 """without contact, on which residuals are compared"""
-SIZES = ("largest", "rms", "largest beyond the raise near rest, of")
+SIZES = ("largest", "rms", "largest beyond the raise near rest")
 
 
 def motion(turn: int) -> dict[str, tuple[float, float]]:
@@ -120,6 +121,9 @@ def romeo(folder: Path, seed: int, show: Show) -> tuple[list[Target], dict[str, 
     raw = person.friction_beside("unfiltered", 20, change=no_delay, simulate=unfiltered)
     trusted = sum(1 for j in raw.found() if j.friction and j.friction.rotor_inertia is not None)
     ratios = (by_identified / by_hand).max(axis=1).tolist()
+    levels = [joint.thresholds.contact for joint in load_robot(arm.truth).configuration.joints]
+    # Some hundredths of a newton metre, as by hand: what counts is how far from a contact they are.
+    beyond = float((by_identified[2] / levels).max())
     targets, data = judged("romeo", person, went)
     targets += [
         Target("error of alpha over 5 % or 0.5 mrad, worst joint", gap_share, 1, "", "lower"),
@@ -133,7 +137,9 @@ def romeo(folder: Path, seed: int, show: Show) -> tuple[list[Target], dict[str, 
         Target("R2 on held-out motion, inertias of the model, worst joint", exact["r2"].min(), 0.98,
                "", "higher"),
         *[Target(f"{name} contact-free |r|, identified over hand-written, worst joint", ratio, 1,
-                 "", "lower") for name, ratio in zip(SIZES, ratios, strict=True)],
+                 "", "lower") for name, ratio in zip(SIZES[:2], ratios, strict=False)],
+        Target(f"{SIZES[2]}, of the hand-written contact level, worst joint", beyond, 0.25, "",
+               "lower"),
     ]  # fmt: skip
     data |= {
         "rigid": rigid,
