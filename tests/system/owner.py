@@ -72,11 +72,13 @@ class Owner:
         wait_for(file.exists, str(file))
         return lambda: "ended" in said.read_text()
 
-    def repeats(self, does: Callable[[], bool], what: str) -> None:
-        """Do it with the arm in power until it succeeds: a machine that stood still for a moment
-        has the arm hold and be disarmed, as it should."""
+    def repeats(
+        self, does: Callable[[], bool], what: str, *, ready: Callable[[], None] | None = None
+    ) -> None:
+        """Do it until it succeeds, each time once the arm is `ready`, else in power: a machine that
+        stood still for a moment has the arm hold and be disarmed, as it should."""
         for _ in range(TRIES):
-            self.holds()
+            (ready or self.holds)()
             if does():
                 return
             print(f"\nnot this time, {self.status().get('cause', 'no daemon')}: {what}")
@@ -120,14 +122,11 @@ class Owner:
 
         wait_for(holds, "holding")
 
-    def restarts(self) -> None:
-        """Start the daemon again, the arm off."""
-        self.types("installing.md", "contactctl disable")
-        self.sees("off")
-        before = pid()
-        self.types("installing.md", "sudo systemctl restart contactd")
-        wait_for(lambda: pid() not in (0, before), "another daemon")
-        self.sees("off")
+    def rests(self) -> None:
+        """Take its power, where no fault did."""
+        if self.status().get("mode") not in ("off", "faulted"):
+            self.types("operating.md", "contactctl disable")
+        self.sees("off", "faulted")
 
 
 def move_in(vcan: bool) -> None:

@@ -76,10 +76,10 @@ def test_it_is_started_and_the_owner_may_command_it_and_read_its_log(
 @pytest.mark.parametrize("step", ["wiring", "gap", "friction", "thresholds"])
 def test_it_is_identified(owner: Owner, step: str) -> None:
     command = f"sudo contactd identify {step}"
-    owner.repeats(lambda: owner.tries(PAGE, command), command)
+    owner.repeats(lambda: owner.tries(PAGE, command, yes=True), command, ready=owner.rests)
+    assert owner.sees("off")["changed"] == []  # taken up
     found = yaml.safe_load((INSTALLED / "identified.yaml").read_text())["joints"]["joint"]
     assert found[step]
-    owner.restarts()
 
 
 def test_it_may_be_armed(owner: Owner) -> None:
@@ -87,5 +87,4 @@ def test_it_may_be_armed(owner: Owner) -> None:
     owner.holds()
     owner.arms()
     assert owner.status()["armed"]
-    owner.types(PAGE, "contactctl disable")
-    owner.sees("off")
+    owner.rests()

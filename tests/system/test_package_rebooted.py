@@ -129,8 +129,7 @@ def test_an_arm_that_has_power_is_not_updated_and_one_that_is_off_is(
     assert (pid(), owner.shell("contactd --version").stdout) == (before, version)
     assert owner.status()["mode"] == "holding"
     assert run("dpkg", "--audit").stdout == ""
-    owner.types(PAGE, "contactctl disable")
-    owner.sees("off")
+    owner.rests()
     owner.types(PAGE, INSTALL)
     wait_for(lambda: pid() not in (0, before), "the next daemon, by itself")
     owner.sees("off")
@@ -145,8 +144,7 @@ def test_it_is_not_removed_from_under_an_arm_that_has_power(owner: Owner) -> Non
     refused = owner.types(PAGE, "sudo apt remove contactd", fails=True)
     assert "the arm is not off (it is holding)" in refused.stdout + refused.stderr
     assert owner.status()["mode"] == "holding"
-    owner.types(PAGE, "contactctl disable")
-    owner.sees("off")
+    owner.rests()
 
 
 def test_removed_it_leaves_the_arms_folder_and_its_records(
