@@ -21,6 +21,13 @@ if TYPE_CHECKING:
 # `readable=False`: click's own check would end with another message and exit status than ours. The
 # code that opens the file knows what it was for.
 PATH: Final = click.Path(path_type=Path, readable=False)
+SOCKET: Final = click.option(
+    "--socket",
+    type=PATH,
+    metavar="PATH",
+    help="Control socket, where it is not the usual one.",
+)
+"""Of commands of `contactd`, behind their name."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import served_daemon
 from bench.rigs.typed_session import wired_joint
 from daemon.clients.client import Client
-from daemon.commands.identify import from_here
+from daemon.commands.identification import from_here
 from daemon.config.load import load_robot
 
 

@@ -15,7 +15,7 @@ from bench.rigs.lockstep import ROMEO
 from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from bench.rigs.typed_session import TypedCommand, stopped, wired_joint
-from daemon.commands.identify import may_enable, may_reset
+from daemon.commands.identification import may_enable, may_reset
 from daemon.commands.simulated_robot import true_arm
 from daemon.config.load import load_robot
 from daemon.identify.session import Session

@@ -11,7 +11,7 @@ from rich.console import Console
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from bench.rigs.person import CommissionedArm
 from bench.rigs.typed_session import TypedCommand, wired_joint
-from daemon.commands.identify import Identification, Source
+from daemon.commands.identification import Identification, Source
 from daemon.config.load import load_robot
 from daemon.identify.live_strokes import StrokesOfJoint, UnobservableError
 from daemon.identify.measured import Measured
