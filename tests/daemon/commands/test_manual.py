@@ -22,7 +22,7 @@ def share(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_it_writes_what_make_install_links(share: Path) -> None:
-    words = ["make", "-s", "-C", str(ROOT), "-f", "-", "list"]
+    words = ["make", "-s", "--no-print-directory", "-C", str(ROOT), "-f", "-", "list"]
     text = "include Makefile\nlist:\n\t@echo $(PAGES)\n"
     listed = subprocess.run(words, input=text, capture_output=True, text=True, check=True)
     written = {str(path.relative_to(share)) for path in share.rglob("*") if path.is_file()}
