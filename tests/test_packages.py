@@ -27,12 +27,15 @@ def test_the_source_archive_has_every_file_of_the_repository() -> None:
     assert tracked - packed(SdistBuilder, ROOT) == set()
 
 
+@pytest.mark.parametrize("folder", ["clone", "build/release"])  # .gitignore has a pattern `build/`
 @pytest.mark.parametrize("builder", [SdistBuilder, WheelBuilder])
 def test_what_the_owner_of_an_arm_keeps_in_the_clone_stays_there(
-    tmp_path: Path, builder: type[BuilderInterface]
+    tmp_path: Path, builder: type[BuilderInterface], folder: str
 ) -> None:
+    clone = tmp_path / folder
+    clone.mkdir(parents=True)
     for name in ("pyproject.toml", ".gitignore"):
-        shutil.copy(ROOT / name, tmp_path)
+        shutil.copy(ROOT / name, clone)
     for theirs in (
         "configs/my_arm/config.yaml",
         "configs/my_arm/identified.yaml",
@@ -40,11 +43,14 @@ def test_what_the_owner_of_an_arm_keeps_in_the_clone_stays_there(
         "touch.mcap",
         "move.csv",
         "keys/arm.pem",
+        "estimator/compiled/kernel.cpython-311-x86_64-linux-gnu.so",
+        "estimator/compiled/compiled.json",
+        "bench/out/hand.json",
     ):
-        (tmp_path / theirs).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / theirs).touch()
-    example = tmp_path / "configs/desk_arm/config.yaml"
+        (clone / theirs).parent.mkdir(parents=True, exist_ok=True)
+        (clone / theirs).touch()
+    example = clone / "configs/desk_arm/config.yaml"
     example.touch()
     ours = {"pyproject.toml", ".gitignore", "configs/desk_arm/config.yaml"}
-    assert packed(builder, tmp_path) - ours == set()
-    assert "configs/desk_arm/config.yaml" in packed(builder, tmp_path)
+    assert packed(builder, clone) - ours == set()
+    assert "configs/desk_arm/config.yaml" in packed(builder, clone)

@@ -247,8 +247,12 @@ class ControlSocket:
         self._drop(connection)
 
     def _drop(self, connection: Connection) -> None:
+        if connection.socket.fileno() < 0:
+            return  # it is closed
         self._connections.drop(connection)
-        connection.socket.close()  # which also takes it out of the epoll set
+        # Closing would do, but not while a process that is being started holds a copy.
+        self._epoll.unregister(connection.file)
+        connection.socket.close()
         connection.gone = True
         self.on_close(connection.peer)
 

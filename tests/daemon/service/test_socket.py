@@ -160,6 +160,20 @@ def test_half_connected_client_is_dropped(control: ControlSocket, dial: Dial, ho
     assert control.connections == 0
 
 
+def test_a_client_leaves_while_a_process_is_started(control: ControlSocket, dial: Dial) -> None:
+    client = dial()
+    control.poll(Handler())
+    (served,) = control._connections.all.values()
+    copy = os.dup(served.file)  # as every open file has one between a fork and its exec
+    try:
+        client.close()
+        for _ in range(2):
+            control.poll(Handler())
+            assert control.connections == 0
+    finally:
+        os.close(copy)
+
+
 def test_client_that_never_listens_is_dropped(control: ControlSocket, dial: Dial) -> None:
     client = dial()
     handler = Handler()

@@ -76,6 +76,9 @@ class Unready:
     def register(self, file: int, events: int) -> None:
         self._epoll.register(file, events)
 
+    def unregister(self, file: int) -> None:
+        self._epoll.unregister(file)
+
 
 def test_where_everybody_floods_a_newcomer_gets_a_place(control: ControlSocket, dial: Dial) -> None:
     handler = Handler()
