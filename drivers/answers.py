@@ -27,7 +27,8 @@ class Samples:
 
     A joint is fresh when all its TPDOs of this SYNC came in time; of any other the values are the
     last that came (NaN before the first), not necessarily of one SYNC, and `age_ticks` says for how
-    many ticks.
+    many ticks, or for how many SYNC has been sent again. `starting` are those that have not
+    answered since then and may still be on their way to operational.
     """
 
     current: Vector  # A
@@ -36,6 +37,7 @@ class Samples:
     motor_position: Vector | None  # rad; None unless every drive sends it
     fresh: NDArray[np.bool_]
     age_ticks: NDArray[np.int64]
+    starting: NDArray[np.bool_]
     states: tuple[DriveState, ...]
     statuswords: tuple[int, ...]  # -1 before the first
     events: tuple[BusEvent, ...] = ()
@@ -79,13 +81,13 @@ class Answers:
         # the first was old.
         self._answered = 0
         n = len(drives)
-        self._every_fresh = _frozen(np.ones(n, dtype=np.bool_))
-        self._started = np.zeros(n, dtype=np.bool_)
-        self._starting = 0  # ticks left in which a drive may still be on its way to operational
+        self._every = _frozen(np.ones(n, dtype=np.bool_))
+        self._none = self._starting = _frozen(np.zeros(n, dtype=np.bool_))
+        self._start_ticks = 0  # left, in which a drive may still be on its way to operational
         self._no_age = self._age_ticks = _frozen(np.zeros(n, dtype=np.int64))
         self._statuswords: tuple[int, ...] = ()
         self._states: tuple[DriveState, ...] = ()  # that they say
-        self.samples = self._samples(_frozen(np.zeros(n, dtype=np.bool_)), ())
+        self.samples = self._samples(self._none, ())
         """Samples of the last tick; before the first, NaN and unknown states."""
 
     def start_anew(self) -> None:
@@ -93,7 +95,7 @@ class Answers:
         comes before it for no answer."""
         self._age_ticks = self._no_age
         self._answered = self.missing = 0
-        self._starting, self._started[:] = START_TICKS, False
+        self._start_ticks, self._starting = START_TICKS, self._every
 
     def expect_none(self) -> None:
         """Until the next SYNC, whatever comes is late."""
@@ -124,20 +126,20 @@ class Answers:
 
     def finish(self, events: tuple[BusEvent, ...]) -> Samples:
         """Make the samples of this tick of what has come until now, with `events` beside them."""
-        missing, fresh = self.missing, self._every_fresh
+        missing, fresh = self.missing, self._every
         self._answered = self._all & ~missing
         self._decoder.decode()
         if missing:
             self._counters.missing_frames += missing.bit_count()
             fresh = _frozen(np.array([not missing & bits for bits in self._joint_bits]))
-            ages = np.where(fresh, 0, self._age_ticks + 1)
-            if self._starting:
-                self._starting -= 1
-                self._started |= fresh
-                ages = np.where(self._started, ages, 0)
-            self._age_ticks = _frozen(ages)
+            self._age_ticks = _frozen(np.where(fresh, 0, self._age_ticks + 1))
+            if self._start_ticks:
+                self._start_ticks -= 1
+                self._starting = _frozen(self._starting & ~fresh)
+            else:
+                self._starting = self._none
         else:
-            self._age_ticks, self._starting = self._no_age, 0
+            self._age_ticks, self._starting, self._start_ticks = self._no_age, self._none, 0
         self.samples = self._samples(fresh, events)
         return self.samples
 
@@ -153,6 +155,7 @@ class Answers:
             motor_position=decoder.motor_position,
             fresh=fresh,
             age_ticks=self._age_ticks,
+            starting=self._starting,
             states=self._states,
             statuswords=decoder.statuswords,
             events=events,

@@ -14,8 +14,8 @@ from daemon.commands import recordings
 from daemon.commands.fleet import fleet
 from daemon.commands.identify import identify
 from daemon.commands.options import PATH, SOCKET, Range
-from daemon.commands.sentences import say
-from errors import ContactdError, ProgramError
+from daemon.commands.sentences import could_not_say, say
+from errors import ContactdError, LogError, ProgramError
 
 ENDED_BY_CTRL_C = 130  # as shells say it
 CONFIG = click.argument("config", type=PATH)
@@ -43,7 +43,10 @@ class _Group(click.Group):
             ctx.exit(error.exit_code)
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise
-        except Exception:
+        except Exception as error:
+            if isinstance(error, OSError) and (text := could_not_say(error)):
+                say(f"contactd: {text}", err=True)
+                ctx.exit(LogError.exit_code)
             click.echo(traceback.format_exc(), err=True, nl=False)
             ctx.exit(ProgramError.exit_code)
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from daemon.commands.sentences import say
-from errors import ContactdError
+from daemon.commands.sentences import could_not_say, say
+from errors import ContactdError, LogError
 
 if TYPE_CHECKING:
     from daemon.clients.client import Client
@@ -105,6 +105,11 @@ class Group(click.Group):
         except ContactdError as error:
             say(f"contactctl: {error}", err=True)
             ctx.exit(error.exit_code)
+        except OSError as error:
+            if not (text := could_not_say(error)):
+                raise
+            say(f"contactctl: {text}", err=True)
+            ctx.exit(LogError.exit_code)
 
 
 def _open_closed_streams() -> None:

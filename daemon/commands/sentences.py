@@ -1,6 +1,7 @@
 """Sentence for a person: at a terminal it goes on in the next line between two words, where the
 terminal alone would cut one in two. Files, pipes and the journal get it in one line."""
 
+import errno
 import shutil
 import sys
 import textwrap
@@ -15,6 +16,14 @@ def say(text: str, *, err: bool = False, dim: bool = False) -> None:
         width = shutil.get_terminal_size().columns
         text = "\n".join(folded(line, width) for line in text.splitlines())
     click.echo(click.style(text, dim=True) if dim else text, err=err)
+
+
+def could_not_say(error: OSError) -> str:
+    """The reason why an answer could not be written, where it is the disk (`> /dev/full`); empty if
+    the error is another, or of a file with a name."""
+    if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        return ""
+    return f"the answer cannot be written: {error.strerror}"
 
 
 def folded(line: str, width: int) -> str:

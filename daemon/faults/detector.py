@@ -150,12 +150,13 @@ class FaultDetector:
     def _of_samples(self, samples: Samples) -> Iterator[Finding]:
         ticks = self._settings.stale_ticks
         longest = STARVED_FACTOR * ticks
-        self._missing += np.where(samples.fresh, -1, 1)
+        awaited = ~(samples.fresh | samples.starting)
+        self._missing += np.where(awaited, 1, -1)
         np.clip(self._missing, 0, longest, out=self._missing)
         often = self._missing >= longest
-        stale = samples.age_ticks >= ticks
+        stale = awaited & (samples.age_ticks >= ticks)
         if stale.any():
-            starved = self._since_late < ticks and samples.age_ticks.max() < longest
+            starved = self._since_late < ticks and samples.age_ticks[stale].max() < longest
             text = f"nothing from {self._named(stale)} for {ticks} ticks"
             yield Finding(Condition.STARVED if starved else Condition.STALE, text)
         elif often.any():

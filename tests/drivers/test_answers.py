@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bench.rigs.scripted_wire import PERIOD_S, N, everything, frame, tick, tpdos
+from drivers.answers import START_TICKS
 from drivers.cia402 import DriveState
 from drivers.drives import Drives
 from drivers.events import UNKNOWN_CODE, Emergency, LateAnswer
@@ -114,3 +115,16 @@ def test_a_bus_that_returns_with_old_frames_gives_no_sample_of_before(scripted, 
     assert samples.fresh.all()
     assert set(samples.states) == {DriveState.FAULT}
     assert drives.counters.late_frames == 40 * 2 * N + 2 * N
+
+
+def test_a_drive_on_its_way_is_awaited_for_a_while_and_its_samples_age(scripted, drives):
+    """No drive has answered since SYNC is sent again: what is known is old, and no fault yet."""
+    for k in range(1, START_TICKS + 3):
+        here = [message for message in everything() if k > 2 and message.arbitration_id != 0x283]
+        samples = tick(drives, scripted, here, k * PERIOD_S)
+        on_their_way = [k <= START_TICKS and (i == 2 or k <= 2) for i in range(N)]
+        assert list(samples.starting) == on_their_way
+        assert list(samples.age_ticks) == [k if i == 2 or k <= 2 else 0 for i in range(N)]
+    samples = tick(drives, scripted, everything(), k * PERIOD_S)
+    samples = tick(drives, scripted, [], k * PERIOD_S)
+    assert not samples.starting.any(), "they were there"

@@ -318,3 +318,16 @@ def test_done_is_done_where_nobody_can_be_told(fake_daemon: Any, closed: str) ->
     done = subprocess.run(shell, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert fake_daemon.seen[0][0] == "stop"
+
+
+@pytest.mark.parametrize("command", [["stop"], ["status"], ["--json", "status"]])
+def test_an_answer_that_has_no_room_is_one_line(fake_daemon: Any, command: list[str]) -> None:
+    main = "from daemon.commands.contactctl import main; main()"
+    words = [sys.executable, "-c", main, "--socket", str(fake_daemon.path), *command]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.stderr == "contactctl: the answer cannot be written: No space left on device\n"
+    assert done.returncode == 65
+    assert [seen for seen, _ in fake_daemon.seen] == [one for one in command if one[0] != "-"]

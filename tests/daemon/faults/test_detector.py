@@ -41,6 +41,7 @@ def samples(
     *events: BusEvent,
     fresh: tuple[bool, bool] = (True, True),
     age: tuple[int, int] = (0, 0),
+    starting: tuple[bool, bool] = (False, False),
     states: tuple[DriveState, DriveState] = (ON, ON),
     q: tuple[float, float] = (0.0, 0.0),
     current: tuple[float, float] = (0.0, 0.0),
@@ -52,6 +53,7 @@ def samples(
         None,
         np.array(fresh),
         np.array(age),
+        np.array(starting),
         states,
         (0, 0),
         events,
@@ -187,6 +189,14 @@ def test_missing_samples_are_named_and_stale_after_a_while(detector: FaultDetect
     assert detect(detector, missing) == [(Condition.SAMPLE_MISSING, "shoulder, elbow")]
     stale = samples(fresh=(False, False), age=(1, 3))
     assert detect(detector, stale) == [(Condition.STALE, "nothing from elbow for 3 ticks")]
+
+
+def test_a_drive_that_is_still_starting_is_not_stale(detector: FaultDetector) -> None:
+    starting = samples(fresh=(True, False), age=(0, 30), starting=(False, True))
+    for _ in range(30):
+        assert detect(detector, starting) == [(Condition.SAMPLE_MISSING, "elbow")]
+    late = samples(fresh=(True, False), age=(0, 31))
+    assert detect(detector, late) == [(Condition.STALE, "nothing from elbow for 3 ticks")]
 
 
 def in_turn(
