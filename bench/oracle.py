@@ -23,7 +23,7 @@ import msgspec
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
 from daemon.modes.table import Event
-from simulator.hand import AnyAct, Guide, Push, Release
+from simulator.hand_script import AnyAct, Guide, Push, Release
 
 # Seconds after the arm first moved, a little after it was enabled.
 HANDS: dict[Path, tuple[AnyAct, ...]] = {

@@ -10,7 +10,8 @@ from errors import ConfigurationError
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.drive import Drive, Surroundings
 from simulator.events import Happening, Listener
-from simulator.hand import AnyAct, Hand
+from simulator.hand import Hand
+from simulator.hand_script import AnyAct
 from simulator.mismatch import true_parameters
 from simulator.plant import Plant
 from simulator.sensors import Sensors

@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 
 from errors import BusError, ConfigurationError
-from simulator.hand import AnyAct
+from simulator.hand_script import AnyAct
 
 LONGEST = 4096
 PATIENCE_S = 0.05

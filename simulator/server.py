@@ -16,8 +16,8 @@ from simulator.arm import SimulatedArm
 from simulator.bus_end import BusEnd
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.events import Happening
-from simulator.hand import AnyAct
 from simulator.hand_door import HandDoor
+from simulator.hand_script import AnyAct
 from simulator.socketcand import HELLO, Conversation, Reply, frame_line
 
 PULSE_S = 0.001

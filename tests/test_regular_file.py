@@ -18,7 +18,7 @@ from drivers.boot.data_sheet import load_data_sheet
 from errors import ContactdError
 from estimator.model import Model
 from regular_file import open_regular, read_text
-from simulator.hand import read_script
+from simulator.hand_script import read_script
 from simulator.objects import entries
 
 

@@ -18,7 +18,7 @@ from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
 from estimator.settings import Variant
 from simulator.description import Mismatch, SimulationSettings
 from simulator.events import Happening
-from simulator.hand import Push, read_script
+from simulator.hand_script import Push, read_script
 
 CLASSICAL = Variant(kind="classical", friction=False, rotor_inertia=False, label="classical")
 BESIDE = (

@@ -29,7 +29,7 @@ from estimator.estimate import Estimate
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.events import Listener
-from simulator.hand import AnyAct
+from simulator.hand_script import AnyAct
 from simulator.lockstep import Lockstep
 from simulator.truth import SimulationFile
 

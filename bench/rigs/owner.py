@@ -27,7 +27,7 @@ from daemon.commands.simulated_robot import true_arm
 from daemon.modes.table import Mode
 from daemon.tick.felt import felt_now
 from errors import ContactdError
-from simulator.hand import Gap, Lean, Release
+from simulator.hand_script import Gap, Lean, Release
 
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
 SEEN = 0.01  # as exactly as an angle is read off an arm [rad]

@@ -15,7 +15,7 @@ from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Joint
 from daemon.faults.plausibility import GAP_TOLERANCE
-from simulator.hand import AnyAct, Guide, Hold, Push, Release
+from simulator.hand_script import AnyAct, Guide, Hold, Push, Release
 from simulator.mismatch import true_parameters
 from simulator.servo import Servo
 

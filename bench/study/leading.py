@@ -13,7 +13,8 @@ from bench.rigs.lockstep import Rig
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from simulator.arm import SimulatedArm
-from simulator.hand import AnyAct, Guide, Hand, Release
+from simulator.hand import Hand
+from simulator.hand_script import AnyAct, Guide, Release
 
 STIFFNESS_N_M, DAMPING_NS_M = 1500.0, 20.0
 # A grip holds a joint by more than the lever of one point [m].

@@ -22,7 +22,7 @@ from daemon.config.load import parse_configuration
 from daemon.modes.table import Event
 from daemon.protocol.messages import Snapshot, State
 from daemon.service.status import snapshot_of
-from simulator.hand import Push
+from simulator.hand_script import Push
 
 ARMS: Final = {folder.name: folder for folder in (ROMEO, DESK_ARM)}
 PUSHES_APART_S: Final = 6.0

@@ -1,4 +1,4 @@
-"""Live dashboard and status report for a person, as rich renderables.
+"""Live dashboard for a person, as rich renderables.
 
 They are made from messages alone: nothing here reads a socket, a clock or a terminal. `Dashboard`
 fits 100 x 30 characters, and 80 x 24 with narrower bars.
@@ -8,38 +8,27 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from daemon.clients.felt import felt_lines
-from daemon.clients.payload import payload_in_words
-from daemon.clients.sensed import lost_samples, not_sensing, sensing_for_s
-from daemon.clients.user_names import user_name
+from daemon.clients.sensed import not_sensing, sensing_for_s
+from daemon.clients.shown import (
+    MODE_STYLES,
+    SIDE_STYLES,
+    clock,
+    drive_text,
+    not_seen_to_stand,
+    strain_style,
+)
 from daemon.modes.table import Mode
-from daemon.protocol.lease import in_words
-from daemon.protocol.messages import Check, Grant, Snapshot, State, Status, Trajectory
+from daemon.protocol.messages import Snapshot, State
 
 TOLD_LAG_S = 0.5
 WINDOW_TICKS = 1000
 EVENTS_KEPT = 12
 WIDE = 96  # columns from which the bars are wide and the drives' states shown
-
-MODE_STYLES = {
-    Mode.OFF: "white on grey30",
-    Mode.ENABLING: "black on yellow",
-    Mode.HOLDING: "white on blue",
-    Mode.TRACKING: "white on dark_green",
-    Mode.ADMITTANCE: "black on bright_cyan",
-    Mode.RETRACTING: "black on bright_magenta",
-    Mode.RETURNING: "white on dark_cyan",
-    Mode.RELEASING: "black on magenta",
-    Mode.STOPPING: "black on yellow",
-    Mode.FAULTED: "white on red",
-}
-SIDE_STYLES = {"gap": "cyan", "left": "", "right": "", "unknown": "yellow"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,13 +148,13 @@ class Dashboard:
                 gap_bar(state.phi[i], self.snapshot.half_gap[i], 4 if wide else 3),
                 Text(state.side[i], SIDE_STYLES.get(state.side[i], "")),
                 residual_bar(residual, threshold, 7 if wide else 5, ascii_only),
-                Text(f"{residual:+.2f}", _strain_style(residual, threshold)),
+                Text(f"{residual:+.2f}", strain_style(residual, threshold)),
                 f"{threshold:.2f}",
             ]
             if beside:
                 row.append(f"{state.beside[beside][i]:+.2f}")
             if wide:
-                row.append(_drive(state.drives[i]))
+                row.append(drive_text(state.drives[i]))
             table.add_row(*row)
         return table
 
@@ -185,18 +174,8 @@ class Dashboard:
         line.append(f" of {period_us / 1e3:.0f}   missed ")
         line.append(str(timing.missed), "red" if timing.missed else "")
         if wide and (senses_s := sensing_for_s(self.state)) is not None:
-            line.append(f"   all sense {_duration(senses_s)}", "dim")
+            line.append(f"   all sense {clock(senses_s)}", "dim")
         return line
-
-
-def not_seen_to_stand(shown: State | Status, indent: str = "") -> Text:
-    """Joints of a faulted arm that were told to stop and not seen to stand; empty without any."""
-    lines = []
-    if shown.mode == Mode.FAULTED and shown.unproved:
-        lines.append(f"{indent}not seen to stand: {', '.join(shown.unproved)}")
-    if shown.mode == Mode.FAULTED and shown.silenced:
-        lines.append(f"{indent}silent until reset: the drives hear nothing of contactd")
-    return Text("\n".join(lines), "bold red")
 
 
 def gap_bar(phi: float, half_gap: float, half_width: int) -> Text:
@@ -225,134 +204,11 @@ def residual_bar(residual: float, threshold: float, half_width: int, ascii_only:
     marks = [mark if i == round(half_width / 2) else " " for i in range(1, half_width + 1)]
     side = full * filled + "".join(marks[filled:])
     other = "".join(marks)
-    style = _strain_style(residual, threshold)
+    style = strain_style(residual, threshold)
     bar = Text()
     if residual < 0.0:
         return bar.append(side[::-1], style).append(middle).append(other, "dim")
     return bar.append(other[::-1], "dim").append(middle).append(side, style)
-
-
-def status_view(status: Status, socket: Path | None = None) -> RenderableType:
-    """Report of `contactctl status`, of the daemon at this control socket."""
-    table = Table.grid(padding=(0, 2))
-    table.add_column(style="bold", no_wrap=True, overflow="crop")
-    table.add_column()
-    permission = _permission(status)
-    mode = Text(f" {status.mode.upper()} ", MODE_STYLES.get(status.mode, ""))
-    table.add_row("mode", Text.assemble(mode, "  ", permission))
-    if doubt := not_seen_to_stand(status):
-        table.add_row("", doubt)
-    if words := not_sensing(status, status.joints):
-        table.add_row("", Text(words, "bold red"))
-    table.add_row("cause", Text(status.cause))  # Text: brackets in it are no rich markup
-    if status.advice:
-        table.add_row("to do", Text(status.advice, "yellow"))
-    table.add_row("arming needs", _checks(status.checks))
-    table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
-    if status.changed:
-        table.add_row("", Text(_changed(status), "yellow"))
-    table.add_row("trajectory", Text(_trajectory(status.trajectory)))
-    if status.gears:
-        table.add_row("gears", Text("\n".join(status.gears), "yellow"))
-    if status.hand:
-        table.add_row("payload", Text(payload_in_words(status)))
-    if status.recognised:
-        table.add_row("", Text(status.recognised, "yellow"))
-    missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
-    work = f"work at most {status.work_max_us / 1e3:.2f} ms"
-    table.add_row("loop", f"{status.ticks} ticks, {missed}, {work}")
-    if (senses_s := sensing_for_s(status)) is not None:
-        table.add_row("sensing", f"every joint, for {_duration(senses_s)}")
-    if words := lost_samples(status):
-        table.add_row("samples", Text(words, "yellow"))
-    table.add_row("real time", _grants(status.realtime))
-    uptime = _duration(status.uptime_s)
-    table.add_row("process", f"pid {status.pid}, up {uptime}, {status.readers} readers")
-    if socket is not None:
-        table.add_row("socket", Text(str(socket)))
-    frame = Table.grid()
-    frame.add_row(table)
-    frame.add_row("")
-    frame.add_row(_status_joints(status))
-    if status.felt is not None:
-        frame.add_row("")
-        frame.add_row(Text("\n".join(felt_lines(status.felt))))
-    return frame
-
-
-def _changed(status: Status) -> str:
-    """Files that say something else than those it runs by, and what becomes of them."""
-    if status.not_taken_up:
-        return f"not taken up: {status.not_taken_up}"
-    names = ", ".join(status.changed)
-    return f"changed since it was read: {names}; taken up before the drives are enabled"
-
-
-def _permission(status: Status) -> Text:
-    """Permission: armed or not, by whom and for how long."""
-    if not status.armed:
-        return Text("not armed")
-    text = Text("armed", "bold bright_cyan")
-    if permit := status.permit:
-        user = user_name(permit.uid)
-        behalf = f" on behalf of {permit.on_behalf_of}" if permit.on_behalf_of else ""
-        more = "" if permit.detached else ", while its program says so"
-        left = in_words(permit.left_s)
-        text.append(f" by {user} (pid {permit.pid}){behalf} for another {left}{more}", "not bold")
-    return text
-
-
-def _checks(checks: list[Check]) -> Text:
-    return Text("\n").join(Text(str(c), "" if c.passed else "yellow") for c in checks)
-
-
-def _grants(grants: list[Grant]) -> Text:
-    """One line per grant; those not achieved stand out."""
-    lines = [Text(grant.text, "" if grant.achieved else "yellow") for grant in grants]
-    return Text("\n").join(lines)
-
-
-def _trajectory(trajectory: Trajectory) -> str:
-    words = {
-        "ready": "would begin with `contactctl start`",
-        "running": "runs",
-        "interrupted": "goes on when nobody touches the arm",
-        "paused": "paused: `contactctl start` goes on with it, `contactctl stop` forgets it",
-    }
-    end = "" if trajectory.duration_s is None else f" of {trajectory.duration_s:.1f}"
-    at = "" if trajectory.state == "ready" else f" at {trajectory.time_s:.1f}{end} s"
-    return f"{trajectory.name}{at}: {words[trajectory.state]}"
-
-
-def _status_joints(status: Status) -> RenderableType:
-    table = Table(box=None, padding=(0, 1), header_style="bold")
-    for name in ("joint", "rad", "Nm", "of", "side", "age", "drive"):
-        justify = "right" if name in {"rad", "Nm", "of", "age"} else "left"
-        table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    # Before the first samples there are joints, but nothing known about them.
-    rows = zip(
-        status.joints,
-        status.link_position,
-        status.residual,
-        status.threshold,
-        status.side,
-        status.age_ticks,
-        status.drives,
-        strict=False,
-    )
-    for joint, position, residual, threshold, side, age, drive in rows:
-        table.add_row(
-            Text(joint),
-            f"{position:+.3f}",
-            Text(f"{residual:+.2f}", _strain_style(residual, threshold)),
-            f"{threshold:.2f}",
-            Text(side, SIDE_STYLES.get(side, "")),
-            Text(str(age), "yellow" if age else "dim"),
-            _drive(drive),
-        )
-    if not table.row_count:
-        return Text(f"{len(status.joints)} joints, no samples from the drives yet", "yellow")
-    return table
 
 
 def _headline(state: State) -> Text:
@@ -360,7 +216,7 @@ def _headline(state: State) -> Text:
     line.append(f" {state.mode.upper():^10} ", MODE_STYLES.get(state.mode, "reverse"))
     line.append("  ")
     line.append(*(("ARMED", "bold bright_cyan") if state.armed else ("not armed", "dim")))
-    line.append(f"   {_duration(state.time_s)}   tick {state.tick}")
+    line.append(f"   {clock(state.time_s)}   tick {state.tick}")
     if state.mode in (Mode.ADMITTANCE, Mode.RETRACTING):
         then = "then it goes on" if state.moving else "then it holds"
         line.append(f"   quiet {state.quiet_s:.1f} s, {then}", "bright_cyan")
@@ -369,21 +225,3 @@ def _headline(state: State) -> Text:
     elif state.moving:
         line.append("   trajectory runs")
     return line
-
-
-def _strain_style(residual: float, threshold: float) -> str:
-    """Green, yellow from half the threshold on, red beyond it."""
-    if abs(residual) > threshold:
-        return "bold red"
-    return "yellow" if abs(residual) > 0.5 * threshold else "green"
-
-
-def _drive(name: str) -> Text:
-    styles: dict[str, str] = {"operation enabled": "green", "fault": "bold red"}
-    return Text(name, styles.get(name, "yellow"))
-
-
-def _duration(seconds: float) -> str:
-    minutes, rest = divmod(seconds, 60.0)
-    hours, minutes = divmod(int(minutes), 60)
-    return f"{hours}:{minutes:02d}:{rest:04.1f}"

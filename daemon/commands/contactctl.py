@@ -337,10 +337,10 @@ def status(options: Options) -> None:
     if options.json:
         print_json(found)
         return
-    from daemon.clients.dashboard import status_view
+    from daemon.clients.status_report import status_report
     from daemon.commands.console import on_stdout
 
-    on_stdout().print(status_view(found, path))
+    on_stdout().print(status_report(found, path))
 
 
 @main.command()

@@ -15,8 +15,8 @@ from daemon.config.load import Robot
 from daemon.protocol.socket_path import default_hand_path
 from daemon.service.realtime import go_realtime
 from errors import BusError, ConfigurationError
-from simulator.hand import read_script
 from simulator.hand_door import HandDoor
+from simulator.hand_script import read_script
 from simulator.server import serve, serve_on_bus
 
 

@@ -98,7 +98,8 @@ TABLE: Final[dict[Condition, Row]] = {
         _R.QUICK_STOP,
         "samples",
         "`stale_ticks` ticks in a row without a TPDO of some drive; or three times as many, less "
-        "those with one",
+        "those with one. After a start or a reset a drive has 30 ticks for its first; until then "
+        "`contactctl status` shows what was before with its age",
         "that joint is blind, its drive perhaps deaf",
         "check supply and CAN cable of the drive that is named, then `contactctl reset`",
     ),

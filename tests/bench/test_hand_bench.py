@@ -10,7 +10,8 @@ from bench.rigs.lockstep import ROMEO
 from bench.study.evenness import POSES, Evenness, balanced_of, path_of
 from bench.study.leading import Meter
 from daemon.config.load import load_robot
-from simulator.hand import Guide, Hand, Push, Release
+from simulator.hand import Hand
+from simulator.hand_script import Guide, Push, Release
 
 NAMES = ("a", "b")
 

@@ -10,18 +10,8 @@ import pytest
 
 from bench.rigs.lockstep import ROMEO, lockstep_rig
 from errors import ConfigurationError
-from simulator.hand import (
-    TAKING_S,
-    VISIT_S,
-    Gap,
-    Give,
-    Guide,
-    Hand,
-    Hold,
-    Push,
-    Release,
-    read_script,
-)
+from simulator.hand import TAKING_S, VISIT_S, Hand
+from simulator.hand_script import Gap, Give, Guide, Hold, Push, Release, read_script
 
 NAMES = ("a", "b")
 Q = np.array([0.1, -0.2])

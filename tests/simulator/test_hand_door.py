@@ -11,8 +11,9 @@ from click.testing import CliRunner
 from daemon.commands.contactctl import main
 from daemon.commands.simulate import _live_hand
 from errors import BusError, ConfigurationError
-from simulator.hand import TAKING_S, VISIT_S, Clamp, Gap, Give, Hand, Lean, Push, Release
+from simulator.hand import TAKING_S, VISIT_S, Hand
 from simulator.hand_door import HandDoor
+from simulator.hand_script import Clamp, Gap, Give, Lean, Push, Release
 
 NAMES = ("shoulder", "elbow")
 Q, STILL = np.array([0.1, -0.2]), np.zeros(2)

@@ -12,7 +12,7 @@ import pytest
 
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, SimulationSettings
-from simulator.hand import Push
+from simulator.hand_script import Push
 from simulator.lockstep import Lockstep
 
 

@@ -16,7 +16,7 @@ from daemon.modes.quiet_timer import QuietTimer
 from daemon.protocol.messages import Request
 from drivers.cia402 import PowerTarget
 from drivers.stop_stages import Seen, StopWatch
-from simulator.hand import Push
+from simulator.hand_script import Push
 
 
 def test_the_lockstep_part_goes_the_same_way_twice(monkeypatch: pytest.MonkeyPatch) -> None:

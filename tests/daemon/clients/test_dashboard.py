@@ -8,17 +8,9 @@ import msgspec
 import pytest
 from rich.console import Console, RenderableType
 
-from daemon.clients.dashboard import (
-    MODE_STYLES,
-    Dashboard,
-    History,
-    Lag,
-    Summary,
-    gap_bar,
-    not_seen_to_stand,
-    residual_bar,
-    status_view,
-)
+from daemon.clients.dashboard import Dashboard, History, Lag, Summary, gap_bar, residual_bar
+from daemon.clients.shown import MODE_STYLES, not_seen_to_stand
+from daemon.clients.status_report import status_report
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Notice, Permit, Snapshot, State
 
@@ -178,7 +170,7 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
         cause="[bold]not markup[/bold]",
         mode="holding",
     )
-    lines = text_of(status_view(status), 100, 40)
+    lines = text_of(status_report(status), 100, 40)
     report = "\n".join(lines)
     for word in (
         "HOLDING",
@@ -200,7 +192,7 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
 def test_status_report_says_what_to_do_about_a_fault(fake_daemon: Any) -> None:
     def report(advice: str) -> list[str]:
         status = msgspec.structs.replace(fake_daemon.status(), mode="faulted", advice=advice)
-        return [line.strip() for line in text_of(status_view(status), 100, 40)]
+        return [line.strip() for line in text_of(status_report(status), 100, 40)]
 
     assert "to do         check the cable, then `contactctl reset`" in report(
         "check the cable, then `contactctl reset`"
@@ -217,7 +209,7 @@ def test_what_is_not_seen_to_stand_is_in_the_headline(
 ) -> None:
     frame = dashboard(range(0, 131), armed=False, cause="why", **DOUBT)
     status = msgspec.structs.replace(fake_daemon.status(), **DOUBT)
-    for shown, most in ((frame, 23), (status_view(status), 100)):
+    for shown, most in ((frame, 23), (status_report(status), 100)):
         lines = text_of(shown, width, 24)
         assert len(lines) <= most
         assert max(map(len, lines)) <= width
@@ -263,7 +255,7 @@ def test_what_does_not_sense_is_in_the_headline(
     status = msgspec.structs.replace(
         fake_daemon.status(), mode="tracking", uptime_s=T_S, **sensing(since_s)
     )
-    for shown, most in ((frame, 23), (status_view(status), 100)):
+    for shown, most in ((frame, 23), (status_report(status), 100)):
         lines = text_of(shown, width, 24)
         assert len(lines) <= most
         assert max(map(len, lines)) <= width
@@ -282,7 +274,7 @@ def test_how_long_every_joint_has_sensed(dashboard: Any, fake_daemon: Any) -> No
             fake_daemon.status(), **{"mode": "holding", "uptime_s": T_S, **changes}
         )
         frame = dashboard(range(0, 131), **changes)
-        report = text_of(status_view(status), width, 40)
+        report = text_of(status_report(status), width, 40)
         return (
             any(line in each for each in text_of(frame, width, 24)),
             any(row in each for each in report),
@@ -298,7 +290,7 @@ def test_how_long_every_joint_has_sensed(dashboard: Any, fake_daemon: Any) -> No
 def test_status_report_before_the_first_samples(fake_daemon: Any) -> None:
     status = msgspec.structs.replace(fake_daemon.status(), drives=[], side=[], age_ticks=[])
     assert "7 joints, no samples from the drives yet" in "\n".join(
-        text_of(status_view(status), 100, 40)
+        text_of(status_report(status), 100, 40)
     )
 
 

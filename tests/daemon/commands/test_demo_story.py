@@ -10,7 +10,7 @@ from daemon.commands.demo_story import Story, Touch, touch_of
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
 from daemon.protocol.messages import STATE_FORMAT, Notice, Snapshot
-from simulator.hand import Guide, Push, Release
+from simulator.hand_script import Guide, Push, Release
 
 HAND = (
     Push(at_s=2.0, joint="LShoulderPitch", torque=-2.5, duration_s=0.4, shape="ramp"),

@@ -16,7 +16,7 @@ from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.clients.client import Client
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Request, State
-from simulator.hand import Guide, Push, Release
+from simulator.hand_script import Guide, Push, Release
 
 # Those of the third experiment, when they are asked for.
 HAND = (

@@ -1,0 +1,179 @@
+"""Script of a hand: what it does to the arm and when, in a file of YAML."""
+
+import re
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+import msgspec
+import yaml
+from msgspec import Meta
+
+from errors import ConfigurationError
+from regular_file import read_text
+
+Positive = Annotated[float, Meta(gt=0.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+# Far more than anybody has, and less than what throws a light link through the plant's step: no
+# number of a script leads to an arm that is nowhere.
+Torque = Annotated[float, Meta(ge=-500.0, le=500.0)]  # [Nm]
+Strength = Annotated[float, Meta(gt=0.0, le=500.0)]  # [Nm]
+Angle = Annotated[float, Meta(ge=-100.0, le=100.0)]  # of a link [rad]
+Place = Annotated[float, Meta(ge=-2.0, le=2.0)]  # [m]
+
+
+class Act(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="act"):
+    """One act of the hand, `at_s` seconds after the arm first moved."""
+
+    at_s: Annotated[float, Meta(ge=0.0, le=1e6)]
+
+
+class Push(Act, frozen=True, kw_only=True, tag="push"):
+    """A torque [Nm] on one joint: constant, rising from zero, or a half sine."""
+
+    joint: str
+    torque: Torque
+    duration_s: Positive
+    shape: Literal["step", "ramp", "pulse"] = "step"
+
+
+STRONGEST = 4.0
+"""Torque of a hand at a joint, unless told otherwise [Nm]."""
+
+
+class Grip(Act, frozen=True, kw_only=True):
+    """Spring [Nm/rad], damper [Nm s/rad] and strongest torque [Nm] per joint."""
+
+    stiffness: Positive = 40.0
+    damping: NotNegative = 2.0
+    # as `Hand` makes it of what the joint's motor can give and its friction, if None
+    max_torque: Strength | None = STRONGEST
+
+
+class Hold(Grip, frozen=True, kw_only=True, tag="hold"):
+    """Hold joints where they are."""
+
+    joints: tuple[str, ...]
+
+
+class Guide(Grip, frozen=True, kw_only=True, tag="guide"):
+    """Take joints and lead them to positions [rad] at a speed [rad/s]; holds on at the end."""
+
+    to: dict[str, Angle]
+    speed: Annotated[float, Meta(gt=0.0, le=20.0)]
+
+
+class Release(Act, frozen=True, kw_only=True, tag="release"):
+    """Let go of everything."""
+
+
+class Lean(Act, frozen=True, kw_only=True, tag="lean"):
+    """Lean on one joint with a torque [Nm], rising over so many seconds, until `release`."""
+
+    joint: str
+    torque: Torque
+    rise_s: Positive = 0.5
+
+
+class Clamp(Act, frozen=True, kw_only=True, tag="clamp"):
+    """Something hard that joints are caught in where they are, until `release`."""
+
+    joints: tuple[str, ...]
+    stiffness: Positive = 1000.0
+    damping: NotNegative = 10.0
+    max_torque: Strength = 100.0
+
+
+class Gap(Act, frozen=True, kw_only=True, tag="gap"):
+    """Move one link softly between the borders of its gap, as `contactd identify gap` asks for:
+    beyond one, rest, beyond the other, so many times, carrying the weight that the joint bears."""
+
+    joint: str
+    # pressed with at most [Nm], beside the weight; `hand.SOFT` of what the motor can give if None
+    torque: Strength | None = None
+    times: Annotated[int, Meta(ge=1, le=1000)] = 30
+    reach: Positive = 0.06  # each way, more than the gap [rad]
+
+
+class Give(Act, frozen=True, kw_only=True, tag="give"):
+    """Put a mass [kg] into the arm's hand, at a place in the frame of the URDF's last link [m],
+    without one where a hand would hold it (`Plant.held_at`); 0 takes it away again."""
+
+    mass: Annotated[float, Meta(ge=0.0, le=100.0)]
+    com: tuple[Place, Place, Place] | None = None
+
+
+AnyAct = Push | Lean | Hold | Clamp | Guide | Gap | Release | Give
+Script = tuple[AnyAct, ...]
+_NAMES = tuple(str(act.__struct_config__.tag) for act in get_args(AnyAct))
+_OF_ACT = re.compile(r"\[(\d+)\]\.?(.*)")
+
+
+class _OnceLoader(yaml.SafeLoader):
+    """Safe loader that refuses a key that is given twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for place, key in enumerate(keys):
+            if key in keys[:place]:
+                mark = node.value[place][0].start_mark
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key `{key}` is given twice", mark
+                )
+        return super().construct_mapping(node, deep)
+
+
+def read_script(path: Path) -> Script:
+    """A YAML (or JSON) list of acts, in order of time. Raises ConfigurationError."""
+    try:
+        text = read_text(path)
+        script = msgspec.convert(yaml.load(text, _OnceLoader), type=Script)
+        return tuple(sorted(script, key=lambda act: act.at_s))
+    except msgspec.ValidationError as error:
+        raise ConfigurationError(f"{path}: hand script: {_in_words(error)}") from error
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise ConfigurationError(f"{path}: hand script: {why}") from error
+
+
+def _in_words(error: msgspec.ValidationError) -> str:
+    """Which act of the script is wrong, counted from 1, and where; and which acts there are."""
+    message, _, where = str(error).partition(" - at `$")
+    act = _OF_ACT.match(where.rstrip("`"))
+    if act is None:
+        return message
+    known = f"; there are {', '.join(_NAMES)}" if act[2] == "act" else ""
+    place = f", {act[2]}" if act[2] else ""
+    return f"act {int(act[1]) + 1}{place}: {message[:1].lower()}{message[1:]}{known}"
+
+
+def joints_of(act: AnyAct) -> tuple[str, ...]:
+    """Names of the joints that an act is about."""
+    if isinstance(act, Push | Lean | Gap):
+        return (act.joint,)
+    if isinstance(act, Hold | Clamp):
+        return act.joints
+    return tuple(act.to) if isinstance(act, Guide) else ()
+
+
+def described(act: AnyAct) -> str:
+    """What an act does, in words."""
+    match act:
+        case Push():
+            words = f"push {act.joint} {act.torque:g} Nm"
+        case Lean():
+            words = f"lean on {act.joint} with {act.torque:g} Nm"
+        case Gap():
+            most = "softly" if act.torque is None else f"with {act.torque:g} Nm"
+            words = f"move {act.joint} in its gap {most}, {act.times} times"
+        case Clamp():
+            words = "clamp " + ", ".join(act.joints)
+        case Hold():
+            words = "hold " + ", ".join(act.joints)
+        case Guide():
+            ways = (f"{name} to {goal:g} rad" for name, goal in act.to.items())
+            words = "guide " + ", ".join(ways)
+        case Give():
+            words = f"give {act.mass:g} kg" if act.mass > 0.0 else "take what it carries"
+        case Release():
+            words = "release"
+    return words
