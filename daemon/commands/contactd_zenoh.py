@@ -1,6 +1,7 @@
 """`contactd-zenoh`: the command line of the door to ROS 2."""
 # ruff: noqa: PLC0415 - zenoh is an extra, and only this program needs it
 
+import os
 import signal
 import sys
 import threading
@@ -15,6 +16,7 @@ from daemon.commands.zenoh_options import zenoh_options
 from errors import ConfigurationError, ContactdError
 
 EXTRA = frozenset({"zenoh", "xxhash"})
+HEARD_WITHIN_S = 0.5  # a signal that a thread of Zenoh took, and the main one does not wake for
 END_S = 3.0  # more than the longest silence of a daemon that is waited for
 
 
@@ -94,7 +96,11 @@ def _say(text: str) -> None:
 
 
 def _run(serve: Callable[[], None], ended: threading.Event) -> None:
-    """Serve in a thread: signals are heard while Zenoh waits for a router that is not there."""
+    """Serve in a thread: signals are heard while Zenoh waits for a router that is not there.
+
+    That wait cannot be ended. The process ends without it, as Python's own end would meet a thread
+    inside Zenoh.
+    """
     errors: list[BaseException] = []
 
     def work() -> None:
@@ -106,10 +112,14 @@ def _run(serve: Callable[[], None], ended: threading.Event) -> None:
 
     thread = threading.Thread(target=work, daemon=True)
     thread.start()
-    ended.wait()
+    while not ended.wait(HEARD_WITHIN_S):
+        pass
     thread.join(END_S)
     if errors:
         raise errors[0]
+    if thread.is_alive():
+        sys.stdout.flush()
+        os._exit(0)
 
 
 def _end(error: ContactdError) -> None:

@@ -369,4 +369,4 @@ def test_two_arms_of_one_name_are_both_stopped(routed: int) -> None:
         for _ in range(3):
             asked.clear()
             assert fleet.stop(["left"]) == {"left": ("not seen to stand", "what it says")}
-            assert asked == {True, False}
+            until(lambda: asked == {True, False})  # what one says is enough to end it
