@@ -88,7 +88,7 @@ class Request(TypedDict):
     plan: NotRequired[bool]
     # `go`: positions for which it was planned; refused if the arm stands elsewhere by now [rad]
     planned_from: NotRequired[list[float] | None]
-    # `go`: halt when this connection ends, or asks nothing for 2 s
+    # `go`, `start` of what was loaded: halt when this connection ends, or asks nothing for 2 s
     attended: NotRequired[bool]
 
 

@@ -189,9 +189,10 @@ class Client:
         for chunk in _chunks(rows):
             self._load(Request("load", rows=chunk))
 
-    def start_loaded(self) -> Reply:
-        """Run what `load_trajectory` handed over; the answer may be a refusal."""
-        return self.ask(Request("start", loaded=True))
+    def start_loaded(self, *, attended: bool = False) -> Reply:
+        """Run what `load_trajectory` handed over; the answer may be a refusal. Where it is
+        `attended`, it halts when this connection ends, or asks nothing for 2 s."""
+        return self.ask(Request("start", loaded=True, attended=attended))
 
     def _load(self, request: Request) -> None:
         reply = self.ask(request)

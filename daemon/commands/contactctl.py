@@ -14,7 +14,7 @@ import click
 from daemon.commands.hand import hand
 from daemon.commands.live_states import record_csv, record_states, show_live, stream_json
 from daemon.commands.options import PATH, Group, Options, Range, json_option, socket_option
-from daemon.commands.replies import answer, carry_out, print_json, take_up_changes
+from daemon.commands.replies import answer, carry_out, print_json, take_up_changes, until_it_senses
 from daemon.new_file import refuse_suffix
 from daemon.protocol.lease import LONGEST_S, PERSON_S
 from errors import TrajectoryError, UnreachableError
@@ -52,12 +52,15 @@ _no_wait_to_stand = click.option(
 @_no_wait
 @click.pass_obj
 def enable(options: Options, no_wait: bool) -> None:
-    """Energise the drives; the arm holds where it stands.
+    """Energise the drives; the arm holds where it stands, and senses contact, so that `arm` may
+    follow.
 
     Where the daemon's files were changed since it read them, it takes them up first: `reload`.
     """
     take_up_changes(options)
     carry_out(options, "enable", wait=not no_wait)
+    if not no_wait:
+        until_it_senses(options)
 
 
 @main.command()

@@ -10,12 +10,14 @@ import click
 from daemon.commands.options import Options
 from daemon.commands.sentences import say
 from daemon.modes.table import Mode
+from daemon.protocol.lease import SENSES_S
 
 if TYPE_CHECKING:
     from daemon.clients.client import Client
-    from daemon.protocol.messages import Command, Reply
+    from daemon.protocol.messages import Command, Reply, Status
 
 WAIT_S = 5.0
+SENSING_WAIT_S = 1.0
 POLL_S = 0.02
 
 # Modes that a command leads to when it takes a while: waited for unless `--no-wait`.
@@ -46,6 +48,20 @@ def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
             elif reply.ok and reply.unproved:
                 reply = _not_seen_to_stand(reply, reply.unproved, client.ask_status().silenced)
     answer(options, reply)
+
+
+def until_it_senses(options: Options) -> None:
+    """Wait until every joint of an arm that holds has sensed contact for as long as `arm` asks for,
+    at most SENSING_WAIT_S: a joint that does not sense is for `arm` to name."""
+    from daemon.clients.sensed import sensing_for_s
+    from daemon.clients.waiting import asked_until
+
+    def settled(now: "Status") -> bool:
+        known = now.sensing is not None and now.mode == Mode.HOLDING
+        return not known or (sensing_for_s(now) or 0.0) > SENSES_S
+
+    with options.connect() as client:
+        asked_until(client.ask_status, settled, SENSING_WAIT_S)
 
 
 def take_up_changes(options: Options) -> None:

@@ -6,10 +6,11 @@ its own warning for a joint that is touched meanwhile.
 """
 
 import itertools
+import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,6 +31,8 @@ from daemon.protocol.messages import Notice, Reply, State, Status
 from errors import ContactdError, ControlError, LogError, UnreachableError
 
 _SETTLE_S = 6.0
+# An arm that nobody attends halts after 2 s.
+_ATTENDS_EVERY_S = 0.5
 # No joint moves that in so long moves less [s, rad].
 _STILL_S, _STILL = 0.3, 0.002
 # Modes while our trajectory runs and after its end; any other mode ended it.
@@ -103,6 +106,7 @@ class Session:
     here: Vector | None = None
     """where the arm stood when this session enabled it (n,) [rad]; None: somebody else did"""
     _held: bool = False
+    _runs: bool = False  # a motion of this session, and nobody else's
 
     def __post_init__(self) -> None:
         self.client = Client(self.socket)
@@ -132,7 +136,7 @@ class Session:
 
     def hold(self) -> Status:
         """Wait until the arm holds, disarmed; the first time it is enabled if the person wants so.
-        Raises ControlError where it does not hold."""
+        Raises ControlError where it does not hold, and while it runs what somebody else started."""
         status = self.client.ask_status()
         if status.mode == Mode.OFF:
             if self._held:
@@ -143,10 +147,13 @@ class Session:
             self._enable()
         if status.mode == Mode.FAULTED:
             raise ControlError(f"a fault is latched: {status.cause}; `contactctl reset`")
+        if status.mode == Mode.TRACKING:
+            if not self._runs:
+                what = status.trajectory.name
+                raise ControlError(f"the arm runs {what}, started elsewhere: `contactctl pause`")
+            self.client.demand("pause")
         if status.armed:
             self.client.demand("disarm")
-        if status.mode == Mode.TRACKING:
-            self.client.demand("pause")
         status = asked_until(self.client.ask_status, lambda s: s.mode == Mode.HOLDING, _SETTLE_S)
         if status.mode != Mode.HOLDING:
             raise ControlError(f"the arm does not hold: {status.mode}, {status.cause}")
@@ -266,10 +273,11 @@ class Session:
 
         Raises InterruptedStepError for Ctrl-C and for whatever else ends it, with what `to_go_on`
         says; ControlError and TrajectoryError where it cannot begin, LogError where it cannot be
-        recorded. The arm holds afterwards if it still can.
+        recorded. The arm holds afterwards if it still can, also where this process is killed or
+        stopped.
         """
-
         touched: list[str] = []
+        attended_s = -math.inf
 
         def on_contact(event: Notice) -> None:
             if touch_ends:
@@ -278,7 +286,11 @@ class Session:
                 self.say(text)
 
         def seen(state: State) -> bool:
-            return each(state) or bool(touched)
+            nonlocal attended_s
+            if state.time_s > attended_s + _ATTENDS_EVERY_S:
+                self.client.ask_status()
+                attended_s = state.time_s
+            return each(state) or bool(touched or failures)
 
         status = self.hold()
         times = (period_s * np.arange(len(path))).tolist()
@@ -287,14 +299,15 @@ class Session:
         )
         names = (f"{step}.part{number:02}.mcap" for number in itertools.count(1))
         parts = (self.folder / name for name in names)
-        with self._recording(next(part for part in parts if not part.exists())):
+        with self._recording(next(part for part in parts if not part.exists())) as failures:
             try:
                 with Client(self.socket) as reader:
                     # Before the start, so that no State of it is missed.
                     _, states = reader.subscribe()
-                    reply = self.client.start_loaded()
+                    reply = self.client.start_loaded(attended=True)
                     if not reply.ok:
                         raise ControlError(self._refused(reply))
+                    self._runs = True
                     ended = followed(states, seen, on_contact) or "".join(touched[:1])
             except KeyboardInterrupt:
                 ended = "stopped by you"
@@ -303,6 +316,7 @@ class Session:
             with suppress(ContactdError):
                 mode = self.hold().mode
                 ended = ended and f"{ended}; the arm is {mode}"
+            self._runs = False
         if ended:
             raise InterruptedStepError(f"{ended}. {to_go_on}")
 
@@ -312,8 +326,9 @@ class Session:
         return f"{reply.refusal}: {status.cause}" if status.mode == Mode.FAULTED else reply.refusal
 
     @contextmanager
-    def _recording(self, path: Path) -> Iterator[None]:
-        """Record while the block runs; delete the recording if the block could not begin."""
+    def _recording(self, path: Path) -> Iterator[Sequence[ContactdError]]:
+        """Record while the block runs, which gets what failed, in a list that grows; delete the
+        recording if the block could not begin, or nothing of it could be written."""
         try:
             self.folder.mkdir(exist_ok=True)
         except OSError as error:
@@ -338,14 +353,14 @@ class Session:
             raise failures[0]
         refused = False
         try:
-            yield
+            yield failures
         except ControlError:
             refused = True
             raise
         finally:
             ended.set()
             thread.join()
-            if refused:
+            if refused or (failures and path.exists() and not path.stat().st_size):
                 path.unlink(missing_ok=True)
         if failures:
             raise failures[0]

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 PROGRAM_S = 0.5
 PERSON_S = 600.0
 LONGEST_S = 86_400.0
+#: Every joint must have sensed contact for so long before [s]: one that comes and goes would be
+#: armed in a good moment.
+SENSES_S = 0.25
 
 
 @dataclass(frozen=True, slots=True)

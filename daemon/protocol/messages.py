@@ -108,7 +108,7 @@ class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
     plan: bool = False  # `go`: answer only what it would do
     # `go`: positions for which it was planned; refused if the arm stands elsewhere by now [rad]
     planned_from: Annotated[list[float], msgspec.Meta(max_length=32)] | None = None
-    # `go`: halt when this connection ends, or asks nothing for 2 s
+    # `go`, `start` of what was loaded: halt when this connection ends, or asks nothing for 2 s
     attended: bool = False
 
 

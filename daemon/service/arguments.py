@@ -21,7 +21,7 @@ def misplaced(request: Request) -> list[str]:
         "speed": ("go",),
         "plan": ("go",),
         "planned_from": ("go",),
-        "attended": ("go",),
+        "attended": ("go", "start"),
     }
     return [
         f"`{field}` belongs to {' and '.join(commands)}"

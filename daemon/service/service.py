@@ -183,7 +183,7 @@ class Service:
         path = self.dock.take(peer.connection) if request.loaded else None
         reply = self._reply(request, self.set_up.request(event, who, path))
         if event is Event.START and reply.ok:
-            self.attendance.begin(0, self.loop.time_s)
+            self.attendance.begin(peer.connection if request.attended else 0, self.loop.time_s)
             reply = replace(reply, warnings=self._beyond_what_was_seen())
         return reply
 

@@ -15,6 +15,7 @@ from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.modes.table import ARMABLE, Mode, refusal
 from daemon.motion.limits import Limits
+from daemon.protocol.lease import SENSES_S
 from daemon.protocol.messages import Check
 from daemon.tick.record import TickRecord
 from daemon.tick.sensing import HARMLESS
@@ -54,8 +55,6 @@ LATE_TICKS, LATE_WITHIN_S = 2, 1.0
 # that comes to 4.7 on the arms shipped. Beyond, it is friction that decides what is felt, and
 # nobody who reads the configuration would expect it.
 RAISED = 5.0
-# A joint must have sensed for so long [s]: one that comes and goes would be armed in a good moment.
-SENSES_S = 0.25
 # Between two ticks the last one is at most a period old; a thousandth of it is rounding.
 OLDEST = 1.001  # periods
 # EMCY: the drive misses the master's heartbeat (CiA 301).

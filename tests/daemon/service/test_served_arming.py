@@ -38,6 +38,13 @@ def until_disarmed(served: ServedDaemon, limit_s: float) -> tuple[float, str]:
     return took, cause_of_disarming(served)
 
 
+def test_arm_may_follow_enable_at_once(served: ServedDaemon) -> None:
+    with Client(served.path) as client:
+        assert served.contactctl("enable").exit_code == 0
+        reply = served.until(lambda: client.arm(5.0))
+    assert reply.ok, reply.reasons
+
+
 def test_arm_shows_every_check_and_who_armed(served: ServedDaemon) -> None:
     served.rig.enable()
     result = served.contactctl("arm")
