@@ -39,6 +39,7 @@ def until_disarmed(served: ServedDaemon, limit_s: float) -> tuple[float, str]:
 
 
 def test_arm_may_follow_enable_at_once(served: ServedDaemon) -> None:
+    served.idle_s = 0.02  # a tick for each time that the command looks
     with Client(served.path) as client:
         assert served.contactctl("enable").exit_code == 0
         reply = served.until(lambda: client.arm(5.0))
