@@ -180,7 +180,7 @@ def test_refused_status(run: Run, fake_daemon: Any) -> None:
 
 
 def test_no_daemon(tmp_path: Path) -> None:
-    for command in (["stop"], ["status"], ["record", str(tmp_path / "x.mcap")]):
+    for command in (["start"], ["status"], ["record", str(tmp_path / "x.mcap")]):
         arguments = ["--socket", str(tmp_path / "nothing"), *command]
         result = CliRunner().invoke(contactctl.main, arguments)
         assert result.exit_code == 69
