@@ -367,7 +367,11 @@ def health(options: Options, directory: Path | None, plot: Path | None) -> None:
 @click.pass_obj
 def watch(options: Options) -> None:
     """Show the joints live, until Ctrl-C, over a `reload`, too. With --json: every state, one line
-    each, until the daemon ends its run."""
+    each, until the daemon ends its run.
+
+    Where nothing has come for half a second, the picture is marked as not live. After two seconds
+    without, or where the daemon is gone, it ends with what was known last of the arm.
+    """
     if not options.json and not sys.stdout.isatty():
         raise click.UsageError("watch needs a terminal; use `contactctl watch --json` or `record`")
     try:
