@@ -34,7 +34,7 @@ def main(ctx: click.Context, socket: Path | None, as_json: bool) -> None:
     certified safety function: keep the hardware emergency stop within reach.
 
     Exit status: 0 done, 1 refused or not done, 2 usage, 65 a file is bad or cannot be written,
-    69 the daemon cannot be reached.
+    69 the daemon cannot be reached, 141 nobody read the answer to its end (`| head`).
     """
     ctx.obj = Options(socket, as_json)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from daemon.commands.sentences import could_not_say, say
+from daemon.commands.sentences import could_not_say, read_to_the_end, say
 from errors import ContactdError, LogError
 
 if TYPE_CHECKING:
@@ -101,7 +101,8 @@ class Group(click.Group):
         """Run the command; an error of ours sets the exit status."""
         _open_closed_streams()
         try:
-            return super().invoke(ctx)
+            with read_to_the_end():
+                return super().invoke(ctx)
         except ContactdError as error:
             say(f"contactctl: {error}", err=True)
             ctx.exit(error.exit_code)
