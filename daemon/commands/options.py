@@ -18,9 +18,26 @@ if TYPE_CHECKING:
     from daemon.clients.client import Client
 
 
+class _Path(click.Path):
+    """Path that is not empty: of a script whose variable is, it would be the folder one is in."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Convert a value. Raises UsageError for an empty one."""
+        if os.fspath(value) == "":
+            raise click.UsageError(f"{_named(param)} is empty", ctx)
+        return super().convert(value, param, ctx)
+
+
+def _named(param: click.Parameter | None) -> str:
+    """Name of an option or argument, as help shows it."""
+    if isinstance(param, click.Argument):
+        return (param.metavar or param.human_readable_name).strip("[]").rstrip(".")
+    return param.opts[-1] if param is not None else "the path"
+
+
 # `readable=False`: click's own check would end with another message and exit status than ours. The
 # code that opens the file knows what it was for.
-PATH: Final = click.Path(path_type=Path, readable=False)
+PATH: Final = _Path(path_type=Path, readable=False)
 SOCKET: Final = click.option(
     "--socket",
     type=PATH,
