@@ -44,8 +44,9 @@ def _write(view: View, target: Path, *, every_joint: bool) -> None:
 
 
 def newest_fault(around: str) -> tuple[Path, str]:
-    """The recording of the newest log of the black box, and where to look: at its fault, unless
-    something else was asked or it knows none. Raises LogError."""
+    """The recording of the newest log of the black box that knows of a fault, else of the newest,
+    and where to look: at its fault, unless something else was asked or it knows none. Raises
+    LogError."""
     from daemon.recordings.recomputed import as_recording, last_fault  # noqa: PLC0415 - slow
 
     log = last_fault()
