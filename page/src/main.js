@@ -30,7 +30,7 @@ let drawn = null, curves_ms = 0, corner_ms = 0, why = "", gone = false, stale = 
 
 const url = new URL(`live/${arm}`, location.href);
 url.protocol = url.protocol.replace("http", "ws");
-const stream = new Stream(url, { frame: takeFrame, message: takeMessage, problem: lose, lost: () => elsewhere.old() });
+const stream = new Stream(url, { frame: takeFrame, message: takeMessage, problem: lose, lost });
 
 function takeMessage(message) {
   switch (message.kind) {
@@ -60,6 +60,14 @@ function takeMessage(message) {
 function lose(text) {
   why = text;
   gone = true;
+}
+
+/** Without its server nothing is known of any arm. */
+function lost() {
+  elsewhere.old();
+  summary = null;
+  others = others.map((other) => ({ ...other, silent: true, state: "not live" }));
+  drawTabs(hello?.arms ?? [], arm, summary, others);
 }
 
 const isOld = () => gone || stream.age_ms > STALE_MS;
