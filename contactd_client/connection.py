@@ -1,5 +1,6 @@
 """Connection to a daemon's socket: packets, each one message of JSON. Blocking."""
 
+import select
 import socket
 import time
 from pathlib import Path
@@ -59,6 +60,13 @@ class Connection:
             raise
         self._socket.settimeout(self._timeout_s)
         return answer
+
+    def waits(self, timeout_s: float) -> bool:
+        """True once a message, or the connection's end, waits to be read; False where neither came
+        within `timeout_s` [s]."""
+        poll = select.poll()
+        poll.register(self._socket, select.POLLIN)
+        return bool(poll.poll(1e3 * timeout_s))
 
     def packet(self, silence: str = "fell silent") -> bytes:
         """Next message, as it was sent. If none comes, the error reads "the daemon {silence}".

@@ -62,6 +62,8 @@ def view_socket_path(control: Path) -> Path:
 def why_unreachable(path: Path, error: OSError) -> str:
     """Reason why the daemon's socket at `path` cannot be connected to, in words for a person."""
     match error:
+        case ConnectionRefusedError() if path.exists() and not path.is_socket():
+            return f"{path} is no socket"
         case FileNotFoundError() | ConnectionRefusedError():
             if path == SERVICE_SOCKET and service_installed():
                 how = "`sudo systemctl start contactd`; `systemctl status contactd` says why not"

@@ -1,7 +1,11 @@
-"""Checks of the file named for a recording, made before anything is recorded."""
+"""New files: checks of the name, made before anything is recorded, and files that get their name
+when they are whole."""
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO, Any, Literal
 
 from errors import LogError
 
@@ -21,3 +25,31 @@ def refuse_unless_new(path: Path) -> None:
     except OSError as error:
         raise LogError(f"cannot write {path}: {error.strerror}") from error
     raise LogError(f"{path} exists: it is never overwritten")
+
+
+def open_new(path: Path, mode: Literal["x", "xb"], **how: Any) -> IO[Any]:
+    """The new file `path`, open to be written. Raises LogError."""
+    try:
+        return path.open(mode, **how)
+    except OSError as error:
+        raise LogError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+@contextmanager
+def whole_file(target: Path) -> Iterator[Path]:
+    """Path beside `target`, with its suffix, to be written in the block: it gets the name of
+    `target` when the block ends, and nothing is left of it where the block fails. Raises LogError
+    if it cannot be written. What is there and no file (a device, a pipe) is written in place."""
+    real = Path(os.path.realpath(target))  # a link to a file stays one
+    in_place = os.path.exists(real) and not os.path.isfile(real)
+    partial = real if in_place else real.with_name(f".{real.name}.partial{real.suffix}")
+    try:
+        yield partial
+        if not in_place:
+            partial.replace(real)
+    except OSError as error:
+        raise LogError(f"cannot write {target}: {error.strerror or error}") from error
+    finally:
+        if not in_place:
+            with suppress(OSError):
+                partial.unlink(missing_ok=True)

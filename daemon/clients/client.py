@@ -213,6 +213,11 @@ class Client:
             raise ControlError(f"the daemon speaks another version: its States are {refusal}")
         return reply.snapshot, self._iterate()
 
+    def waits(self, timeout_s: float) -> bool:
+        """True once a message, or the connection's end, waits to be read; False where neither came
+        within `timeout_s` [s]."""
+        return self._connection.waits(timeout_s)
+
     def packet(self) -> bytes:
         """Next message, as it was sent."""
         return self._connection.packet()

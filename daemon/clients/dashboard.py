@@ -26,6 +26,7 @@ from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State
 
 TOLD_LAG_S = 0.5
+TOLD_SILENCE_S = 0.5
 WINDOW_TICKS = 1000
 EVENTS_KEPT = 12
 WIDE = 96  # columns from which the bars are wide and the drives' states shown
@@ -91,6 +92,13 @@ class Dashboard:
     state: State
     summary: Summary
     lag_s: float = 0.0  # of the picture
+    silent_s: float = 0.0  # since the State came
+
+    def _not_live(self) -> Text | None:
+        if self.silent_s < TOLD_SILENCE_S:
+            return None
+        text = f" NOT LIVE: nothing for {self.silent_s:.1f} s; all below is what was then"
+        return Text(text, "bold red")
 
     def _lagging(self) -> Text | None:
         if self.lag_s < TOLD_LAG_S:
@@ -103,8 +111,13 @@ class Dashboard:
     ) -> Iterator[RenderableType]:
         wide = options.max_width >= WIDE
         state = self.state
-        yield _headline(state)
-        doubts = [self._lagging(), not_seen_to_stand(state, " "), self._not_sensing()]
+        yield _headline(state, stale=self.silent_s >= TOLD_SILENCE_S)
+        doubts = [
+            self._not_live(),
+            self._lagging(),
+            not_seen_to_stand(state, " "),
+            self._not_sensing(),
+        ]
         doubt_lines = [
             line for doubt in doubts if doubt for line in doubt.wrap(console, options.max_width)
         ]
@@ -211,8 +224,20 @@ def residual_bar(residual: float, threshold: float, half_width: int, ascii_only:
     return bar.append(other[::-1], "dim").append(middle).append(side, style)
 
 
-def _headline(state: State) -> Text:
+def last_known(state: State) -> str:
+    """What a daemon said last before it was lost, and what to do where the arm may still move."""
+    said = f"last known: {state.mode}{', armed' if state.armed else ''}"
+    if state.mode == Mode.OFF and not state.unproved:
+        return said
+    return f"{said}; use the emergency stop if the arm moves"
+
+
+def _headline(state: State, *, stale: bool) -> Text:
     line = Text(no_wrap=True, overflow="crop")
+    if stale:
+        line.append(f" was {state.mode.upper()} ", "white on grey30")
+        line.append(f"  {'was armed' if state.armed else 'was not armed'}", "dim")
+        return line.append(f"   {clock(state.time_s)}   tick {state.tick}", "dim")
     line.append(f" {state.mode.upper():^10} ", MODE_STYLES.get(state.mode, "reverse"))
     line.append("  ")
     line.append(*(("ARMED", "bold bright_cyan") if state.armed else ("not armed", "dim")))

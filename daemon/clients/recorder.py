@@ -17,8 +17,9 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from daemon.clients.client import Client
+from daemon.clients.cut_short import cut_short
 from daemon.clients.viewer_schema import viewer_schema
-from daemon.new_file import refuse_unless_new
+from daemon.new_file import open_new, refuse_unless_new
 from daemon.protocol.messages import PerJoint, Snapshot, State, format_refusal, printable
 from daemon.protocol.strict_json import StrictDecoder
 from errors import LogError, UnreachableError
@@ -86,15 +87,17 @@ def record(
     `begun` is called once the recording has begun.
 
     Where ticks are missing, it subscribes anew and writes a new snapshot. Whatever ends it, the
-    file is finished properly. Raises LogError if `path` exists or cannot be written, ControlError
+    file is finished properly; where the disk ends it, it holds what was recorded until then, and an
+    empty one is removed. Raises LogError if `path` exists or cannot be written, ControlError
     if there is no daemon to begin with.
     """
     refuse_unless_new(path)
     client = connect()
     try:
         snapshot, _ = client.subscribe()
+        stream = open_new(path, "xb")
         try:
-            with path.open("xb") as stream:
+            with stream:
                 log = _LogWriter(stream, snapshot)
                 begun()
                 try:
@@ -102,7 +105,7 @@ def record(
                 finally:
                     log.finish()
         except OSError as error:
-            raise LogError(f"cannot write {path}: {error.strerror or error}") from error
+            raise cut_short(path, error, holds_a_state) from error
     finally:
         client.close()
     return Recording(str(path), log.duration_s, log.states, log.lost, log.snapshots, ended)
@@ -238,6 +241,14 @@ def read_log(
             raise LogError(f"{path} {error}: {states} states read, last tick {last}") from error
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise LogError(f"{path} is of another version after tick {last}: {error}") from error
+
+
+def holds_a_state(path: Path) -> bool:
+    """True if a State can be read from a recording, whole or not."""
+    try:
+        return any(isinstance(message, State) for message in read_log(path))
+    except LogError:
+        return False
 
 
 def _joints_of(message: Snapshot | State, before: int) -> int:

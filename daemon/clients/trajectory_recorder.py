@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from daemon.clients.client import Client
+from daemon.clients.cut_short import cut_short, holds_a_row
 from daemon.motion.trajectory_file import MAX_ROWS, TIME
-from daemon.new_file import refuse_unless_new
+from daemon.new_file import open_new, refuse_unless_new
 from daemon.protocol.messages import State
-from errors import LogError, UnreachableError
+from errors import UnreachableError
 
 # Each sample is the mean over this time [s]: short enough for a hand, and long enough that an
 # encoder's last digit makes no acceleration.
@@ -42,15 +43,16 @@ def record_trajectory(
     `seconds` have passed, it is as long as a trajectory may be, or the daemon ends. `begun` is
     called once the recording has begun.
 
-    Raises LogError if `path` exists or cannot be written, ControlError if there is no daemon to
-    begin with.
+    Raises LogError if `path` exists or cannot be written (then it holds whole rows, or is gone),
+    ControlError if there is no daemon to begin with.
     """
     refuse_unless_new(path)
     ended, samples, first_s, last_s = "", 0, 0.0, 0.0
     with connect() as client:
         snapshot, states = client.subscribe()
+        stream = open_new(path, "x", newline="", encoding="utf-8")
         try:
-            with path.open("x", newline="", encoding="utf-8") as stream:
+            with stream:
                 writer = csv.writer(stream, lineterminator="\n")
                 writer.writerow([TIME, *snapshot.joints])
                 begun()
@@ -73,7 +75,7 @@ def record_trajectory(
         except UnreachableError as error:
             ended = str(error)
         except OSError as error:
-            raise LogError(f"cannot write {path}: {error.strerror or error}") from error
+            raise cut_short(path, error, holds_a_row) from error
     return Recorded(str(path), last_s - first_s, samples, ended)
 
 

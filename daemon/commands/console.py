@@ -1,6 +1,8 @@
 """Where a command prints its tables: a terminal, or a file or pipe with columns enough for them and
 no blanks at the ends of lines, which a terminal behind it would wrap."""
 
+import errno
+import os
 import re
 import sys
 from typing import TextIO, cast
@@ -14,8 +16,16 @@ _FILLED_UP = re.compile(r" +(?=\n)")
 def on_stdout(width: int = FOR_PIPES) -> Console:
     """Console on stdout, in `width` columns where it is no terminal."""
     if sys.stdout.isatty():
-        return Console()
-    return Console(width=width, file=cast(TextIO, _Unfilled(sys.stdout)))
+        return _Honest()
+    return _Honest(width=width, file=cast(TextIO, _Unfilled(sys.stdout)))
+
+
+class _Honest(Console):
+    """Console that says so where nobody reads: the library's own ends the program with status 1."""
+
+    def on_broken_pipe(self) -> None:
+        """Raise BrokenPipeError."""
+        raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
 
 class _Unfilled:

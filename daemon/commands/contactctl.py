@@ -34,7 +34,7 @@ def main(ctx: click.Context, socket: Path | None, as_json: bool) -> None:
     certified safety function: keep the hardware emergency stop within reach.
 
     Exit status: 0 done, 1 refused or not done, 2 usage, 65 a file is bad or cannot be written,
-    69 the daemon cannot be reached.
+    69 the daemon cannot be reached, 141 nobody read the answer to its end (`| head`).
     """
     ctx.obj = Options(socket, as_json)
 
@@ -370,7 +370,11 @@ def health(options: Options, directory: Path | None, plot: Path | None) -> None:
 @click.pass_obj
 def watch(options: Options) -> None:
     """Show the joints live, until Ctrl-C, over a `reload`, too. With --json: every state, one line
-    each, until the daemon ends its run."""
+    each, until the daemon ends its run.
+
+    Where nothing has come for half a second, the picture is marked as not live. After two seconds
+    without, or where the daemon is gone, it ends with what was known last of the arm.
+    """
     if not options.json and not sys.stdout.isatty():
         raise click.UsageError("watch needs a terminal; use `contactctl watch --json` or `record`")
     try:

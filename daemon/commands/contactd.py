@@ -14,7 +14,7 @@ from daemon.commands import recordings
 from daemon.commands.fleet import fleet
 from daemon.commands.identify import identify
 from daemon.commands.options import PATH, SOCKET, Range
-from daemon.commands.sentences import could_not_say, say
+from daemon.commands.sentences import could_not_say, read_to_the_end, say
 from errors import ContactdError, LogError, ProgramError
 
 ENDED_BY_CTRL_C = 130  # as shells say it
@@ -33,7 +33,8 @@ class _Group(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         try:
             refuse_stale()
-            return super().invoke(ctx)
+            with read_to_the_end():
+                return super().invoke(ctx)
         except ContactdError as error:
             from daemon.service.journal import stderr_is_journal
 
@@ -41,7 +42,7 @@ class _Group(click.Group):
             for line in str(error).splitlines():
                 say(head + line, err=True)
             ctx.exit(error.exit_code)
-        except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except Exception as error:
             if isinstance(error, OSError) and (text := could_not_say(error)):
@@ -60,7 +61,8 @@ def main() -> None:
 
     The program is no certified safety function: an arm needs a hardware emergency stop within
     reach. Exit status: 0 done, 1 failed, 2 usage, 65 a file is bad or cannot be written, 69 bus or
-    daemon not there, 70 error in the program, 78 wrong configuration.
+    daemon not there, 70 error in the program, 78 wrong configuration, 141 nobody read the answer to
+    its end (`| head`).
     """
 
 

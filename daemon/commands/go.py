@@ -16,7 +16,15 @@ import click
 
 from daemon.commands.options import Options
 from daemon.commands.questions import sure
-from daemon.commands.replies import POLL_S, RESTING, answer, carry_out, print_json
+from daemon.commands.replies import (
+    NOT_REACHED_ON_ITS_WAY,
+    POLL_S,
+    RESTING,
+    answer,
+    carry_out,
+    lost_as,
+    print_json,
+)
 from daemon.commands.sentences import say
 from daemon.modes.table import Mode
 
@@ -76,11 +84,12 @@ def go(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> No
         raise click.Abort
     with _interrupted() as interrupted, options.connect() as client:
         start = reply.way.start
-        reply = client.go(pose, targets, speed=speed, planned_from=start, attended=True)
+        with lost_as(NOT_REACHED_ON_ITS_WAY):
+            reply = client.go(pose, targets, speed=speed, planned_from=start, attended=True)
+            ended = None if reply.way is None else _wait(client, reply.way, interrupted)
         if reply.way is None:
             answer(options, reply)
             return
-        ended = _wait(client, reply.way, interrupted)
         if ended is None:  # while this connection is there: the arm halts without it
             carry_out(options, "stop", wait=True)
             sys.exit(1)

@@ -8,7 +8,7 @@ from typing import Any
 import click
 import msgspec
 
-from daemon.new_file import refuse_suffix, refuse_unless_new
+from daemon.new_file import refuse_suffix, refuse_unless_new, whole_file
 from daemon.pictures import without_matplotlib
 from daemon.service.black_box import default_directory
 from daemon.trends.day import Day, Days, read_days, today
@@ -191,8 +191,7 @@ def _plot(days: tuple[Day, ...], path: Path) -> None:
     figure.autofmt_xdate()
     figure.suptitle(f"{days[-1].arm}, day by day")
     try:
-        figure.savefig(path, dpi=120)
-    except OSError as error:
-        raise LogError(f"cannot write {path}: {error.strerror or error}") from error
+        with whole_file(path) as partial:
+            figure.savefig(partial, dpi=120)
     finally:
         plt.close(figure)

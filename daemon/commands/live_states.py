@@ -4,56 +4,81 @@
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import click
 
+from contactd_client.connection import ANSWER_S
 from daemon.commands.options import Options
 from daemon.commands.replies import print_json
-from errors import HungUpError
+from errors import HungUpError, UnreachableError
 
 if TYPE_CHECKING:
     from rich.live import Live
 
     from daemon.clients.client import Client
+    from daemon.protocol.messages import State
 
 FRAMES_PER_S = 10
 
 
 def show_live(options: Options) -> NoReturn:
     """Take every State and draw some, until interrupted; those of a daemon that reads its files
-    anew, too. Raises UnreachableError where there is none any more."""
+    anew, too. Raises UnreachableError, with what it said last, where there is none any more."""
     from rich.live import Live
 
+    from daemon.clients.dashboard import last_known
     from daemon.clients.reload import wait_for_start
 
-    client = options.connect()
+    client, last = options.connect(), ""
+
+    def draw_all(live: "Live") -> None:
+        nonlocal last
+        for state in _drawn(client, live):
+            last = f"; {last_known(state)}"
+
     with Live(screen=True, auto_refresh=False) as live:
-        while True:
-            with client, suppress(HungUpError):
-                _draw(client, live)
-            live.update("the daemon hung up: it ends, or reads its files anew", refresh=True)
-            wait_for_start(options.socket)
-            client = options.connect()
+        try:
+            while True:
+                with client, suppress(HungUpError):
+                    draw_all(live)
+                hung_up = f"the daemon hung up: it ends, or reads its files anew{last}"
+                live.update(hung_up, refresh=True)
+                wait_for_start(options.socket)
+                client = options.connect()
+        except UnreachableError as error:
+            raise UnreachableError(f"{error}{last}") from error
 
 
-def _draw(client: "Client", live: "Live") -> None:
-    """Draw what one connection brings, until the daemon ends it. Raises UnreachableError."""
-    from daemon.clients.dashboard import Dashboard, History, Lag
+def _drawn(client: "Client", live: "Live") -> "Iterator[State]":
+    """States that one connection brings, some of them drawn, until the daemon ends it; what was
+    drawn last is marked where none comes. Raises UnreachableError."""
+    from daemon.clients.dashboard import TOLD_SILENCE_S, Dashboard, History, Lag
 
     snapshot, states = client.subscribe()
     history, lag = History(), Lag()
-    drawn_s = 0.0
-    for state in states:
-        history.add(state)
-        now_s = time.monotonic()
-        lag_s = lag.of(now_s, state.time_s)
-        if now_s - drawn_s >= 1 / FRAMES_PER_S:
-            drawn_s = now_s
-            live.update(Dashboard(snapshot, state, history.summary(), lag_s), refresh=True)
+    drawn_s = heard_s = time.monotonic()
+    state = None
+    while True:
+        if client.waits(1 / FRAMES_PER_S):
+            state = next(states)
+            history.add(state)
+            heard_s = time.monotonic()
+            lag_s = lag.of(heard_s, state.time_s)
+            if heard_s - drawn_s >= 1 / FRAMES_PER_S:
+                drawn_s = heard_s
+                live.update(Dashboard(snapshot, state, history.summary(), lag_s), refresh=True)
+            yield state
+            continue
+        silent_s = time.monotonic() - heard_s
+        if silent_s >= ANSWER_S:
+            raise UnreachableError("the daemon fell silent")
+        if state is not None and silent_s >= TOLD_SILENCE_S:
+            shown = Dashboard(snapshot, state, history.summary(), silent_s=silent_s)
+            live.update(shown, refresh=True)
 
 
 def stream_json(options: Options) -> None:

@@ -11,16 +11,33 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from daemon.commands.sentences import could_not_say, say
+from daemon.commands.sentences import could_not_say, read_to_the_end, say
 from errors import ContactdError, LogError
 
 if TYPE_CHECKING:
     from daemon.clients.client import Client
 
 
+class _Path(click.Path):
+    """Path that is not empty: of a script whose variable is, it would be the folder one is in."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Convert a value. Raises UsageError for an empty one."""
+        if os.fspath(value) == "":
+            raise click.UsageError(f"{_named(param)} is empty", ctx)
+        return super().convert(value, param, ctx)
+
+
+def _named(param: click.Parameter | None) -> str:
+    """Name of an option or argument, as help shows it."""
+    if isinstance(param, click.Argument):
+        return (param.metavar or param.human_readable_name).strip("[]").rstrip(".")
+    return param.opts[-1] if param is not None else "the path"
+
+
 # `readable=False`: click's own check would end with another message and exit status than ours. The
 # code that opens the file knows what it was for.
-PATH: Final = click.Path(path_type=Path, readable=False)
+PATH: Final = _Path(path_type=Path, readable=False)
 SOCKET: Final = click.option(
     "--socket",
     type=PATH,
@@ -101,7 +118,8 @@ class Group(click.Group):
         """Run the command; an error of ours sets the exit status."""
         _open_closed_streams()
         try:
-            return super().invoke(ctx)
+            with read_to_the_end():
+                return super().invoke(ctx)
         except ContactdError as error:
             say(f"contactctl: {error}", err=True)
             ctx.exit(error.exit_code)

@@ -6,11 +6,10 @@ from pathlib import Path
 import click
 
 from daemon.commands.progress import reading
-from daemon.new_file import refuse_suffix
+from daemon.new_file import refuse_suffix, whole_file
 from daemon.recordings.html import page_of
 from daemon.recordings.reading import read_contents
 from daemon.recordings.view import View, read_view, said_at
-from errors import LogError
 
 SUFFIXES = (".html", ".png", ".svg")
 
@@ -35,10 +34,9 @@ def plot_recording(
 
 def _write(view: View, target: Path, *, every_joint: bool) -> None:
     if target.suffix.lower() == ".html":
-        try:
-            target.write_text(page_of(view), encoding="utf-8")
-        except OSError as error:
-            raise LogError(f"cannot write {target}: {error.strerror or error}") from error
+        page = page_of(view)
+        with whole_file(target) as partial:
+            partial.write_text(page, encoding="utf-8")
         return
     from daemon.recordings.picture import draw  # noqa: PLC0415 - loads matplotlib
 
@@ -46,8 +44,9 @@ def _write(view: View, target: Path, *, every_joint: bool) -> None:
 
 
 def newest_fault(around: str) -> tuple[Path, str]:
-    """The recording of the newest log of the black box, and where to look: at its fault, unless
-    something else was asked or it knows none. Raises LogError."""
+    """The recording of the newest log of the black box that knows of a fault, else of the newest,
+    and where to look: at its fault, unless something else was asked or it knows none. Raises
+    LogError."""
     from daemon.recordings.recomputed import as_recording, last_fault  # noqa: PLC0415 - slow
 
     log = last_fault()

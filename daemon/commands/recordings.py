@@ -71,7 +71,8 @@ def _around(_: click.Context, __: click.Parameter, value: str) -> str:
 @click.option(
     "--last-fault",
     is_flag=True,
-    help="Plot the newest log of the black box, around its fault unless --around says where.",
+    help="Plot the newest log of the black box that knows of a fault, else the newest at all, "
+    "around that fault unless --around says where.",
 )
 @click.option(
     "--joint",

@@ -3,6 +3,8 @@
 
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,6 +13,7 @@ from daemon.commands.options import Options
 from daemon.commands.sentences import say
 from daemon.modes.table import Mode
 from daemon.protocol.lease import SENSES_S
+from errors import ControlError
 
 if TYPE_CHECKING:
     from daemon.clients.client import Client
@@ -29,6 +32,10 @@ GOALS: dict[str, frozenset[str]] = {
     "disarm": frozenset(Mode) - {Mode.STOPPING},  # which it leads to while somebody guides the arm
 }
 RESTING = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})  # nothing leaves these by itself
+TO_REST = frozenset({"pause", "disarm", "stop", "disable"})  # what a person gives to have it stand
+NOT_REACHED = "NOT REACHED: use the emergency stop."
+UNSEEN = "the arm is not seen to stand: use the emergency stop if it moves."
+NOT_REACHED_ON_ITS_WAY = "NOT REACHED: use the emergency stop if the arm moves."
 YIELDING = frozenset({Mode.ADMITTANCE, Mode.RETRACTING})  # until the person lets go of the arm
 
 
@@ -36,13 +43,17 @@ def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
     """Send `command`, wait if it takes a while, and print where it ended; exit 1 on failure, also
     while a joint that was told to stop is not seen to stand. With nothing to wait for, the daemon's
     reply is printed."""
-    with options.connect() as client:
-        if command == "reset":
-            from daemon.clients.waiting import reset
+    to_rest = command in TO_REST
+    with ExitStack() as stack:
+        with lost_as(NOT_REACHED if to_rest else ""):
+            client = stack.enter_context(options.connect())
+            if command == "reset":
+                from daemon.clients.waiting import reset
 
-            reply = reset(client, WAIT_S)
-        else:
-            reply = client.request(command)
+                reply = reset(client, WAIT_S)
+            else:
+                reply = client.request(command)
+        with lost_as(f"{command} is given, but {UNSEEN}" if to_rest else ""):
             if reply.ok and wait and (reply.unproved or reply.mode not in GOALS[command]):
                 reply = wait_for(client, reply, GOALS[command], yields=command == "pause")
             elif reply.ok and reply.unproved:
@@ -62,6 +73,18 @@ def until_it_senses(options: Options) -> None:
 
     with options.connect() as client:
         asked_until(client.ask_status, settled, SENSING_WAIT_S)
+
+
+@contextmanager
+def lost_as(words: str) -> Iterator[None]:
+    """Errors of the connection in the block, each behind `words` for a person at the arm; their
+    exit status stays."""
+    try:
+        yield
+    except ControlError as error:
+        if not words:
+            raise
+        raise type(error)(f"{words} ({error})") from error
 
 
 def take_up_changes(options: Options) -> None:

@@ -2,11 +2,17 @@
 terminal alone would cut one in two. Files, pipes and the journal get it in one line."""
 
 import errno
+import os
 import shutil
 import sys
 import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
 
 import click
+
+UNREAD: Final = 141  # as shells say it of a program that a closed pipe ended
 
 
 def say(text: str, *, err: bool = False, dim: bool = False) -> None:
@@ -24,6 +30,23 @@ def could_not_say(error: OSError) -> str:
     if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EDQUOT):
         return ""
     return f"the answer cannot be written: {error.strerror}"
+
+
+@contextmanager
+def read_to_the_end() -> Iterator[None]:
+    """Block whose answer goes to stdout. Once its reader has closed the pipe (`| head -1`) the
+    program ends with a status of its own, which says nothing of what was asked."""
+    try:
+        try:
+            yield
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+    except BrokenPipeError:
+        # What is left in the buffer is flushed once more at exit, and must go somewhere.
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        sys.exit(UNREAD)
 
 
 def folded(line: str, width: int) -> str:

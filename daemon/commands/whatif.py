@@ -13,7 +13,7 @@ import numpy as np
 
 from daemon.commands.progress import counting, reading
 from daemon.commands.whatif_words import counted, lines
-from daemon.new_file import refuse_suffix, refuse_unless_new
+from daemon.new_file import refuse_suffix, refuse_unless_new, whole_file
 from daemon.recordings.detection import Detection, Point, Total
 from daemon.recordings.html import filled
 from daemon.recordings.labels import labels_of, proposed, read_labels, template
@@ -105,10 +105,8 @@ def write_template(places: Sequence[Path], target: Path) -> bool:
             click.echo(f"contactd: {broken}", err=True)
             complete = False
         rows += proposed(contents, file.name)
-    try:
-        target.write_text(template(rows), encoding="utf-8")
-    except OSError as error:
-        raise LogError(f"cannot write {target}: {error.strerror or error}") from error
+    with whole_file(target) as partial:
+        partial.write_text(template(rows), encoding="utf-8")
     touches = counted(len(rows), "touch", "touches")
     click.echo(f"{touches} proposed: {target}; correct begin, end and joint of each")
     return complete
@@ -190,7 +188,6 @@ def _write_page(target: Path, total: Total, found: Sequence[Detection], bearable
         f"{total.outside_s / 3600:.3g} h outside of labels; bearable: {bearable:g} an hour"
     )
     curves = {"arm": ARM, "curves": [curve_data(one) for one in found]}
-    try:
-        target.write_text(filled("curves", "Detection curves", about, curves), encoding="utf-8")
-    except OSError as error:
-        raise LogError(f"cannot write {target}: {error.strerror or error}") from error
+    page = filled("curves", "Detection curves", about, curves)
+    with whole_file(target) as partial:
+        partial.write_text(page, encoding="utf-8")

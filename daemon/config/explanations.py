@@ -6,6 +6,7 @@ numbers and names of one's own on the way to it are left out: `joints.wiring.gea
 
 import re
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from errors import ConfigurationError
 
@@ -186,10 +187,12 @@ def explain(field: str) -> dict[str, Explanation]:
         for fits in (_ends, _holds):
             if found := {k: v for k, v in EXPLANATIONS.items() if fits(k.split("."), wanted)}:
                 return found
-    known = ", ".join(sorted({key.rpartition(".")[2] for key in EXPLANATIONS}))
+    known = sorted({key.rpartition(".")[2] for key in EXPLANATIONS})
+    like = get_close_matches(names[-1], known) if names else []
+    there = f"Did you mean {' or '.join(like)}?" if like else f"There are: {', '.join(known)}."
     raise ConfigurationError(
-        f"--explain {field}: no such field is explained; there are: {known}; all others are in "
-        "docs/configuration.md"
+        f"--explain {field}: no such field is explained. {there} All others are in "
+        "docs/configuration.md."
     )
 
 

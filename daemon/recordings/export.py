@@ -2,12 +2,13 @@
 
 import csv
 import io
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Final
 
 from daemon.clients.recorder import read_log
+from daemon.new_file import whole_file
 from daemon.protocol.messages import Snapshot, State
 from errors import LogError, ModelError
 
@@ -40,7 +41,8 @@ def export_foxglove(
             "--foxglove needs foxglove-sdk (pip install 'contactd[foxglove]')"
         ) from error
     context = Context()
-    with _new_file(target) as stream, open_mcap(stream, context=context):
+    with whole_file(target) as partial, partial.open("wb") as stream:
+        sink = _Sink(stream)
         channels: FoxgloveChannels | None = None
         snapshot: Snapshot | None = None
         clock = Clock()
@@ -58,15 +60,19 @@ def export_foxglove(
             except ModelError as error:
                 raise LogError(f"{path}: {error}") from error
             channels.log(message, clock.time_ns(message))
+            sink.check()
 
-        return _every(path, write, progress)
+        with open_mcap(sink, context=context):
+            broken = _every(path, write, progress)
+        sink.check()
+        return broken
 
 
 def export_csv(
     path: Path, target: Path, progress: Callable[[float], None] = lambda share: None
 ) -> str:
     """Write a recording as a CSV file, a row per tick, as `export_foxglove`."""
-    with _new_file(target) as stream:
+    with whole_file(target) as partial, partial.open("wb") as stream:
         text = io.TextIOWrapper(stream, encoding="utf-8", newline="", write_through=False)
         rows = csv.writer(text, lineterminator="\n")
         fields: list[str] = []
@@ -123,15 +129,40 @@ def _every(
     return ""
 
 
-@contextmanager
-def _new_file(target: Path) -> Iterator[IO[Any]]:
-    """A file that gets its name when it is whole. Raises LogError if it cannot be written."""
-    partial = target.with_name(f".{target.name}.partial")
-    try:
-        with partial.open("wb") as stream:
-            yield stream
-        partial.rename(target)
-    except OSError as error:
-        raise LogError(f"cannot write {target}: {error.strerror or error}") from error
-    finally:
-        partial.unlink(missing_ok=True)
+class _Sink:
+    """File as the library's writer takes it. The first failure is kept, and what follows only
+    counts: the library would go on, and print a line for every message."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+        self._at = self._end = 0
+        self._error: OSError | None = None
+
+    def write(self, data: bytes | bytearray) -> int:
+        """Write it, unless something failed before."""
+        self._try(lambda: self._stream.write(data))
+        self._at += len(data)
+        self._end = max(self._end, self._at)
+        return len(data)
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a place of the file; returns it."""
+        self._at = offset + {os.SEEK_SET: 0, os.SEEK_CUR: self._at, os.SEEK_END: self._end}[whence]
+        self._try(lambda: self._stream.seek(self._at))
+        return self._at
+
+    def flush(self) -> None:
+        """Flush it, unless something failed before."""
+        self._try(self._stream.flush)
+
+    def check(self) -> None:
+        """Raise the error of what failed, if anything did."""
+        if self._error is not None:
+            raise self._error
+
+    def _try(self, work: Callable[[], object]) -> None:
+        if self._error is None:
+            try:
+                work()
+            except OSError as error:
+                self._error = error

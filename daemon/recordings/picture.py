@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Any, Final
 
+from daemon.new_file import whole_file
 from daemon.pictures import without_matplotlib
 from daemon.protocol.messages import printable
 from daemon.recordings.html import about, events_in, first_shown
 from daemon.recordings.view import View
-from errors import LogError
 
 # The same colours as in the page: they differ for people who do not see red or green, too.
 BLUE, ORANGE, GREEN, PINK, GREY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a8f94"
@@ -46,10 +46,8 @@ def draw(view: View, path: Path, *, every_joint: bool) -> None:
         for column, joint in zip(panels.T, joints, strict=True):
             _joint(view, joint, column)
         figure.suptitle(f"{printable(view.name)}: {about(view)}", fontsize=8)
-        try:
-            figure.savefig(path, dpi=130)
-        except OSError as error:
-            raise LogError(f"cannot write {path}: {error.strerror or error}") from error
+        with whole_file(path) as partial:
+            figure.savefig(partial, dpi=130)
 
 
 def _joint(view: View, joint: int, column: Any) -> None:

@@ -23,6 +23,7 @@ from daemon.clients.viewer_schema import viewer_schema
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
+from daemon.new_file import whole_file
 from daemon.protocol.messages import Notice, Snapshot, State, Timing, format_refusal
 from daemon.recordings.row_cache import cache_directory, content_digest
 from daemon.service.black_box import FORMATS, Context, context_of_log, default_directory
@@ -83,11 +84,11 @@ def as_recording(path: Path) -> Path:
     if not target.exists():
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            partial = target.with_name(f".{target.name}.partial")
-            _write(partial, *recomputed(path, context))
-            partial.rename(target)
         except OSError as error:
             raise LogError(f"cannot write {target}: {error.strerror or error}") from error
+        found = recomputed(path, context)
+        with whole_file(target) as partial:
+            _write(partial, *found)
     return target
 
 

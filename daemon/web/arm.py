@@ -23,7 +23,8 @@ FRAMES_PER_S: Final = 30.0
 PAST_S: Final = 20.0  # of curves that a browser is given when it comes
 EVENTS_KEPT: Final = 300
 RETRY_S: Final = 0.25
-STATUS_EVERY_S: Final = 2.0  # while somebody watches; at once when the mode changes
+STATUS_EVERY_S: Final = 2.0  # while somebody watches; sooner where `_asks_anew` says so
+STATUS_SPACING_S: Final = 0.2  # between two, whatever changes
 # A daemon that is frozen keeps its socket open.
 SILENT_S: Final = 1.0
 
@@ -53,7 +54,8 @@ class Arm:
         self._last_tick = -1
         self._past: deque[bytes] = deque(maxlen=round(PAST_S * FRAMES_PER_S))
         self._events: deque[words.Event] = deque(maxlen=EVENTS_KEPT)
-        self._changed = asyncio.Event()  # the mode did, or somebody came
+        self._changed = asyncio.Event()  # what a Status says did, or somebody came
+        self._before: State | None = None
 
     # --- browsers ---------------------------------------------------------------------------
 
@@ -104,6 +106,7 @@ class Arm:
             raise ControlError(f"the daemon speaks another version: its States are {refusal}")
         self.snapshot, self.words, self.why_gone = snapshot, None, ""
         self._last_tick = -1
+        self._before = None
         self._past.clear()
         if status is not None:
             self.name = status.name
@@ -140,10 +143,11 @@ class Arm:
         self.states += len(states)
         frame = frames.encode(states, snapshot.joints)
         self._past.append(frames.as_past(frame))
+        if _asks_anew(self._before, states[-1]):
+            self._changed.set()
+        self._before = states[-1]
         now = words.words(self.number, states[-1])
         if now != self.words:
-            if self.words is None or now.mode != self.words.mode or now.armed != self.words.armed:
-                self._changed.set()
             self.words = now
             self.audience.text(as_text(now))
         self._add_events([event for state in states for event in words.events(state)])
@@ -152,7 +156,7 @@ class Arm:
     # --- what the daemon has to be asked for ------------------------------------------------
 
     async def inquire(self) -> None:
-        """Ask for what arming needs, while somebody watches; at once when something changed."""
+        """Ask for what arming needs, while somebody watches; sooner when something changed."""
         while True:
             try:
                 async with asyncio.timeout(STATUS_EVERY_S):
@@ -168,12 +172,23 @@ class Arm:
                 continue  # `follow` says so
             if status is not None:
                 self._show(status)
+            await asyncio.sleep(STATUS_SPACING_S)
 
     def _show(self, status: Status) -> None:
         advice = words.advice(status)
         if advice != self.advice:
             self.advice = advice
             self.audience.text(as_text(advice))
+
+
+def _asks_anew(before: State | None, now: State) -> bool:
+    """True where a Status of before says something else than this State: mode, permission, or which
+    joints feel more than their level."""
+    return before is None or _told(before) != _told(now)
+
+
+def _told(state: State) -> tuple[str, bool, list[bool]]:
+    return state.mode, state.armed, [excess != 0.0 for excess in state.thresholded]
 
 
 def _decode(packet: bytes) -> State:

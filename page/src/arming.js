@@ -2,10 +2,10 @@
 
 import { at, make, say } from "./dom.js";
 
-/** Draw the checks of a Status; `armed`: it is, whatever they say now. */
-export function drawArming({ checks }, armed) {
+/** Draw the checks of a Status; `armed`: it is, whatever they say now; `stale`: all that was. */
+export function drawArming({ checks }, armed, stale) {
+  sayArming(checks, armed, stale);
   const failed = checks.filter((check) => !check.passed);
-  say(at("arming-note"), note(failed.length, checks.length, armed));
   const line = (check) =>
     make("li", { class: check.passed ? "passed" : "failed" },
       make("span", { class: "sign" }, check.passed ? "✓" : "✖"),
@@ -16,6 +16,17 @@ export function drawArming({ checks }, armed) {
     make("details", { open }, make("summary", {}, `${passed.length} passed`),
       make("ul", {}, ...passed.map(line))));
   at("checks").replaceChildren(...failed.map(line), ...(passed.length ? [rest] : []));
+}
+
+/** Say what the checks come to, and touch none of them. */
+export function sayArming(checks, armed, stale) {
+  const failed = checks.filter((check) => !check.passed).length;
+  say(at("arming-note"), (stale ? noteThen : note)(failed, checks.length, armed));
+}
+
+function noteThen(failed, all, armed) {
+  if (armed) return failed ? "It was armed. To arm it then, these checks would have failed:" : "It was armed.";
+  return failed ? `${failed} of ${all} checks failed then:` : `All ${all} checks passed then.`;
 }
 
 function note(failed, all, armed) {

@@ -10,7 +10,7 @@ const GOOD_DRIVE = "operation enabled";
 
 /** All cards; `draw` takes the newest tick, `add` every tick. */
 export class Joints {
-  #host; #cards = []; #modes = [];
+  #host; #cards = []; #modes = []; #stale = true;
 
   constructor(host) {
     this.#host = host;
@@ -25,7 +25,10 @@ export class Joints {
     this.#modes = hello.modes;
     this.#cards = hello.joints.map((name, i) => new Card(name, i, hello));
     this.#host.replaceChildren(...this.#cards.map((card) => card.element));
-    for (const card of this.#cards) card.place();
+    for (const card of this.#cards) {
+      card.place();
+      card.age(this.#stale);
+    }
   }
 
   add(tick) {
@@ -41,6 +44,12 @@ export class Joints {
     this.#cards.forEach((card, i) => card.words(words, words.drives[i] ?? ""));
   }
 
+  /** Tell all as what was, or as what is. */
+  age(stale) {
+    this.#stale = stale;
+    for (const card of this.#cards) card.age(stale);
+  }
+
   learned(found) {
     this.#cards.forEach((card, i) => card.learned(learned(found, i)));
   }
@@ -48,7 +57,7 @@ export class Joints {
 
 class Card {
   #index; #half_gap; #name; #series = new Series(COLUMNS); #host; #modes; #told_ms = 0; #drive = "";
-  #energised = false; #parts;
+  #energised = false; #parts; #tick = null; #stale = true;
 
   constructor(name, index, hello) {
     this.#name = name;
@@ -100,7 +109,7 @@ class Card {
     const i = this.#index;
     const [residual, level, flags] = [tick.residual[i], tick.threshold[i], tick.joints[i]];
     const beyond = isBeyond(tick, i);
-    const was = flags.sensing || flags.fresh ? "" : "was ";
+    this.#tick = tick;
     // Twice the level is the end of the bar.
     const share = level > 0 ? Math.max(-1, Math.min(1, residual / (2 * level))) : 0;
     const p = this.#parts;
@@ -108,9 +117,8 @@ class Card {
     p.fill.style.width = `${50 * Math.abs(share)}%`;
     this.element.classList.toggle("beyond", beyond);
     this.element.classList.toggle("touched", flags.touched);
-    say(p.torque, `${was}${signed(residual)} of ${level.toFixed(2)} Nm${beyond ? " ▲" : ""}`);
     this.#drawGap(tick.phi[i], tick.phi_sigma[i], flags.side);
-    this.#drawState(flags, beyond);
+    this.#drawWords();
     if (curves) this.curve.draw(this.#series.window(tick.time_s), tick.time_s);
     const now = performance.now();
     if (now - this.#told_ms > METERS_EVERY_MS) {
@@ -119,8 +127,16 @@ class Card {
       this.bar.setAttribute("aria-valuemin", -reach);
       this.bar.setAttribute("aria-valuemax", reach);
       this.bar.setAttribute("aria-valuenow", residual.toFixed(2));
-      this.bar.setAttribute("aria-valuetext", `${residual.toFixed(2)} of ${level.toFixed(2)}`);
+      this.#drawMeter();
     }
+  }
+
+  /** Tell it as what was, or as what is. */
+  age(stale) {
+    this.#stale = stale;
+    if (this.#tick === null) return;
+    this.#drawWords();
+    this.#drawMeter();
   }
 
   words(words, drive) {
@@ -147,6 +163,25 @@ class Card {
     say(p.side, `${SIDES[side]} (${mrad(phi)} ± ${mrad(sigma)} mrad)`);
   }
 
+  #drawMeter() {
+    const [residual, level] = [this.#tick.residual[this.#index], this.#tick.threshold[this.#index]];
+    this.bar.setAttribute("aria-valuetext", `${this.#was}${residual.toFixed(2)} of ${level.toFixed(2)}`);
+  }
+
+  /** What stands before a torque that is not of now. */
+  get #was() {
+    const flags = this.#tick.joints[this.#index];
+    return !this.#stale && (flags.sensing || flags.fresh) ? "" : "was ";
+  }
+
+  #drawWords() {
+    const [tick, i] = [this.#tick, this.#index];
+    const beyond = isBeyond(tick, i);
+    const mark = beyond ? " ▲" : "";
+    say(this.#parts.torque, `${this.#was}${signed(tick.residual[i])} of ${tick.threshold[i].toFixed(2)} Nm${mark}`);
+    this.#drawState(tick.joints[i], beyond);
+  }
+
   #drawState(flags, beyond) {
     const told = [];
     if (flags.unproved) told.push("✖ not seen to stand");
@@ -158,6 +193,7 @@ class Card {
     const bad = told.some((text) => text.startsWith("✖"));
     const state = this.#parts.state;
     state.dataset.kind = bad ? "bad" : beyond || flags.touched ? "felt" : "";
-    say(state, told.length ? told.join(" · ") : this.#energised ? "✓ senses" : this.#drive);
+    if (told.length === 0 && this.#energised) say(state, this.#stale ? "◌ sensed then" : "✓ senses");
+    else say(state, `${this.#stale ? "then: " : ""}${told.join(" · ") || this.#drive}`);
   }
 }

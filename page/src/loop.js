@@ -37,8 +37,14 @@ export class Loop {
     this.#row("deadlines missed", String(frame.missed));
     this.#row("bus load", bus_load === null ? "not known" : `${(100 * bus_load).toFixed(0)} % at worst`);
     this.#row("ticks lost on the way", String(this.#lost));
-    this.#row("picture", `${Math.max(age_ms, 0).toFixed(0)} ms old`);
+    this.age(age_ms);
     this.#row("program", program);
+  }
+
+  /** Say how old the picture is [ms]. */
+  age(age_ms) {
+    if (this.#last < 0) return;
+    this.#row("picture", Number.isFinite(age_ms) ? `${ageInWords(age_ms)} old` : "of an age that is not known");
   }
 
   #row(name, text) {
@@ -49,4 +55,8 @@ export class Loop {
     }
     say(this.#rows.get(name), text);
   }
+}
+
+function ageInWords(age_ms) {
+  return age_ms < 1000 ? `${Math.max(age_ms, 0).toFixed(0)} ms` : duration(age_ms / 1e3);
 }

@@ -1,6 +1,6 @@
 // The page of one arm: its stream, drawn by the parts.
 
-import { drawArming } from "./arming.js";
+import { drawArming, sayArming } from "./arming.js";
 import { Commands } from "./commands.js";
 import { at, say, show } from "./dom.js";
 import { Elsewhere } from "./elsewhere.js";
@@ -26,11 +26,11 @@ const elsewhere = new Elsewhere();
 
 let hello = null, summary = null, others = [], advice = null, said = null, armed = false, scene = null;
 let newest = null; // {tick, frame}: the newest that is live
-let drawn = null, curves_ms = 0, corner_ms = 0, why = "", gone = false;
+let drawn = null, curves_ms = 0, corner_ms = 0, why = "", gone = false, stale = true;
 
 const url = new URL(`live/${arm}`, location.href);
 url.protocol = url.protocol.replace("http", "ws");
-const stream = new Stream(url, { frame: takeFrame, message: takeMessage, problem: lose, lost: () => elsewhere.old() });
+const stream = new Stream(url, { frame: takeFrame, message: takeMessage, problem: lose, lost });
 
 function takeMessage(message) {
   switch (message.kind) {
@@ -39,7 +39,7 @@ function takeMessage(message) {
     case "advice":
       header.advice(message);
       advice = message;
-      drawArming(advice, armed);
+      drawArming(advice, armed, stale);
       return joints.learned(message.learned);
     case "summary":
       if (JSON.stringify(summary) === JSON.stringify(message)) return undefined; // a sign of life
@@ -62,6 +62,14 @@ function lose(text) {
   gone = true;
 }
 
+/** Without its server nothing is known of any arm. */
+function lost() {
+  elsewhere.old();
+  summary = null;
+  others = others.map((other) => ({ ...other, silent: true, state: "not live" }));
+  drawTabs(hello?.arms ?? [], arm, summary, others);
+}
+
 const isOld = () => gone || stream.age_ms > STALE_MS;
 
 function begin(message) {
@@ -82,8 +90,8 @@ function begin(message) {
 }
 
 function takeWords(words) {
-  if (advice !== null && words.armed !== armed) drawArming(advice, words.armed);
   armed = words.armed;
+  if (advice !== null) sayArming(advice.checks, armed, stale);
   said = words;
   header.words(words);
   joints.words(words);
@@ -100,11 +108,21 @@ function takeFrame(frame) {
   if (!frame.past) newest = { tick: frame.ticks.at(-1), frame };
 }
 
+/** Say of every part whether it is live; whatever is not is told as what was. */
+function tellAge(age_ms) {
+  const was = stale;
+  stale = isOld();
+  header.age(age_ms, stale, why, !gone && stream.flows);
+  if (stale) loop.age(age_ms);
+  if (stale === was) return;
+  joints.age(stale);
+  if (advice !== null) sayArming(advice.checks, armed, stale);
+}
+
 function draw(now) {
   requestAnimationFrame(draw);
   const age_ms = stream.age_ms;
-  const stale = isOld();
-  header.age(age_ms, stale, why, !gone && stream.flows);
+  tellAge(age_ms);
   // The last that came is drawn even where it is old: beside the words of its tick, in grey.
   if (newest === null || newest === drawn) return;
   drawn = newest;
@@ -123,7 +141,7 @@ function draw(now) {
 }
 requestAnimationFrame(draw);
 // A page in the background draws nothing; what it says is marked as old all the same.
-setInterval(() => header.age(stream.age_ms, isOld(), why, !gone && stream.flows), 200);
+setInterval(() => tellAge(stream.age_ms), 200);
 
 // --- the arm in three dimensions: only where there is WebGL, and loaded after all else --------------
 

@@ -8,7 +8,15 @@ import msgspec
 import pytest
 from rich.console import Console, RenderableType
 
-from daemon.clients.dashboard import Dashboard, History, Lag, Summary, gap_bar, residual_bar
+from daemon.clients.dashboard import (
+    Dashboard,
+    History,
+    Lag,
+    Summary,
+    gap_bar,
+    last_known,
+    residual_bar,
+)
 from daemon.clients.shown import MODE_STYLES, not_seen_to_stand
 from daemon.clients.status_report import status_report
 from daemon.modes.table import Mode
@@ -296,3 +304,30 @@ def test_status_report_before_the_first_samples(fake_daemon: Any) -> None:
 
 def test_every_mode_has_a_style() -> None:
     assert MODE_STYLES.keys() == set(Mode)
+
+
+@pytest.mark.parametrize("silent_s", [0.0, 0.4, 0.5, 1.8])
+def test_a_silent_daemon_is_not_live(dashboard: Any, silent_s: float) -> None:
+    frame = dashboard(range(0, 131))
+    shown = Dashboard(frame.snapshot, frame.state, frame.summary, silent_s=silent_s)
+    first, second, *_ = text_of(shown, 80, 24)
+    stale = silent_s >= 0.5
+    assert first.startswith(" was ADMITTANCE   was armed   ") is stale
+    assert (f"NOT LIVE: nothing for {silent_s:.1f} s" in second) is stale
+    assert len(text_of(shown, 80, 24)) <= 23
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"mode": Mode.OFF, "armed": False}, "last known: off"),
+        ({"mode": Mode.OFF, "armed": False, "unproved": ["LElbowRoll"]}, "if the arm moves"),
+        (
+            {"mode": Mode.TRACKING},
+            "last known: tracking, armed; use the emergency stop if the arm moves",
+        ),
+        ({"mode": Mode.FAULTED, "armed": False}, "use the emergency stop if the arm moves"),
+    ],
+)
+def test_what_was_known_last(make_state: MakeState, changes: dict[str, Any], said: str) -> None:
+    assert last_known(make_state(0, **changes)).endswith(said)

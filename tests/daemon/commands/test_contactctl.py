@@ -180,7 +180,7 @@ def test_refused_status(run: Run, fake_daemon: Any) -> None:
 
 
 def test_no_daemon(tmp_path: Path) -> None:
-    for command in (["stop"], ["status"], ["record", str(tmp_path / "x.mcap")]):
+    for command in (["start"], ["status"], ["record", str(tmp_path / "x.mcap")]):
         arguments = ["--socket", str(tmp_path / "nothing"), *command]
         result = CliRunner().invoke(contactctl.main, arguments)
         assert result.exit_code == 69
@@ -242,7 +242,7 @@ def test_gain_of_no_joint(run: Run, fake_daemon: Any) -> None:
 def test_help_lists_every_exit_status() -> None:
     text = " ".join(CliRunner().invoke(contactctl.main, ["--help"]).stdout.split())
     listed = text.split("Exit status: ")[1].split(".")[0]
-    assert re.findall(r"\b[0-9]+\b", listed) == ["0", "1", "2", "65", "69"]
+    assert re.findall(r"\b[0-9]+\b", listed) == ["0", "1", "2", "65", "69", "141"]
 
 
 SESSIONS = {

@@ -129,6 +129,32 @@ def test_watch_on_a_terminal(fake_daemon: Any, no_color: bool) -> None:
     os.close(theirs)
 
 
+@pytest.mark.parametrize("how", ["silent", "gone"])
+def test_watch_says_what_was_known_last(fake_daemon: Any, how: str) -> None:
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
+    process = contactctl_process(
+        fake_daemon, "watch", stdin=theirs, stdout=theirs, stderr=theirs, env=environment
+    )
+    read_until(ours, b"LWristPitch")
+    if how == "silent":
+        fake_daemon.states = lambda tick: None
+        seen = read_until(ours, b"was ")
+        seen += read_until(ours, b"nothing for")
+        assert b"\x1b[?1049l" not in seen  # in good time: the picture is still there
+        why = b"the daemon fell silent"
+    else:
+        fake_daemon.stopped.set()
+        why = b"no contactd serves"
+    seen = read_until(ours, b"use the emergency stop if")
+    seen = seen[seen.rindex(b"\x1b[?1049l") :]
+    assert why in seen
+    assert b"last known: " in seen
+    assert process.wait(10) == 69
+    os.close(ours)
+    os.close(theirs)
+
+
 def test_watch_json_ends_with_its_pipe(fake_daemon: Any) -> None:
     process = contactctl_process(
         fake_daemon, "--json", "watch", stdout=subprocess.PIPE, stderr=subprocess.PIPE

@@ -1,12 +1,21 @@
-"""Sentences at a terminal: words stay whole; elsewhere they stay in one line."""
+"""Sentences at a terminal: words stay whole; elsewhere they stay in one line, for who reads it."""
 
+import os
+import subprocess
 import sys
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from daemon.commands import contactctl
 from daemon.commands.sentences import folded, say
+from daemon.trends.day import folder_of, write_day
+from tests.daemon.trends.test_findings import days, worn
+
+ROOT = Path(contactctl.__file__).parents[2]
 
 LONG = "  - changed since it was read: config.yaml, identified.yaml; `contactctl reload`"
 
@@ -42,3 +51,33 @@ def test_a_terminal_gets_whole_words_and_a_pipe_one_line(
     assert "".join(capsys.readouterr()) == (
         "  - changed since it was read: config.yaml, identified.yaml;\n  `contactctl reload`\n"
     )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["contactctl", "health", "--directory", "STATE"],
+        ["contactctl", "--json", "health", "--directory", "STATE"],
+        ["contactctl", "status"],
+        ["contactd", "check", "configs/single_joint"],
+    ],
+)
+def test_a_closed_pipe_is_no_answer(fake_daemon: Any, tmp_path: Path, words: list[str]) -> None:
+    """Status 1 of `health` means that something is to be said of a joint."""
+    for day in days(5, worn):
+        write_day(folder_of(tmp_path, "arm"), day)
+    program, *arguments = [str(tmp_path) if word == "STATE" else word for word in words]
+    main = f"from daemon.commands.{program} import main; main()"
+    read, write = os.pipe()
+    os.close(read)
+    with open(write, "wb") as nobody:
+        done = subprocess.run(
+            [sys.executable, "-c", main, *arguments],
+            cwd=ROOT,
+            env={**os.environ, "CONTACTD_SOCKET": str(fake_daemon.path)},
+            stdout=nobody,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (141, "")

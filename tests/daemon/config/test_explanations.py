@@ -48,7 +48,24 @@ def test_a_field_is_found_by_its_place(field: str, found: list[str]) -> None:
     assert list(explain(field)) == found
 
 
-@pytest.mark.parametrize("field", ["", "nose", "[1]", "joints[1].nose"])
+@pytest.mark.parametrize("field", ["", "xylophone", "[1]", "joints[1].xylophone"])
 def test_what_is_not_explained_is_refused_with_what_is(field: str) -> None:
     with pytest.raises(ConfigurationError, match=r"no such field .* rotor_inertia.*configuration"):
         explain(field)
+
+
+@pytest.mark.parametrize(
+    ("field", "meant"),
+    [
+        ("gera", "gear"),
+        ("joints.wiring.gaer", "gear"),
+        ("joints[1] (shoulder).rotor_inertai:", "rotor_inertia"),
+        ("half-gap", "half_gap"),
+    ],
+)
+def test_a_slip_of_the_pen_is_asked_about(field: str, meant: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        explain(field)
+    asked, _, rest = str(caught.value).partition("?")
+    assert f" Did you mean {meant}" in asked
+    assert rest == " All others are in docs/configuration.md."

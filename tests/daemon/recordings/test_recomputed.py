@@ -148,3 +148,8 @@ def test_the_recording_is_one_of_ours(run: tuple[Path, list[State]]) -> None:
     assert recording.stem == log.stem
     messages = list(read_log(recording))
     assert len(messages) > 150
+
+
+def test_help_says_which_log_is_of_the_last_fault() -> None:
+    said = " ".join(CliRunner().invoke(main, ["plot", "--help"]).stdout.split())
+    assert "newest log of the black box that knows of a fault, else the newest at all" in said

@@ -1,5 +1,6 @@
 """The page in a real browser: what a person sees, in every state, on a phone and on a wall."""
 
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +127,22 @@ def test_several_arms_are_tabs(screens: Screens, arm: FakeDaemon, tmp_path: Path
         screen.until("document.querySelector('#connection').innerText.includes('other-view.sock')")
         assert screen.text("#mode") == "no connection"
         screen.picture("gone")
+
+
+def test_tabs_say_nothing_of_arms_once_their_server_is_lost(
+    screens: Screens, arm: FakeDaemon, tmp_path: Path
+) -> None:
+    arm.changes = ARMED
+    with page_of(arm.path, tmp_path / "other.sock") as both:
+        screen = screens.open(f"{both.url}?scene=off")
+        screen.until("document.querySelector('#tabs').innerText.includes('tracking, armed')")
+        both.process.send_signal(signal.SIGSTOP)
+        try:
+            screen.until("!document.querySelector('#tabs').innerText.includes('tracking')")
+            assert screen.text("#tabs").count("no connection") == 2
+        finally:
+            both.process.send_signal(signal.SIGCONT)
+        screen.until("document.querySelector('#tabs').innerText.includes('tracking, armed')")
 
 
 def test_read_only_has_no_buttons(screens: Screens, arm: FakeDaemon) -> None:

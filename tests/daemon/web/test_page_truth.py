@@ -17,8 +17,15 @@ from bench.rigs.screens import AXE, PATIENCE_MS, PHONE, Screens
 from daemon.faults.symptoms import SECTION_OF
 from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import Mode
+from daemon.protocol.messages import Permit
 
 FakeDaemon = Any  # of tests/daemon/conftest.py, which nothing imports
+
+ARMED = {
+    "mode": Mode.TRACKING,
+    "armed": True,
+    "permit": Permit(uid=0, pid=7, detached=True, left_s=552.0),
+}
 
 
 @pytest.mark.parametrize("by", ["finger", "key"])
@@ -80,6 +87,38 @@ def test_a_daemon_that_is_gone_is_said_and_comes_back(
         screen.picture("stale")
     screen.live()
     assert not screen.text("#mode").startswith("was ")
+
+
+def test_what_arming_needs_and_what_joints_sense_is_of_the_past_where_nothing_is_live(
+    screens: Screens, arm: FakeDaemon, page: Page
+) -> None:
+    arm.changes = ARMED
+    screen = screens.open(f"{page.url}?scene=off")
+    screen.live()
+    screen.until("document.querySelector('#arming-note').innerText.startsWith('It is armed.')")
+    screen.until("document.querySelector('.joint .state').innerText === '✓ senses'")
+    arm.states = lambda tick: None
+    screen.old()
+    assert screen.text("#arming-note").startswith("It was armed. To arm it then, ")
+    assert screen.text(".joint .state") == "◌ sensed then"
+    assert screen.text(".joint .torque").startswith("was ")
+    assert screen.page.get_attribute(".joint .bar", "aria-valuetext").startswith("was ")
+    screen.until("/[0-9] s old/.test(document.querySelector('#loop').innerText)")
+
+
+def test_a_page_opened_after_the_daemon_died_says_what_passed_then(
+    screens: Screens, arm: FakeDaemon, page: Page
+) -> None:
+    arm.changes = {**ARMED, "armed": False, "permit": None, "mode": Mode.HOLDING}
+    screen = screens.open(f"{page.url}?scene=off")
+    screen.live()
+    live = "2 of 3 checks fail: arming would be refused."
+    screen.until(f"document.querySelector('#arming-note').innerText === '{live}'")
+    with gone(arm):
+        screen.old()
+        screen.page.reload()
+        screen.until("document.querySelector('#arming-note').innerText.includes('then')")
+        assert screen.text("#arming-note") == "2 of 3 checks failed then:"
 
 
 def test_a_fault_that_ended_the_daemon_says_what_to_do(

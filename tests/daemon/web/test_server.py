@@ -6,18 +6,20 @@ import json
 import socket
 import struct
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
 
-from bench.rigs.visitor import PATIENCE_S, messages, visiting
+from bench.rigs.visitor import PATIENCE_S, Visitor, messages, visiting
 from contactd_client.paths import view_socket_path
 from daemon.clients.stopping import carry_out
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Reply
-from daemon.web import frames
+from daemon.protocol.messages import Reply, State
+from daemon.web import arm, frames
 from daemon.web.guard import COMMAND_HEADER
 from daemon.web.serve import listen
 from errors import UnreachableError
@@ -49,6 +51,35 @@ def test_a_browser_gets_files_words_and_frames(fake_daemon: FakeDaemon) -> None:
             assert frame[4] == frames.VERSION
             await live.close()
 
+    asyncio.run(visit())
+
+
+def test_what_arming_needs_is_asked_for_anew_once_a_joint_feels_more(
+    fake_daemon: FakeDaemon, make_state: Callable[..., State], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Or the page says of one joint that it feels nothing, and that it feels too much to arm."""
+    monkeypatch.setattr(arm, "STATUS_EVERY_S", 3600.0)
+
+    def feel(torque: float) -> None:
+        state = make_state(0, cause=f"{torque}", thresholded=[torque] + [0.0] * 6)
+        fake_daemon.states = lambda tick: msgspec.structs.replace(state, tick=tick)
+
+    def asked() -> int:
+        return [name for name, _ in fake_daemon.seen].count("status")
+
+    def taken(visitor: Visitor, torque: float, before: int) -> bool:
+        words = visitor.site.arms[0].words
+        return words is not None and words.cause == f"{torque}" and asked() > before
+
+    async def visit() -> None:
+        async with visiting(door(fake_daemon)) as visitor:
+            await messages(await visitor.live(), {"words", "advice"})
+            for torque in [0.3, 0.0] * 3:  # more often than somebody who comes makes it ask
+                before = asked()
+                feel(torque)
+                await visitor.until(partial(taken, visitor, torque, before))
+
+    feel(0.0)
     asyncio.run(visit())
 
 
