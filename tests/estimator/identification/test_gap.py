@@ -153,10 +153,32 @@ def test_missing_samples_begin_no_sitting():
     ],
 )
 def test_what_cannot_be_told_is_not_told(phi, mean_velocity, verdict):
-    still = np.zeros_like(phi)
-    gap = from_plateaus("j", T * np.arange(len(phi)), phi, still, mean_velocity, still)
+    t, still = T * np.arange(len(phi)), np.zeros_like(phi)
+    gap = from_plateaus("j", t, phi, still, mean_velocity, -np.sign(phi))
     assert gap.verdict is verdict, gap
     assert gap.usable == (verdict is GapVerdict.NONE)
+
+
+@pytest.mark.parametrize("phi", [visits(0.0005, 30), visits(0.0006, 40, strain=0.0007)])
+@pytest.mark.parametrize(
+    ("torque", "verdict"),
+    [
+        (lambda up: -up, GapVerdict.NONE),
+        (lambda up: 0.5 - up, GapVerdict.NONE),  # half of it is the link's weight
+        (lambda up: 1.5 - up, GapVerdict.ONE_BORDER),  # more than it was pressed by
+        (lambda up: -up - 1.0, GapVerdict.ONE_BORDER),  # pressed and released
+        (lambda up: np.random.default_rng(1).normal(0.0, 0.01, len(up)), GapVerdict.ONE_BORDER),
+        (np.zeros_like, GapVerdict.UNCLEAR),
+    ],
+)
+def test_no_dead_zone_takes_a_hand_that_pressed_both_ways(phi, torque, verdict):
+    """Pressed to and fro at one border of its gap, a link moves as a rigid one does."""
+    t, still = T * np.arange(len(phi)), np.zeros_like(phi)
+    gap = from_plateaus("j", t, phi, still, 0.0, torque(np.sign(phi)))
+    assert gap.verdict is verdict, gap
+    assert np.isfinite(gap.half_gap) == (verdict is GapVerdict.NONE)
+    assert np.isnan(gap.estimate)
+    assert ("pressed to one side only" in gap.reason) == (verdict is GapVerdict.ONE_BORDER)
 
 
 def test_a_hand_that_stops_short_of_a_border_is_told(arm, nominal):
