@@ -95,6 +95,21 @@ def test_gap_of_a_csv_ends_in_the_configuration(folder):
     assert again == robot.configuration
 
 
+def test_a_log_of_a_hand_is_judged_as_one_on_request(folder):
+    """Its motor gave way to the hand at one slow speed, as if it made strokes."""
+    columns = by_hand()
+    there = np.tile(np.interp(np.arange(90), [40, 60, 80], [0.0, 0.004, 0.0]), 24)
+    theta = there * np.sign(columns["link_position.joint"])
+    columns["motor_position.joint"] = theta
+    columns["motor_velocity.joint"] = np.gradient(theta, columns["time"])
+    columns["link_position.joint"] += theta
+    log = write(folder / "hand.csv", columns)
+    assert "0 strokes of the motor" in identify(folder, log, "gap").output
+    result = identify(folder, log, "gap", "--by-hand")
+    assert result.exit_code == 0, result.output
+    assert "alpha 90.0" in result.output
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [

@@ -105,6 +105,19 @@ def test_a_motor_that_answers_late_shows_no_stiff_gear():
     assert np.isnan(gap.compliance)
 
 
+@pytest.mark.parametrize("gives", [0.002, 0.006])
+def test_a_motor_that_gives_way_to_a_hand_makes_no_strokes(gives):
+    """It gives way at one slow speed and comes back at it, as strokes of a motor are."""
+    phi = visits(0.02, 24)
+    there = np.interp(np.arange(100), [40, 60, 80], [0.0, 1.0, 0.0])
+    theta = gives * np.repeat(np.resize([1.0, -1.0], 24), 100) * np.tile(there, 24)
+    log = replace(of(phi + theta, theta), current=-np.sign(phi)[:, None])
+    gap = identify_gap(log, 0, 1.0, by_hand=True)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.02, abs=2e-4)
+    assert "`--by-hand`" in identify_gap(log, 0, 1.0).reason
+
+
 @pytest.mark.parametrize("measured", [True, False])
 def test_a_second_sitting_adds_to_the_first_wherever_the_motor_stands_by_then(measured):
     """Neither alone has crossings enough; between them motor and zeros moved, and a hand leaned on
