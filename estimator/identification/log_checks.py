@@ -10,7 +10,11 @@ _MOVED = 0.1  # [rad]: less motion than this says little
 _STUCK = 0.1  # share of the moving time at one extreme position
 _FURTHEST = 4.0 * np.pi  # [rad], two turns: no arm is excited further
 _SLOWEST_S = 0.08  # between samples; the residual's filter, K of 25 per second, takes no more
+_BRIDGED_S = 0.15  # a longer hole is no part of any way
 _STANDS = 1e-6  # of the link's motion, or the velocity is no measurement
+_SCALE = 0.1  # by which a motor's velocity and position may differ: filters, coarse steps
+_SCALE_S = 0.5  # over which they are compared: delays do not matter, nor does noise
+_ADVANCE = 0.02  # [rad] in that time: slower, the steps of a velocity may
 
 
 def refuse_implausible(log: MotionLog, max_current: Vector) -> None:
@@ -60,7 +64,39 @@ def _encoders(log: MotionLog, i: int) -> list[str]:
         if stuck > _STUCK and moved_q > 0.0:
             return [f"link_position of {name} stays at {end:.4g} rad while its motor moves: "
                     "the encoder is clipped"]  # fmt: skip
-    return _apart(name, flat, theta)
+    return _scale(log, i, moved_q / moved_theta) or _apart(name, flat, theta)
+
+
+def _scale(log: MotionLog, i: int, link: float) -> list[str]:
+    """Velocity of a motor that is not the change of its position; link: motion of its link over
+    that by the velocity, which tells whose scale is wrong."""
+    if log.motor_position is None:
+        return []
+    by_position = _advances(log, log.motor_position[:, i])
+    if not by_position > _ADVANCE:
+        return []
+    ratio = _advances(log, _integral(log, i)) / by_position
+    if abs(ratio - 1.0) <= _SCALE:
+        return []
+    # The link moves as far as the column whose scale is right.
+    off = {"motor_position": abs(np.log(link * ratio)), "motor_velocity": abs(np.log(link))}
+    wrong = max(off, key=lambda column: off[column])
+    return [f"motor_velocity of {log.joints[i]} is {ratio:.3g} times the change of its "
+            f"motor_position: is the scale of `{wrong}` right?"]  # fmt: skip
+
+
+def _integral(log: MotionLog, i: int) -> Vector:
+    """Position (N,) [rad] of a motor by its velocity."""
+    v, steps = log.motor_velocity[:, i], np.diff(log.time_s, prepend=log.time_s[0])
+    return np.asarray(np.cumsum(0.5 * (v + np.concatenate([v[:1], v[:-1]])) * steps))
+
+
+def _advances(log: MotionLog, position: Vector) -> float:
+    """Mean way [rad] of a position in `_SCALE_S`, beside that of a constant velocity."""
+    width = max(round(_SCALE_S / log.period_s), 1)
+    whole = [position[rows] for rows in log.stretches(_BRIDGED_S)]
+    ways = np.concatenate([part[width:] - part[:-width] for part in whole])
+    return float(np.abs(ways - ways.mean()).mean()) if len(ways) else 0.0
 
 
 def _apart(name: str, q: Vector, theta: Vector) -> list[str]:

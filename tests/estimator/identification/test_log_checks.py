@@ -1,5 +1,7 @@
 """Logs of several sittings, between which a link moved unseen."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -52,3 +54,36 @@ def test_a_log_that_is_too_slow_is_told_to_be_faster() -> None:
     log = MotionLog(("j",), t, *(one[:, None] for one in columns))
     with pytest.raises(LogError, match=r"every 100 ms, at most 80 .* log faster"):
         refuse_implausible(log, np.array([1.0]))
+
+
+def measured(
+    velocities: float, positions: float = 1.0, *, late: int = 0, step: float = 0.0
+) -> MotionLog:
+    """A motor whose position is logged, too; its velocity late, and cut off to steps [rad/s]."""
+    velocity = velocities * np.gradient(Q, T)
+    velocity = np.concatenate([np.full(late, velocity[0]), velocity[: len(velocity) - late]])
+    velocity = step * np.trunc(velocity / step) if step else velocity
+    columns = (np.zeros_like(Q), Q, velocity, positions * Q)
+    return MotionLog(("j",), T, *(one[:, None] for one in columns))
+
+
+@pytest.mark.parametrize(
+    ("scales", "said"),
+    [
+        ((1.5, 1.0), r"motor_velocity of j is 1.5 times .* scale of `motor_velocity`"),
+        ((0.6, 1.0), r"motor_velocity of j is 0.6 times .* scale of `motor_velocity`"),
+        ((0.88, 1.0), r"motor_velocity of j is 0.88 times .* scale of `motor_velocity`"),
+        ((1.0, 1.25), r"motor_velocity of j is 0.8 times .* scale of `motor_position`"),
+    ],
+)
+def test_a_velocity_that_is_not_the_change_of_its_position_is_named(
+    scales: tuple[float, float], said: str
+) -> None:
+    with pytest.raises(LogError, match=said):
+        refuse_implausible(measured(*scales), np.array([1.0]))
+
+
+@pytest.mark.parametrize("how", [{}, {"late": 5}, {"step": 0.02}, {"late": 3, "step": 0.01}])
+def test_late_and_coarse_velocities_are_no_wrong_scale(how: dict[str, Any]) -> None:
+    refuse_implausible(measured(1.0, **how), np.array([1.0]))
+    refuse_implausible(measured(0.95, late=3), np.array([1.0]))
