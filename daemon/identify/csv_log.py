@@ -114,11 +114,17 @@ def _rows(path: Path) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
             raise LogError(f"cannot read {path}: {error}") from error
 
     def whole() -> Iterator[tuple[int, list[str]]]:
+        blank = 0  # line, which is no fault at the end of a file
         for line, row in rest:
-            if len(row) != len(header):
+            if not row or not (row[0].strip() or row[1:]):
+                blank = blank or line
+            elif blank:
+                raise LogError(f"{path}:{blank}: a blank line amid the rows")
+            elif len(row) != len(header):
                 raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
                                f"{len(header)}: is the file cut off?")  # fmt: skip
-            yield line, row
+            else:
+                yield line, row
 
     rest = lines()
     header = [name.strip() for name in next(rest, (1, []))[1]]
@@ -154,9 +160,15 @@ def _places(
 
 def _numbers(path: Path, line: int, row: Sequence[str | float]) -> list[float]:
     try:
-        return [float(field) for field in row]
+        return [_number(field) for field in row]
     except ValueError as error:
         raise LogError(f"{path}:{line}: not a number: {printable(str(error))[:100]}") from error
+
+
+def _number(field: str | float) -> float:
+    if isinstance(field, str) and "_" in field:  # Python's own way to write a number
+        raise ValueError(f"could not convert string to float: {field!r}")
+    return float(field)
 
 
 def _once(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]]:

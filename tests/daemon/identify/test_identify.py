@@ -136,6 +136,8 @@ def test_bad_logs_write_nothing(folder, change, says):
         ("{header}\n" + "x" * 100_000 + ",2,3,4\n", "bad.csv:2: not a number: could not convert"),
         ("{header}\n1,2,3\n", "bad.csv:2: 3 fields, the header has 4"),
         ("{header},time\n1,2,3,4,5\n", "bad.csv: two columns time"),
+        ("{header}\n1,2,3,4\n\n2,2,3,4\n", "bad.csv:3: a blank line amid the rows"),
+        ("{header}\n1,2,3,4\n2,1_0,3,4\n", "bad.csv:3: not a number: could not convert"),
         ("{header}\n1,2,3,4\n1,2\x00,3,4\n", "bad.csv:3: "),
     ],
 )
@@ -156,6 +158,12 @@ def test_a_csv_cut_in_the_middle_is_named(folder):
     result = identify(folder, log, "gap")
     assert result.exit_code == 65
     assert "is the file cut off?" in result.output
+
+
+def test_blank_lines_at_the_end_are_no_rows(folder):
+    log = write(folder / "hand.csv", by_hand())
+    log.write_text(log.read_text() + "\n  \n")
+    assert identify(folder, log, "gap", "--dry-run").exit_code == 0
 
 
 def test_an_unclear_gap_writes_nothing(folder):
