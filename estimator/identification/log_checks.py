@@ -1,9 +1,10 @@
-"""Logs that no arm can have produced: wrong units, swapped joints, clipped encoders."""
+"""Logs that no arm can have produced: wrong units, swapped joints, encoders that clip or wrap."""
 
 import numpy as np
 
 from arrays import Vector
 from errors import LogError
+from estimator.identification.jumps import jumps
 from estimator.identification.motion_log import PAUSE_S, MotionLog
 
 _MOVED = 0.1  # [rad]: less motion than this says little
@@ -11,6 +12,7 @@ _STUCK = 0.1  # share of the moving time at one extreme position
 _FURTHEST = 4.0 * np.pi  # [rad], two turns: no arm is excited further
 _SLOWEST_S = 0.08  # between samples; the residual's filter, K of 25 per second, takes no more
 _BRIDGED_S = 0.15  # a longer hole is no part of any way
+_MILLI = 15.0  # times the largest current: no peak, but a unit
 _STANDS = 1e-6  # of the link's motion, or the velocity is no measurement
 _SCALE = 0.1  # by which a motor's velocity and position may differ: filters, coarse steps
 _SCALE_S = 0.5  # over which they are compared: delays do not matter, nor does noise
@@ -27,11 +29,12 @@ def refuse_implausible(log: MotionLog, max_current: Vector) -> None:
     for i, name in enumerate(log.joints):
         peak = float(np.abs(log.current[:, i]).max())
         if peak > 1.5 * max_current[i]:
-            wrong.append(
-                f"current of {name} reaches {peak:.4g} A, its drive gives {max_current[i]:g} A: "
-                f"unit wrong by {_decades(peak / max_current[i])}?"
-            )
-        wrong += _encoders(log, i)
+            # A motion takes a part of what the drive gives, down to a tenth and less.
+            why = ("unit wrong by 1000 (mA, or permille)?" if peak > _MILLI * max_current[i]
+                   else "is `max_current_A` its peak current, and the current in A?")  # fmt: skip
+            wrong.append(f"current of {name} reaches {peak:.4g} A, its drive gives "
+                         f"{max_current[i]:g} A: {why}")  # fmt: skip
+        wrong += jumps(log, i) or _encoders(log, i)
     if wrong:
         raise LogError("; ".join(wrong))
 
@@ -58,6 +61,9 @@ def _encoders(log: MotionLog, i: int) -> list[str]:
     if moved_theta <= _STANDS * moved_q:
         return [f"motor_velocity of {name} is the same throughout, while its link moves by "
                 f"{moved_q:.3g} rad: is it the right column?"]  # fmt: skip
+    if moved_q <= _STANDS * moved_theta:
+        return [f"link_position of {name} is the same throughout, while its motor moves by "
+                f"{moved_theta:.3g} rad: is it the right column?"]  # fmt: skip
     moving = np.abs(v) > 0.2 * np.abs(v).max()
     for end in (q.min(), q.max()):
         stuck = float((q[moving] == end).mean()) if moving.any() else 0.0
@@ -82,7 +88,7 @@ def _scale(log: MotionLog, i: int, link: float) -> list[str]:
     off = {"motor_position": abs(np.log(link * ratio)), "motor_velocity": abs(np.log(link))}
     wrong = max(off, key=lambda column: off[column])
     return [f"motor_velocity of {log.joints[i]} is {ratio:.3g} times the change of its "
-            f"motor_position: is the scale of `{wrong}` right?"]  # fmt: skip
+            f"motor_position: is the scale of `{wrong}` right, or `time`?"]  # fmt: skip
 
 
 def _integral(log: MotionLog, i: int) -> Vector:
