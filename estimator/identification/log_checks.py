@@ -5,7 +5,7 @@ import numpy as np
 from arrays import Vector
 from errors import LogError
 from estimator.identification.jumps import jumps
-from estimator.identification.motion_log import PAUSE_S, MotionLog
+from estimator.identification.motion_log import MotionLog
 
 _MOVED = 0.1  # [rad]: less motion than this says little
 _STUCK = 0.1  # share of the moving time at one extreme position
@@ -40,21 +40,18 @@ def refuse_implausible(log: MotionLog, max_current: Vector) -> None:
 
 
 def _flat(log: MotionLog, position: Vector) -> Vector:
-    """Positions (N,) [rad] without the mean of each sitting, between which the link moves unseen,
-    and without its trend, which an unknown bias of the velocity adds."""
-    flat = position.copy()
-    for rows in log.stretches(PAUSE_S):
-        t = log.time_s[rows] - log.time_s[rows.start]
-        order = 1 if len(t) > 1 else 0
-        flat[rows] -= np.polyval(np.polyfit(t, position[rows], order), t)
-    return flat
+    """Positions (N,) [rad] without the mean of each stretch, between which the link moves unseen,
+    and without the trend of all, which an unknown bias of the velocity adds."""
+    flat, t = position.copy(), log.time_s.copy()
+    for rows in log.stretches(_BRIDGED_S):
+        flat[rows] -= flat[rows].mean()
+        t[rows] -= t[rows].mean()
+    return np.asarray(flat - t * float(t @ flat) / float(t @ t))
 
 
 def _encoders(log: MotionLog, i: int) -> list[str]:
     name, q, v = log.joints[i], log.link_position[:, i], log.motor_velocity[:, i]
-    steps = np.diff(log.time_s, prepend=log.time_s[0])
-    theta = np.cumsum(v * np.minimum(steps, 2.0 * log.period_s))
-    theta, flat = _flat(log, theta), _flat(log, q)
+    theta, flat = _flat(log, _integral(log, i)), _flat(log, q)
     moved_q, moved_theta = float(np.ptp(flat)), float(np.ptp(theta))
     if max(moved_q, moved_theta) < _MOVED:
         return []

@@ -142,3 +142,16 @@ def test_a_current_beyond_what_its_drive_gives_is_told_by_how_far(peak: float, s
     log = replace(measured(1.0), current=peak * Q[:, None] / Q.max())
     with pytest.raises(LogError, match=said):
         refuse_implausible(log, np.array([4.0]))
+
+
+@pytest.mark.parametrize("position", [True, False])
+@pytest.mark.parametrize(("every", "missing"), [(37, 9), (100, 60), (148, 90), (300, 90)])
+def test_rows_that_are_missing_swap_no_joints(every: int, missing: int, *, position: bool) -> None:
+    there = np.arange(len(T)) % every >= missing
+    whole = measured(1.0)
+    columns = [x[there] for x in (whole.current, whole.link_position, whole.motor_velocity)]
+    columns += [whole.link_position[there]] if position else []
+    log = MotionLog(("j",), T[there], *columns)
+    refuse_implausible(log, np.array([1.0]))
+    with pytest.raises(LogError, match="do not move together"):
+        refuse_implausible(replace(log, link_position=-log.link_position), np.array([1.0]))
