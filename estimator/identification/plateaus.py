@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from arrays import Vector
-from estimator.identification.bending import SOFTEST, STIFFEST, USUAL, Bending, bending
+from estimator.identification.bending import SOFTEST, STIFFEST, USUAL, USUALLY, Bending, bending
 from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
@@ -147,11 +147,12 @@ def _straightened(
     found: GapResult, bent: Bending | None, pressed: Mapping[str, Vector]
 ) -> GapResult:
     """`found` without what the gear bends, where that is known better than it matters; else with
-    that in its interval, or with what a usual gear bends where it was `pressed` so much."""
+    that in its interval, or with what gears bend where they are `pressed` so much."""
     loads = [float(loads.mean()) for loads in pressed.values()]
     load = max(*loads, 0.0) if loads else float("inf")
     if bent is None:
-        return replace(found, confidence=found.confidence + (USUAL * load if loads else 0.0))
+        unseen = (USUAL + 2.0 * USUALLY) * load if loads else 0.0
+        return replace(found, confidence=found.confidence + unseen)
     gives = found.half_gap - bent.half_gap
     # Friction hid what the hand pressed with, or a controller that took it over late.
     strange = not STIFFEST < bent.compliance < SOFTEST

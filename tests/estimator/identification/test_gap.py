@@ -70,8 +70,11 @@ def test_what_no_scatter_of_plateaus_shows_is_in_the_interval():
     assert soft.verdict is GapVerdict.CLEAR, soft
     assert abs(soft.half_gap - 0.01) < soft.confidence
     assert 0.3 * step < soft.confidence < 0.5 * step
-    hard = from_plateaus("j", t, phi, still, 0.0, 2.0 * pressed)
-    assert 0.001 < hard.confidence < 0.005
+    for gives in (0.5e-3, 1e-3, 2e-3, 2.9e-3):  # [rad/Nm], down to 350 Nm/rad
+        bent = phi + 2.0 * gives * np.sign(phi) * (np.abs(phi) > 0.95 * 0.01)
+        hard = from_plateaus("j", t, bent, still, 0.0, 2.0 * pressed)
+        assert hard.verdict is GapVerdict.CLEAR, hard
+        assert abs(hard.half_gap - 0.01) < hard.confidence < 0.0065
     none = from_plateaus("j", t, phi, still, 0.0, still)
     assert none.verdict is GapVerdict.UNCLEAR, none
     assert none.estimate == pytest.approx(0.01)
