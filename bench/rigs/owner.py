@@ -165,7 +165,7 @@ class Owner:
             if not names:
                 break
             good, output = self.identify(served, "gap", *names, "--by-hand", press=press)
-            press *= HARDER if "Press it" in " ".join(output.split()) else SOFTER
+            press *= HARDER if "press it" in " ".join(output.split()).lower() else SOFTER
         if not good:
             raise GivenUpError(f"gap: {output}")
 

@@ -167,7 +167,7 @@ class Identification:
                 outcomes.append(self._conclude("gap", f"{step}-{name}", Outcome([line], {})))
                 continue
             with self._console.status(f"fitting the gap of {name} to it"):
-                outcome = gap_step(self._robot, measured, [name], now())
+                outcome = gap_step(self._robot, measured, [name], now(), by_hand=by_hand)
             i = measured.log.joints.index(name)
             picture = self._folder / f"gap-{name}.png"
             found = outcome.gaps[0]

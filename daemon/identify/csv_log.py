@@ -6,13 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arrays import Matrix, Vector
 from daemon.identify.log_names import NamedLog, Place, Rows, beside, read_names
 from daemon.identify.mcap_log import read_rows
 from daemon.protocol.messages import printable
 from errors import LogError
-from estimator.identification.motion_log import PAUSE_S, MotionLog
+from estimator.identification.motion_log import PAUSE_S, SHORTEST, MotionLog
 from regular_file import open_text
 
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position", "setpoint")
@@ -34,10 +35,12 @@ def read_csv(
     anything; a file of names and units beside the log (`log_names`) says where they stand if they
     are called otherwise.
 
-    Times rounded so coarsely that neighbours are equal are spread evenly, rows logged twice left
-    out, and samples at uneven times put on an even raster. Raises LogError.
+    Times rounded so coarsely that neighbours are equal are spread evenly, rows logged twice or
+    holding what was measured before left out, and samples at uneven times put on an even raster.
+    Raises LogError.
     """
     table, twice = _once(_table(path, joints))
+    table, held = _unheld(table)
     if len(table["time"]) == 0:
         raise LogError(f"{path}: there are no samples in it")
     missing: list[str] = []
@@ -67,7 +70,7 @@ def read_csv(
         log = MotionLog(tuple(joints), time_s, **columns)
     except LogError as error:
         raise type(error)(f"{path}: {error}") from error
-    return _on_a_raster(log, twice + notes)
+    return _on_a_raster(log, twice + held + notes)
 
 
 def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
@@ -114,11 +117,17 @@ def _rows(path: Path) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
             raise LogError(f"cannot read {path}: {error}") from error
 
     def whole() -> Iterator[tuple[int, list[str]]]:
+        blank = 0  # line, which is no fault at the end of a file
         for line, row in rest:
-            if len(row) != len(header):
+            if not row or not (row[0].strip() or row[1:]):
+                blank = blank or line
+            elif blank:
+                raise LogError(f"{path}:{blank}: a blank line amid the rows")
+            elif len(row) != len(header):
                 raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
                                f"{len(header)}: is the file cut off?")  # fmt: skip
-            yield line, row
+            else:
+                yield line, row
 
     rest = lines()
     header = [name.strip() for name in next(rest, (1, []))[1]]
@@ -154,24 +163,60 @@ def _places(
 
 def _numbers(path: Path, line: int, row: Sequence[str | float]) -> list[float]:
     try:
-        return [float(field) for field in row]
+        return [_number(field) for field in row]
     except ValueError as error:
         raise LogError(f"{path}:{line}: not a number: {printable(str(error))[:100]}") from error
 
 
+def _number(field: str | float) -> float:
+    if isinstance(field, str) and "_" in field:  # Python's own way to write a number
+        raise ValueError(f"could not convert string to float: {field!r}")
+    return float(field)
+
+
 def _once(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]]:
-    """Columns without the rows that repeat a time, where that is no rounding: spread evenly, times
-    would move by more than they are rounded by."""
+    """Columns without the rows that were logged twice: those that repeat a time, where all of them
+    repeat the whole row, or where that is no rounding: spread evenly, times would move by more than
+    they are rounded by."""
     time_s = table["time"]
     again = np.diff(time_s, prepend=-np.inf) == 0.0
     even, notes = _even(time_s)
-    if not notes or again.mean() > _TWICE:
+    if not notes:
         return table, ()
-    steps = np.diff(time_s)
-    if np.abs(even - time_s).max() <= float(np.median(steps[steps > 0.0])):
-        return table, ()
+    if _changed(table)[again].any():
+        if again.mean() > _TWICE:
+            return table, ()
+        steps = np.diff(time_s)
+        if np.abs(even - time_s).max() <= float(np.median(steps[steps > 0.0])):
+            return table, ()
     left = {name: values[~again] for name, values in table.items()}
     return left, (f"{again.sum()} rows repeat the time of the row before: left out",)
+
+
+def _unheld(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]]:
+    """Columns without the rows that only hold what was measured before, of a log that was written
+    faster than it was measured: everything changes with every second row, or third, and so on."""
+    at = np.flatnonzero(_changed(table))
+    if len(at) < SHORTEST:
+        return table, ()
+    least, most = np.percentile(np.diff(at), [10.0, 90.0])
+    if least < 2.0 or most - least > 1.0:
+        return table, ()
+    number = np.arange(len(table["time"]))
+    since = number - at[np.searchsorted(at, number, side="right") - 1]
+    kept = since % round(most) == 0  # also where an arm stands, and nothing changes
+    left = {name: values[kept] for name, values in table.items()}
+    return left, (f"{(~kept).sum()} rows hold the values of the row before: left out",)
+
+
+def _changed(table: dict[str, Vector]) -> NDArray[np.bool_]:
+    """Rows (N,) in which anything but the time is another than in the row before."""
+    changed = np.zeros(len(table["time"]), dtype=np.bool_)
+    changed[:1] = True
+    for name, values in table.items():
+        if name != "time":
+            changed[1:] |= values[1:] != values[:-1]
+    return changed
 
 
 def _even(time_s: Vector) -> tuple[Vector, tuple[str, ...]]:

@@ -43,7 +43,7 @@ class Hand:
             self._judged_s = now
             time_s, *columns = np.array(self._rows).T
             log = MotionLog((self._name,), time_s, *(column[:, None] for column in columns))
-            self.gap = identify_gap(log, 0, self._constant)
+            self.gap = identify_gap(log, 0, self._constant, by_hand=True)
             self.done = self.gap.usable and self.gap.crossings >= ENOUGH
         if now - self._shown_s < REFRESH_S and not self.done:
             return False

@@ -51,15 +51,18 @@ class Outcome:
     payloads: dict[str, file.IdentifiedPayload] = field(default_factory=dict)
 
 
-def gap_step(robot: Robot, measured: Measured, joints: list[str], date: str) -> Outcome:
-    """Identify the half-gaps of the named joints."""
+def gap_step(
+    robot: Robot, measured: Measured, joints: list[str], date: str, *, by_hand: bool = False
+) -> Outcome:
+    """Identify the half-gaps of the named joints, by what moved or `by_hand`."""
     names = robot.configuration.joint_names
     lines, entries, gaps = [], dict[str, file.Entry](), []
     for name in joints:
         i = names.index(name)
         joint = robot.configuration.joints[i]
         place = measured.log.joints.index(name)
-        gap = identify_gap(measured.log, place, joint.torque_constant, joint.wiring.gear)
+        constant, gear = joint.torque_constant, joint.wiring.gear
+        gap = identify_gap(measured.log, place, constant, gear, by_hand=by_hand)
         gaps.append(gap)
         figures = _gap_figures(gap)
         lines.append(Line(name, gap.verdict.value, gap.usable, figures, gap.reason))

@@ -35,11 +35,12 @@ _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
 
 
 def identify_gap(
-    log: MotionLog, joint: int, torque_constant: float, gear: float = 0.0
+    log: MotionLog, joint: int, torque_constant: float, gear: float = 0.0, *, by_hand: bool = False
 ) -> GapResult:
     """Half-gap of one joint by the method that fits what moved in the log, which may be that of
-    several sittings. gear: turns of the motor for one of the link, 0 where it is not known."""
-    found = _by_what_moved(log, joint, torque_constant, gear)
+    several sittings, or `by_hand`, whatever a motor that gave way did. gear: turns of the motor for
+    one of the link, 0 where it is not known."""
+    found = _found(log, joint, torque_constant, gear, by_hand=by_hand)
     if found.usable:
         widest = Limit("alpha", 1e3 * found.half_gap, 1e3 * _WIDEST, "mrad",
                        "positions in another unit than rad")  # fmt: skip
@@ -51,7 +52,9 @@ def identify_gap(
     return replace(found, harmonics=told)
 
 
-def _by_what_moved(log: MotionLog, joint: int, torque_constant: float, gear: float) -> GapResult:
+def _found(
+    log: MotionLog, joint: int, torque_constant: float, gear: float, *, by_hand: bool
+) -> GapResult:
     q, theta = positions(log, joint)
     moved_q, moved_theta = spread(q), spread(theta)
     name = log.joints[joint]
@@ -61,6 +64,15 @@ def _by_what_moved(log: MotionLog, joint: int, torque_constant: float, gear: flo
     if log.motor_position is not None and float(np.ptp(q - theta)) < 1e-5 * moved_q:
         about = "link and motor position are the same signal"
         return GapResult(joint=name, verdict=GapVerdict.NO_LINK_ENCODER, reason=about)
+    if by_hand:
+        return _by_hand(log, joint, torque_constant, q, theta)
+    return _by_what_moved(log, joint, torque_constant, gear, q, theta)
+
+
+def _by_what_moved(
+    log: MotionLog, joint: int, torque_constant: float, gear: float, q: Vector, theta: Vector
+) -> GapResult:
+    name, moved_q, moved_theta = log.joints[joint], spread(q), spread(theta)
     if stroking(log.motor_velocity[:, joint]):
         return by_strokes(log, joint, torque_constant, gear)
     torque = torque_constant * log.current[:, joint]

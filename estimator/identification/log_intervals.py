@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from arrays import Matrix, Vector
 from errors import LogError
-from estimator.identification.motion_log import SHORTEST, MotionLog
+from estimator.identification.motion_log import PAUSE_S, SHORTEST, MotionLog
 from estimator.link_velocity import SAMPLES, Alignment
 from estimator.model import Model
 from estimator.motor_position import MotorPosition
@@ -150,11 +150,24 @@ def play(rows: Intervals) -> Vector:
     is: both borders of the gap, and what encoders add. What the gear bends, in proportion to the
     torque that moves and holds the link, is no play; nor is it where a gap goes along with that,
     which jumps as the torque changes sign."""
-    apart = rows.ends[:, 0] - np.cumsum(rows.advance, axis=0)
-    parts = np.array_split(np.arange(len(apart)), max(1, round(float(rows.dt.sum()) / _WINDOW_S)))
-    apart = _unbent(apart, rows.inertial, parts)
+    theta = rows.ends[:, 4] if rows.measured else np.cumsum(rows.advance, axis=0)
+    parts = _windows(rows)
+    apart = _unbent(rows.ends[:, 0] - theta, rows.inertial, parts)
     spans = [np.ptp(np.percentile(apart[part], [2.0, 98.0], axis=0), axis=0) for part in parts]
     return np.asarray(np.percentile(spans, 75.0, axis=0))
+
+
+def _windows(rows: Intervals) -> list[NDArray[np.int64]]:
+    """Rows of windows of some `_WINDOW_S`, in each of which theta has one zero: an integrated one
+    loses it where a sample is missing, a measured one where the arm was left alone."""
+    paused = np.diff(rows.time_s, prepend=rows.time_s[0]) > PAUSE_S
+    lost = np.flatnonzero(paused if rows.measured else rows.first)
+    return [
+        part
+        for own in np.split(np.arange(len(rows.dt)), lost)
+        if len(own)
+        for part in np.array_split(own, max(1, round(float(rows.dt[own].sum()) / _WINDOW_S)))
+    ]
 
 
 def _unbent(apart: Matrix, torque: Matrix, parts: Sequence[Rows]) -> Matrix:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from arrays import Vector
-from estimator.identification.bending import SOFTEST, STIFFEST, USUAL, Bending, bending
+from estimator.identification.bending import SOFTEST, STIFFEST, USUAL, USUALLY, Bending, bending
 from estimator.identification.gap_result import (
     CLEAR,
     CROSSINGS,
@@ -27,6 +27,9 @@ _CREEP = 0.01  # [rad/s] that no bias of a velocity explains
 _SURE = 3.0  # standard errors by which a border loads the motor
 _ALIKE = 0.35  # of the load at the other border; a motor takes a while to forget that
 _HIDDEN = 3.0  # times what the motor feels of a hand, at most: its friction holds the rest
+_BACK = 0.2  # of the load one way, that the other has to be
+_PRESSED_S = 0.1
+_NO_TORQUE = "the motor's torque is the same throughout: it does not tell which ends are borders"
 _STEP = 0.4  # of an encoder: two rests are off by less against each other, nineteen times of twenty
 
 
@@ -80,12 +83,12 @@ def from_plateaus(
         about = f"it crept at {1e3 * mean_velocity:.3g} mrad/s"
         return GapResult(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about)
     phi = q - theta
-    rigid = spread(phi) < 2.0 * SMALLEST
     pushes = _alternations(q)
-    if rigid and pushes >= CROSSINGS:
+    if spread(phi) < 2.0 * SMALLEST and pushes >= CROSSINGS:
         about = f"pushed {pushes} times, phi stayed within {1e3 * spread(phi):.2g} mrad"
-        return GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
-                   crossings=pushes)  # fmt: skip
+        none = GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
+                         crossings=pushes)  # fmt: skip
+        return _from_both_sides(none, time_s, torque)
     found = find_plateaus(time_s, q, phi)
     crossings = max(len(found.level) - 1, 0)
     if crossings < CROSSINGS:
@@ -104,30 +107,52 @@ def from_plateaus(
     # Rests that do not scatter read the same step of an encoder each time.
     confidence = float(np.hypot(confidence, _STEP * max(resolution(q), resolution(theta))))
     about = f"{crossings} crossings, plateaus scatter by {1e3 * scatter:.2g} mrad"
-    if alpha < SMALLEST:
-        return GapResult(joint=name, verdict=GapVerdict.NONE, reason=about, half_gap=0.0,
-                   confidence=confidence, crossings=crossings)  # fmt: skip
     found_gap = GapResult(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
                     confidence=confidence, crossings=crossings)  # fmt: skip
+    if alpha < SMALLEST:
+        none = replace(found_gap, verdict=GapVerdict.NONE, half_gap=0.0)
+        return _from_both_sides(none, time_s, torque)
     pressed = _pressed(time_s, phi, torque, found)
     bent = bending(time_s, phi, torque, found.time_s, found.upper)
     if not np.ptp(torque) > 0.0:
-        doubt = "the motor's torque is the same throughout: it does not tell which ends are borders"
-        return replace(found_gap, verdict=GapVerdict.UNCLEAR, half_gap=np.nan, estimate=alpha,
-                       reason=f"{about}; {doubt}")  # fmt: skip
+        return _doubted(found_gap, GapVerdict.UNCLEAR, _NO_TORQUE)
     found_gap = _straightened(found_gap, bent, pressed)
     return _judged(found_gap, scatter, *_doubtful_border(pressed))
+
+
+def _from_both_sides(none: GapResult, time_s: Vector, torque: Vector) -> GapResult:
+    """`none` where the motor (torque (N,) [Nm]) held the link back to and fro: a link that gravity
+    holds at one border, pressed towards it and released, moves as a rigid one does."""
+    if not np.ptp(torque) > 0.0:
+        return _doubted(none, GapVerdict.UNCLEAR, _NO_TORQUE)
+    width = max(round(_PRESSED_S / float(np.median(np.diff(time_s)))), 1)
+    smooth = smoothed(torque, width)
+    low, high = np.percentile(smooth, [2.0, 98.0])
+    noise = 1.4826 * float(np.median(np.abs(np.diff(torque)))) / np.sqrt(2.0 * width)
+    least = max(_BACK * max(high, -low), _SURE * noise)
+    if min(high, -low) > least:
+        return none
+    about = (f"the motor feels {low:.2g} to {high:.2g} Nm, pressed to one side only: press it the "
+             "other way, too, harder than the link's own weight")  # fmt: skip
+    return _doubted(none, GapVerdict.ONE_BORDER, about)
+
+
+def _doubted(found: GapResult, verdict: GapVerdict, why: str) -> GapResult:
+    """`found` with its figure as an estimate; that of no dead zone is none."""
+    return replace(found, verdict=verdict, half_gap=np.nan, estimate=found.half_gap or np.nan,
+                   reason=f"{found.reason}; {why}")  # fmt: skip
 
 
 def _straightened(
     found: GapResult, bent: Bending | None, pressed: Mapping[str, Vector]
 ) -> GapResult:
     """`found` without what the gear bends, where that is known better than it matters; else with
-    that in its interval, or with what a usual gear bends where it was `pressed` so much."""
+    that in its interval, or with what gears bend where they are `pressed` so much."""
     loads = [float(loads.mean()) for loads in pressed.values()]
     load = max(*loads, 0.0) if loads else float("inf")
     if bent is None:
-        return replace(found, confidence=found.confidence + (USUAL * load if loads else 0.0))
+        unseen = (USUAL + 2.0 * USUALLY) * load if loads else 0.0
+        return replace(found, confidence=found.confidence + unseen)
     gives = found.half_gap - bent.half_gap
     # Friction hid what the hand pressed with, or a controller that took it over late.
     strange = not STIFFEST < bent.compliance < SOFTEST

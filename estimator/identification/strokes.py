@@ -47,6 +47,7 @@ def from_strokes(
     strokes = len(whole_strokes(seen)) if len(seen.stroke) else 0
     if strokes < _FEWEST:
         about = f"{strokes} strokes of the motor, at least {_FEWEST} are needed"
+        about += "" if strokes else "; a link that a hand moved is judged so by `--by-hand`"
         return GapResult(joint=name, verdict=GapVerdict.FEW, reason=about)
     if not _comes_along(seen):
         about = "the link did not come along at both ends of the strokes"

@@ -174,7 +174,7 @@ ALL = tuple(f".{name}" for name in load_robot(ROMEO).configuration.joint_names)
         (lambda d: still(d, *ALL), 1, "LShoulderPitch: fastest 0 rad/s, turned round 0 times"),
         (lambda d: still(d, *ALL[1:]), 1, "LWristPitch: fastest 0 rad/s, turned round 0 times"),
         (lambda d: {**d, "current.LElbowRoll": 1000.0 * d["current.LElbowRoll"]}, 65,
-         "unit wrong by 100?"),
+         "unit wrong by 1000 (mA"),
     ],
 )  # fmt: skip
 def test_what_tells_nothing_writes_nothing(folder, motion, change, status, says) -> None:

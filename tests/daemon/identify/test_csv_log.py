@@ -155,6 +155,41 @@ def test_rows_logged_twice_are_left_out_and_move_no_others(tmp_path: Path) -> No
     np.testing.assert_allclose(log.time_s, np.unique(columns["time"]))
 
 
+def moving() -> dict[str, np.ndarray]:
+    """A joint that moves, then stands for 3 s, and moves on."""
+    t = T * np.arange(1200)
+    q = np.sin(2.0 * np.pi * np.where(t < 5.0, t, np.maximum(t - 3.0, 5.0)))
+    names = ("link_position", "motor_position", "motor_velocity", "current")
+    return {"time": t} | {f"{name}.joint": q for name in names}
+
+
+@pytest.mark.parametrize(
+    ("rows", "period", "note"),
+    [
+        (np.repeat(np.arange(1200), 2), 0.0, "1200 rows repeat the time of the row before"),
+        (np.repeat(np.arange(1200), 2), 0.005, "1200 rows hold the values of the row before"),
+        (np.repeat(np.arange(1200), 5), 0.002, "4800 rows hold the values of the row before"),
+    ],
+)
+def test_rows_that_only_repeat_another_are_left_out(
+    tmp_path: Path, rows: np.ndarray, period: float, note: str
+) -> None:
+    """Written twice, or at 200 or 500 Hz what is measured at 100."""
+    columns = {name: values[rows] for name, values in moving().items()}
+    if period:
+        columns["time"] = period * np.arange(len(rows))
+    log, notes = read_csv(save(tmp_path / "a.csv", columns), ["joint"], {"joint": 1.0})
+    assert notes == (f"{note}: left out",)
+    np.testing.assert_allclose(log.time_s, moving()["time"])
+    np.testing.assert_allclose(log.link_position[:, 0], moving()["link_position.joint"], atol=1e-8)
+
+
+def test_a_joint_that_stands_at_times_holds_no_rows(tmp_path: Path) -> None:
+    log, notes = read_csv(save(tmp_path / "a.csv", moving()), ["joint"], {"joint": 1.0})
+    assert notes == ()
+    assert len(log.time_s) == 1200
+
+
 def test_a_current_in_milliamperes_is_no_wide_interval(tmp_path: Path) -> None:
     columns = pressed(0.02)
     columns["torque.joint"] = 1000.0 * columns["torque.joint"]

@@ -95,6 +95,21 @@ def test_gap_of_a_csv_ends_in_the_configuration(folder):
     assert again == robot.configuration
 
 
+def test_a_log_of_a_hand_is_judged_as_one_on_request(folder):
+    """Its motor gave way to the hand at one slow speed, as if it made strokes."""
+    columns = by_hand()
+    there = np.tile(np.interp(np.arange(90), [40, 60, 80], [0.0, 0.004, 0.0]), 24)
+    theta = there * np.sign(columns["link_position.joint"])
+    columns["motor_position.joint"] = theta
+    columns["motor_velocity.joint"] = np.gradient(theta, columns["time"])
+    columns["link_position.joint"] += theta
+    log = write(folder / "hand.csv", columns)
+    assert "0 strokes of the motor" in identify(folder, log, "gap").output
+    result = identify(folder, log, "gap", "--by-hand")
+    assert result.exit_code == 0, result.output
+    assert "alpha 90.0" in result.output
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -121,6 +136,8 @@ def test_bad_logs_write_nothing(folder, change, says):
         ("{header}\n" + "x" * 100_000 + ",2,3,4\n", "bad.csv:2: not a number: could not convert"),
         ("{header}\n1,2,3\n", "bad.csv:2: 3 fields, the header has 4"),
         ("{header},time\n1,2,3,4,5\n", "bad.csv: two columns time"),
+        ("{header}\n1,2,3,4\n\n2,2,3,4\n", "bad.csv:3: a blank line amid the rows"),
+        ("{header}\n1,2,3,4\n2,1_0,3,4\n", "bad.csv:3: not a number: could not convert"),
         ("{header}\n1,2,3,4\n1,2\x00,3,4\n", "bad.csv:3: "),
     ],
 )
@@ -141,6 +158,12 @@ def test_a_csv_cut_in_the_middle_is_named(folder):
     result = identify(folder, log, "gap")
     assert result.exit_code == 65
     assert "is the file cut off?" in result.output
+
+
+def test_blank_lines_at_the_end_are_no_rows(folder):
+    log = write(folder / "hand.csv", by_hand())
+    log.write_text(log.read_text() + "\n  \n")
+    assert identify(folder, log, "gap", "--dry-run").exit_code == 0
 
 
 def test_an_unclear_gap_writes_nothing(folder):

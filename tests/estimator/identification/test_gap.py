@@ -70,8 +70,11 @@ def test_what_no_scatter_of_plateaus_shows_is_in_the_interval():
     assert soft.verdict is GapVerdict.CLEAR, soft
     assert abs(soft.half_gap - 0.01) < soft.confidence
     assert 0.3 * step < soft.confidence < 0.5 * step
-    hard = from_plateaus("j", t, phi, still, 0.0, 2.0 * pressed)
-    assert 0.001 < hard.confidence < 0.005
+    for gives in (0.5e-3, 1e-3, 2e-3, 2.9e-3):  # [rad/Nm], down to 350 Nm/rad
+        bent = phi + 2.0 * gives * np.sign(phi) * (np.abs(phi) > 0.95 * 0.01)
+        hard = from_plateaus("j", t, bent, still, 0.0, 2.0 * pressed)
+        assert hard.verdict is GapVerdict.CLEAR, hard
+        assert abs(hard.half_gap - 0.01) < hard.confidence < 0.0065
     none = from_plateaus("j", t, phi, still, 0.0, still)
     assert none.verdict is GapVerdict.UNCLEAR, none
     assert none.estimate == pytest.approx(0.01)
@@ -103,6 +106,19 @@ def test_a_motor_that_answers_late_shows_no_stiff_gear():
     assert gap.verdict is GapVerdict.CLEAR, gap
     assert abs(gap.half_gap - alpha) < gap.confidence < 0.3 * alpha, gap
     assert np.isnan(gap.compliance)
+
+
+@pytest.mark.parametrize("gives", [0.002, 0.006])
+def test_a_motor_that_gives_way_to_a_hand_makes_no_strokes(gives):
+    """It gives way at one slow speed and comes back at it, as strokes of a motor are."""
+    phi = visits(0.02, 24)
+    there = np.interp(np.arange(100), [40, 60, 80], [0.0, 1.0, 0.0])
+    theta = gives * np.repeat(np.resize([1.0, -1.0], 24), 100) * np.tile(there, 24)
+    log = replace(of(phi + theta, theta), current=-np.sign(phi)[:, None])
+    gap = identify_gap(log, 0, 1.0, by_hand=True)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.02, abs=2e-4)
+    assert "`--by-hand`" in identify_gap(log, 0, 1.0).reason
 
 
 @pytest.mark.parametrize("measured", [True, False])
@@ -153,10 +169,32 @@ def test_missing_samples_begin_no_sitting():
     ],
 )
 def test_what_cannot_be_told_is_not_told(phi, mean_velocity, verdict):
-    still = np.zeros_like(phi)
-    gap = from_plateaus("j", T * np.arange(len(phi)), phi, still, mean_velocity, still)
+    t, still = T * np.arange(len(phi)), np.zeros_like(phi)
+    gap = from_plateaus("j", t, phi, still, mean_velocity, -np.sign(phi))
     assert gap.verdict is verdict, gap
     assert gap.usable == (verdict is GapVerdict.NONE)
+
+
+@pytest.mark.parametrize("phi", [visits(0.0005, 30), visits(0.0006, 40, strain=0.0007)])
+@pytest.mark.parametrize(
+    ("torque", "verdict"),
+    [
+        (lambda up: -up, GapVerdict.NONE),
+        (lambda up: 0.5 - up, GapVerdict.NONE),  # half of it is the link's weight
+        (lambda up: 1.5 - up, GapVerdict.ONE_BORDER),  # more than it was pressed by
+        (lambda up: -up - 1.0, GapVerdict.ONE_BORDER),  # pressed and released
+        (lambda up: np.random.default_rng(1).normal(0.0, 0.01, len(up)), GapVerdict.ONE_BORDER),
+        (np.zeros_like, GapVerdict.UNCLEAR),
+    ],
+)
+def test_no_dead_zone_takes_a_hand_that_pressed_both_ways(phi, torque, verdict):
+    """Pressed to and fro at one border of its gap, a link moves as a rigid one does."""
+    t, still = T * np.arange(len(phi)), np.zeros_like(phi)
+    gap = from_plateaus("j", t, phi, still, 0.0, torque(np.sign(phi)))
+    assert gap.verdict is verdict, gap
+    assert np.isfinite(gap.half_gap) == (verdict is GapVerdict.NONE)
+    assert np.isnan(gap.estimate)
+    assert ("pressed to one side only" in gap.reason) == (verdict is GapVerdict.ONE_BORDER)
 
 
 def test_a_hand_that_stops_short_of_a_border_is_told(arm, nominal):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.identification.log_intervals import Intervals, locate
+from estimator.identification.log_intervals import Intervals, locate, play
 
 ALPHA, COMPLIANCE, PERIOD = 0.004, 0.0022, 0.01  # [rad], [rad/Nm], [s]
 TIME = PERIOD * np.arange(1, 3001)
@@ -44,3 +44,18 @@ def test_the_middle_of_a_gap_is_where_it_is_however_much_more_one_side_bears(arm
     found = locate(bent(arm, torque), known, arm.configuration.estimator)
     unbent = found.phi[:, 0] + COMPLIANCE * torque
     assert np.abs(unbent) == pytest.approx(np.full(len(TIME), ALPHA), rel=0.1)
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_what_a_motor_goes_while_samples_are_missing_is_no_play(arm, measured):
+    """A quarter of them, in bursts of 0.37 s, of a joint that moves 1 rad and has no gap."""
+    rows, there = bent(arm, np.zeros_like(TIME)), (np.arange(len(TIME)) // 37) % 4 != 0
+    theta = 0.5 * np.sin(TIME)[:, None] * np.ones(arm.transmission.n)
+    ends = rows.ends.copy()
+    ends[:, 0], ends[:, 4] = theta, theta if measured else 0.0
+    advance = np.diff(theta, axis=0, prepend=0.0)
+    left = {name: getattr(rows, name)[there] for name in ("time_s", "dt", "inertial")}
+    first = np.diff(left["time_s"], prepend=0.0) > 1.5 * PERIOD
+    gone = replace(rows, **left, first=first, advance=advance[there], ends=ends[there],
+                   measured=measured)  # fmt: skip
+    assert play(gone).max() < 1e-6
