@@ -196,8 +196,8 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
         figures = f"link/motor {found.follows:.3f}" if np.isfinite(found.follows) else ""
         if np.isfinite(found.held):
             figures += f", holds {in_Nm(found.held)} of {in_Nm(found.gravity)} gravity"
-        reason = "; ".join([*found.problems, *found.notes])
-        verdict = "good" if found.passed else "wrong"
+        reason = "; ".join([*found.problems, *found.untold, *found.notes])
+        verdict = "good" if found.passed else "wrong" if found.problems else "not told"
         lines.append(Line(name, verdict, found.passed, figures, reason))
         if found.passed:
             entries[name] = file.WiringEntry(
