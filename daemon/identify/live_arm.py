@@ -128,14 +128,14 @@ class LiveArm:
         """Keep the recordings of `step` as evidence."""
         self._session.conclude(step, stamp)
 
-    def wiring(self, joint: str) -> Measured:
-        """Move one joint's motor to and fro, through its gap."""
+    def wiring(self, joint: str, to_go_on: str) -> Measured:
+        """Move one joint's motor to and fro, through its gap; `to_go_on` is said if that is
+        stopped."""
         step = f"wiring-{joint}"
         i, period = self._names.index(joint), self._c.period_s
         half_gap = self._c.joints[i].half_gap
         repeated = False
         while True:
-            again = f"What passed is kept: to go on, name {joint} and those that are left"
             text = f"{joint} moves a little"
             warning = wiring_spoiled(joint)
             try:
@@ -144,7 +144,7 @@ class LiveArm:
                 carried = repeated or self._may_float(i, here)
                 path = wiring_motion(here, i, half_gap, period, speeding_up=carried)
                 self._motions.move(
-                    step, text, path, warning=warning, motors_only=True, to_go_on=again
+                    step, text, path, warning=warning, motors_only=True, to_go_on=to_go_on
                 )
             except (ControlError, InterruptedStepError) as error:
                 if why := self._why_apart(error):

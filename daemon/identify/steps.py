@@ -206,6 +206,13 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
     return Outcome(lines, entries)
 
 
+def wiring_goes_on(left: list[str], *, passed: bool) -> str:
+    """How the check goes on after it was stopped, with these joints left."""
+    if not passed:
+        return "Nothing had passed: the same command begins anew"
+    return f"What passed is kept: `contactd identify wiring {' '.join(left)}` goes on"
+
+
 def merged(
     robot: Robot, step: AnyStep, entries: dict[str, file.Entry], serials: dict[str, int | None]
 ) -> file.Identified:
