@@ -160,6 +160,7 @@ class Permit(TypedDict):
 class Trajectory(TypedDict):
     """The trajectory that runs, is interrupted, or would be run by `start`."""
 
+    # empty where none is configured: `start` needs a file then
     name: str
     state: Literal["interrupted", "paused", "ready", "running"]
     # path time

@@ -103,6 +103,8 @@ def _grants(grants: list[Grant]) -> Text:
 
 
 def _trajectory(trajectory: Trajectory) -> str:
+    if not trajectory.name:
+        return "none configured: `contactctl start FILE.csv` runs one"
     words = {
         "ready": "would begin with `contactctl start`",
         "running": "runs",

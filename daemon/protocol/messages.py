@@ -314,7 +314,7 @@ class Grant(msgspec.Struct, frozen=True):
 class Trajectory(msgspec.Struct, frozen=True, kw_only=True):
     """The trajectory that runs, is interrupted, or would be run by `start`."""
 
-    name: str
+    name: str  # empty where none is configured: `start` needs a file then
     state: Literal["ready", "running", "interrupted", "paused"]
     time_s: float  # path time
     duration_s: float | None  # None: it has no end
