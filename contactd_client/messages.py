@@ -209,6 +209,8 @@ class Status(TypedDict):
     # while armed
     permit: Permit | None
     cause: str
+    # when that led to this mode, as `uptime_s` counts
+    since_s: NotRequired[float | None]
     # what to do about the cause, if that is a fault
     advice: NotRequired[str]
     trajectory: Trajectory

@@ -339,6 +339,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     armed: bool
     permit: Permit | None  # while armed
     cause: str
+    since_s: float | None = None  # when that led to this mode, as `uptime_s` counts
     advice: str = ""  # what to do about the cause, if that is a fault
     trajectory: Trajectory
     checks: list[Check]  # what arming needs

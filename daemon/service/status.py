@@ -92,6 +92,7 @@ def status_of(
         armed=machine.armed,
         permit=permit,
         cause=machine.cause,
+        since_s=machine.entered_s,
         advice=_advice(tick, unproved),
         trajectory=_trajectory(tick.controller),
         checks=list(tick.check_arming(loop.time_s).checks),

@@ -1,6 +1,7 @@
 """Trajectories through the daemon's socket, from files and from programs, in lockstep."""
 
 import json
+import re
 import socket
 import threading
 from pathlib import Path
@@ -88,6 +89,8 @@ def test_an_arm_without_a_trajectory_yields_while_it_holds(tmp_path: Path) -> No
         served.rig.arm.external_torque[0] = 3.0
         served.run(0.5)
         assert served.rig.mode is Mode.ADMITTANCE
+        served.run(3.0)
+        assert re.search(r"joint feels \S+ Nm.* \(3 s ago\)", served.contactctl("status").stdout)
 
 
 def test_a_path_beyond_what_the_thresholds_have_seen_is_started_with_a_warning(
