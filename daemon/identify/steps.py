@@ -210,7 +210,7 @@ def wiring_goes_on(left: list[str], *, passed: bool) -> str:
     """How the check goes on after it was stopped, with these joints left."""
     if not passed:
         return "Nothing had passed: the same command begins anew"
-    return f"What passed is kept: `contactd identify wiring {' '.join(left)}` goes on"
+    return f"What passed is kept: to go on, name {left[0]} and those that are left"
 
 
 def merged(

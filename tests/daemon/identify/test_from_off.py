@@ -156,9 +156,9 @@ def test_a_wiring_check_that_somebody_disables_claims_nothing_that_passed(
     assert "is kept" not in said
 
 
-def test_what_passed_before_is_kept_and_those_that_are_left_are_named() -> None:
+def test_what_passed_before_is_kept_and_the_joint_to_go_on_with_is_named() -> None:
     said = wiring_goes_on(["elbow", "wrist"], passed=True)
-    assert said == "What passed is kept: `contactd identify wiring elbow wrist` goes on"
+    assert said == "What passed is kept: to go on, name elbow and those that are left"
 
 
 def test_what_somebody_disables_meanwhile_stays_off(served: ServedDaemon) -> None:
