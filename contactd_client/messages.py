@@ -160,6 +160,7 @@ class Permit(TypedDict):
 class Trajectory(TypedDict):
     """The trajectory that runs, is interrupted, or would be run by `start`."""
 
+    # empty where none is configured: `start` needs a file then
     name: str
     state: Literal["interrupted", "paused", "ready", "running"]
     # path time
@@ -208,6 +209,8 @@ class Status(TypedDict):
     # while armed
     permit: Permit | None
     cause: str
+    # when that led to this mode, as `uptime_s` counts
+    since_s: NotRequired[float | None]
     # what to do about the cause, if that is a fault
     advice: NotRequired[str]
     trajectory: Trajectory

@@ -21,6 +21,9 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORE
 # Figures of three digits may make the tensor of a thin rod a little negative along it.
 _ROUNDING = 1e-3
 
+_LIMITED = ("revolute", "prismatic")  # joints that need a <limit>
+_OF_LIMIT = ("effort", "velocity")  # what every <limit> needs
+
 _Lines = dict[ET.Element, int]
 
 
@@ -49,12 +52,13 @@ def moved_links(text: str) -> list[MovedLink]:
     """Links that movable joints carry, on a chain of `fixed` joints, too.
 
     Raises ModelError for a text that is not XML, and for an <inertial> of such a link that lacks
-    mass or inertia, gives them as anything but finite numbers, or is that of no possible body; and
-    for a joint between links that are not there. A link may be without one: a frame, or one whose
-    mass others include.
+    mass or inertia, gives them as anything but finite numbers, or is that of no possible body; for
+    a joint between links that are not there, and for one that lacks limits. A link may be without
+    an <inertial>: a frame, or one whose mass others include.
     """
     root, lines = parsed(text)
     _refuse_unknown_links(root, lines)
+    _refuse_unlimited(root, lines)
     carried = _carried(root)
     links = []
     for link in root.findall("link"):
@@ -168,6 +172,24 @@ def _refuse_unknown_links(root: ET.Element, lines: _Lines) -> None:
                     f"{lines[joint if element is None else element]}: no link {name!r} for its "
                     f"<{role}>; there are: {', '.join(known)}"
                 )
+
+
+def _refuse_unlimited(root: ET.Element, lines: _Lines) -> None:
+    """pinocchio says on stderr alone which joint it is. Raises ModelError."""
+    for joint in root.findall("joint"):
+        name, kind, limit = joint.get("name", ""), joint.get("type", ""), joint.find("limit")
+        if limit is None:
+            if kind in _LIMITED:
+                raise ModelError(
+                    f"joint {name!r}, line {lines[joint]}: it is {kind}, and has no <limit>, which "
+                    f"needs lower, upper, {' and '.join(_OF_LIMIT)}"
+                )
+            continue
+        try:
+            for field in _OF_LIMIT:
+                _numbers(limit, field, 1, lines)
+        except ModelError as error:
+            raise ModelError(f"joint {name!r}, {error}") from error
 
 
 def _link(joint: ET.Element, role: str) -> str:

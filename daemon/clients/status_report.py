@@ -34,7 +34,7 @@ def status_report(status: Status, socket: Path | None = None) -> RenderableType:
         table.add_row("", doubt)
     if words := not_sensing(status, status.joints):
         table.add_row("", Text(words, "bold red"))
-    table.add_row("cause", Text(status.cause))  # Text: brackets in it are no rich markup
+    table.add_row("cause", Text(_cause(status)))  # Text: brackets in it are no rich markup
     if status.advice:
         table.add_row("to do", Text(status.advice, "yellow"))
     table.add_row("arming needs", _checks(status.checks))
@@ -102,7 +102,19 @@ def _grants(grants: list[Grant]) -> Text:
     return Text("\n").join(lines)
 
 
+def _cause(status: Status) -> str:
+    """What led to the mode, and how long ago: it may be over since."""
+    if status.since_s is None:
+        return status.cause
+    ago_s = max(status.uptime_s - status.since_s, 0.0)
+    units = ((7200.0, 3600.0, "h"), (120.0, 60.0, "min"))
+    size, unit = next(((size, unit) for least, size, unit in units if ago_s >= least), (1.0, "s"))
+    return f"{status.cause} ({ago_s // size:.0f} {unit} ago)"
+
+
 def _trajectory(trajectory: Trajectory) -> str:
+    if not trajectory.name:
+        return "none configured: `contactctl start FILE.csv` runs one"
     words = {
         "ready": "would begin with `contactctl start`",
         "running": "runs",

@@ -38,6 +38,7 @@ from daemon.identify.steps import (
     friction_step,
     gap_step,
     merged,
+    wiring_goes_on,
     wiring_step,
 )
 from daemon.identify.zero import not_possible, zero_step
@@ -109,12 +110,12 @@ class Identification:
 
     def wiring(self, named: tuple[str, ...]) -> bool:
         """Check signs and scales, joint by joint."""
-        outcomes, left = [], self.joints(named)
+        outcomes, left = list[bool](), self.joints(named)
         wrong: dict[str, str] = {}
         while left:
             name = left[0]
             try:
-                measured = self._source.wiring(name)
+                measured = self._source.wiring(name, wiring_goes_on(left, passed=any(outcomes)))
             except ApartError as error:
                 new = {joint: why for joint, why in error.why.items() if joint not in wrong}
                 left = [joint for joint in left if joint not in new]

@@ -5,6 +5,8 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
+
 from daemon.config.bounds import beyond
 from daemon.config.counts import unrepresentable
 from daemon.config.dynamics import model_of
@@ -28,15 +30,16 @@ def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[
 
     `folder` is what its paths are relative to.
     """
+    meant = _limits_in_order(configuration)
     findings = [
         *_names_and_nodes(configuration),
         *_joints(configuration),
         *_estimator(configuration),
         *_profiles(configuration, folder),
-        *_counts(configuration),
-        *_trajectory(configuration),
-        *_poses(configuration),
-        *_urdf(configuration, urdf),
+        *_counts(meant),
+        *_trajectory(meant),
+        *_poses(meant),
+        *_urdf(meant, urdf),
     ]
     # What is computed from many fields can only be where each is right.
     findings = findings or [
@@ -45,7 +48,19 @@ def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[
         *_payloads(configuration, urdf),
     ]
     # The field that is refused may be right, and measured by one that is not.
-    return findings and [*findings, *suspects(configuration, urdf, folder)]
+    return findings and [*findings, *suspects(meant, urdf, folder)]
+
+
+def _limits_in_order(c: Configuration) -> Configuration:
+    """The configuration with limits that were swapped the right way round: what follows from the
+    swap, at other fields, is not told beside it."""
+
+    def ordered(joint: Joint) -> Joint:
+        lower, upper = sorted((joint.limits.lower, joint.limits.upper))
+        limits = msgspec.structs.replace(joint.limits, lower=lower, upper=upper)
+        return msgspec.structs.replace(joint, limits=limits)
+
+    return msgspec.structs.replace(c, joints=[ordered(joint) for joint in c.joints])
 
 
 def suspects(c: Configuration, urdf: str, folder: Path) -> list[Problem]:

@@ -133,7 +133,7 @@ class Sinusoid(Settings, frozen=True):
 
 
 class Trajectory(Settings, frozen=True):
-    """Trajectory that `contactctl start` runs; a joint that is not named holds."""
+    """Trajectory that `contactctl start` runs, none by default; a joint that is not named holds."""
 
     sinusoids: dict[str, Sinusoid] = msgspec.field(default_factory=dict)  # by joint
     file: Name | None = None  # instead: a CSV file, relative to the configuration

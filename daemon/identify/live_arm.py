@@ -128,22 +128,23 @@ class LiveArm:
         """Keep the recordings of `step` as evidence."""
         self._session.conclude(step, stamp)
 
-    def wiring(self, joint: str) -> Measured:
-        """Move one joint's motor to and fro, through its gap."""
+    def wiring(self, joint: str, to_go_on: str) -> Measured:
+        """Move one joint's motor to and fro, through its gap; `to_go_on` is said if that is
+        stopped."""
         step = f"wiring-{joint}"
         i, period = self._names.index(joint), self._c.period_s
         half_gap = self._c.joints[i].half_gap
         repeated = False
         while True:
-            again = f"What passed is kept: to go on, name {joint} and those that are left"
             text = f"{joint} moves a little"
             warning = wiring_spoiled(joint)
             try:
                 here = self._motions.link_position()
                 self._motions.forget(step)  # so short a motion begins anew
-                path = wiring_motion(here, i, half_gap, period)
+                carried = repeated or self._may_float(i, here)
+                path = wiring_motion(here, i, half_gap, period, speeding_up=carried)
                 self._motions.move(
-                    step, text, path, warning=warning, motors_only=True, to_go_on=again
+                    step, text, path, warning=warning, motors_only=True, to_go_on=to_go_on
                 )
             except (ControlError, InterruptedStepError) as error:
                 if why := self._why_apart(error):
@@ -153,7 +154,7 @@ class LiveArm:
             measured = self._motions.read(step)
             both = follows_both_ways(measured.log, i)
             if both and not repeated and scale_unsure(measured.log, i):
-                repeated, more = True, "once more"
+                repeated, more = True, "once more, speeding up all the way"
                 seen = "moved its link by another share than its motor"
             elif both or half_gap >= WIDEST_GUESS:
                 return measured
@@ -162,6 +163,12 @@ class LiveArm:
                 seen = "did not move its link both ways"
                 more = f"once more, {1e3 * WIRING_TRAVEL:.0f} mrad further"
             self._motions.tell(f"{joint} {seen}: {more}")
+
+    def _may_float(self, i: int, here: Vector) -> bool:
+        """True where joint i weighs so little that its link may run ahead of its motor."""
+        rub = self._c.joints[i].friction
+        weight = abs(float(self._model.gravity(here)[i]))
+        return weight < rub.motor_coulomb + rub.link_coulomb
 
     def _why_apart(self, error: ContactdError) -> dict[str, str]:
         """What most likely is wrong with joints whose link and motor are too far apart, as the

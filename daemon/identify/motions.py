@@ -79,20 +79,31 @@ def slow(bounds: Bounds) -> Bounds:
     return Bounds(bounds.lower, bounds.upper, 0.3 * bounds.velocity, 0.3 * bounds.acceleration)
 
 
-def wiring_motion(here: Vector, joint: int, half_gap: float, period_s: float) -> Matrix:
+def wiring_motion(
+    here: Vector, joint: int, half_gap: float, period_s: float, *, speeding_up: bool = False
+) -> Matrix:
     """Motion of one joint's motor to and fro, twice: through its gap, and further by the travel of
-    its link."""
+    its link; `speeding_up` as `strokes` says."""
     way = 2.0 * half_gap + WIRING_TRAVEL
-    return strokes(here, joint, way, WIRING_SPEED, 3, period_s)
+    return strokes(here, joint, way, WIRING_SPEED, 3, period_s, speeding_up=speeding_up)
 
 
 def strokes(
-    here: Vector, joint: int, way: float, speed: float, count: int, period_s: float
+    here: Vector,
+    joint: int,
+    way: float,
+    speed: float,
+    count: int,
+    period_s: float,
+    *,
+    speeding_up: bool = False,
 ) -> Matrix:
     """Motion of one joint to and fro about here, `count` times from end to end of a way [rad],
-    between two halves; with ramps of a fifth of a second."""
-    whole = _trapezium(way / speed, period_s)
-    half = _trapezium(0.5 * way / speed - 0.1, period_s)
+    between two halves; with ramps of a fifth of a second, or speeding up all along each way, which
+    takes twice the time and carries a link that nothing else holds: it cannot float ahead."""
+    shape = _rising if speeding_up else _trapezium
+    whole = shape(way / speed, period_s)
+    half = shape(0.5 * way / speed - 0.1, period_s)
     half *= 0.5 * whole.sum() / half.sum()  # so that the last ends where the first began
     signs = [1.0 if k % 2 else -1.0 for k in range(count)]
     speeds = np.concatenate([half, *(sign * whole for sign in signs), -signs[-1] * half])
@@ -104,6 +115,13 @@ def strokes(
 def _trapezium(length_s: float, period_s: float) -> Vector:
     t = np.arange(0.0, length_s + 0.4, period_s)
     return np.asarray(np.clip(np.minimum(t, length_s + 0.4 - t) / 0.2, 0.0, 1.0))
+
+
+def _rising(length_s: float, period_s: float) -> Vector:
+    """Speed over the way of `_trapezium` that rises until a fifth of a second before the end."""
+    whole_s = 2.0 * (length_s + 0.2)
+    t = np.arange(0.0, whole_s, period_s)
+    return np.asarray(np.minimum(t / (whole_s - 0.2), (whole_s - t) / 0.2))
 
 
 def stand(here: Vector) -> Matrix:

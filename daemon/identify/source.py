@@ -13,8 +13,9 @@ from errors import ConfigurationError
 class Source(Protocol):
     """Source of measurements: a live arm, or logs."""
 
-    def wiring(self, joint: str) -> Measured:
-        """Measurements of one joint's motor, moved both ways through its gap."""
+    def wiring(self, joint: str, to_go_on: str) -> Measured:
+        """Measurements of one joint's motor, moved both ways through its gap; `to_go_on` is said
+        where that is stopped."""
 
     def pushed(self, joint: str, ask: Callable[[], bool]) -> tuple[Vector, bool]:
         """Positions (N,) [rad] of a link that a person pushes, and whether it went upward, as `ask`
@@ -58,7 +59,7 @@ class Recorded:
     def __init__(self, paths: tuple[Path, ...], configuration: Configuration) -> None:
         self._paths, self._configuration = paths, configuration
 
-    def wiring(self, joint: str) -> Measured:
+    def wiring(self, joint: str, to_go_on: str) -> Measured:
         return self._read()
 
     def pushed(self, joint: str, ask: Callable[[], bool]) -> tuple[Vector, bool]:

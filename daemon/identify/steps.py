@@ -199,14 +199,21 @@ def wiring_step(robot: Robot, measured: dict[str, Measured], date: str) -> Outco
         figures = f"link/motor {found.follows:.3f}" if np.isfinite(found.follows) else ""
         if np.isfinite(found.held):
             figures += f", holds {in_Nm(found.held)} of {in_Nm(found.gravity)} gravity"
-        reason = "; ".join([*found.problems, *found.notes])
-        verdict = "good" if found.passed else "wrong"
+        reason = "; ".join([*found.problems, *found.untold, *found.notes])
+        verdict = "good" if found.passed else "wrong" if found.problems else "not told"
         lines.append(Line(name, verdict, found.passed, figures, reason))
         if found.passed:
             entries[name] = file.WiringEntry(
                 date=date, log=one.sha256, follows=round(float(found.follows), 4)
             )
     return Outcome(lines, entries)
+
+
+def wiring_goes_on(left: list[str], *, passed: bool) -> str:
+    """How the check goes on after it was stopped, with these joints left."""
+    if not passed:
+        return "Nothing had passed: the same command begins anew"
+    return f"What passed is kept: to go on, name {left[0]} and those that are left"
 
 
 def merged(

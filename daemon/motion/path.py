@@ -109,6 +109,12 @@ class Reference:
     velocity: Vector
 
 
+def stands(path: JointPath) -> bool:
+    """True for sinusoids of no joint, which nobody configured: they would run for ever, and move
+    nothing."""
+    return isinstance(path, Sinusoids) and not path.amplitude.any()
+
+
 @dataclass(frozen=True, slots=True)
 class Place:
     """Place on a path, from which a Follower can run it."""

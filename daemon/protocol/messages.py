@@ -314,7 +314,7 @@ class Grant(msgspec.Struct, frozen=True):
 class Trajectory(msgspec.Struct, frozen=True, kw_only=True):
     """The trajectory that runs, is interrupted, or would be run by `start`."""
 
-    name: str
+    name: str  # empty where none is configured: `start` needs a file then
     state: Literal["ready", "running", "interrupted", "paused"]
     time_s: float  # path time
     duration_s: float | None  # None: it has no end
@@ -339,6 +339,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     armed: bool
     permit: Permit | None  # while armed
     cause: str
+    since_s: float | None = None  # when that led to this mode, as `uptime_s` counts
     advice: str = ""  # what to do about the cause, if that is a fault
     trajectory: Trajectory
     checks: list[Check]  # what arming needs

@@ -13,6 +13,7 @@ from daemon.config.load import Robot
 from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
 from daemon.modes.table import SENSING, Mode
+from daemon.motion.path import stands
 from daemon.motion.seen import SeenMotion
 from daemon.protocol.messages import (
     STATE_FORMAT,
@@ -91,6 +92,7 @@ def status_of(
         armed=machine.armed,
         permit=permit,
         cause=machine.cause,
+        since_s=machine.entered_s,
         advice=_advice(tick, unproved),
         trajectory=_trajectory(tick.controller),
         checks=list(tick.check_arming(loop.time_s).checks),
@@ -166,7 +168,7 @@ def _trajectory(controller: Controller) -> Trajectory:
     place, state = controller.next_place(), controller.machine.trajectory
     end = place.path.duration
     return Trajectory(
-        name=place.path.name,
+        name="" if stands(place.path) else place.path.name,
         state=state,
         time_s=place.s,
         duration_s=end if math.isfinite(end) else None,

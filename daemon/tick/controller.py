@@ -31,7 +31,7 @@ from daemon.motion.limits import all_finite
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
 from daemon.motion.release import Ending
-from daemon.tick.refusals import leaves_limits, not_energisable, not_startable
+from daemon.tick.refusals import lacking, leaves_limits, not_energisable, not_startable
 from drivers.cia402 import PowerTarget, in_words
 
 # How long a reset may take until a drive's fault counts as a new one [s].
@@ -184,11 +184,8 @@ class Controller:
             return [f"cannot {event.value}: {refusal(mode, event.value)}"]
         if event in (Event.ENABLE, Event.START, Event.RESET) and observed is None:
             return ["no samples of the drives yet"]
-        if event is Event.START and self.motion.blind and not place.path.motors_only:
-            return [
-                "the links are not trusted: before this start the wiring was not checked, or not "
-                "with these drives and this configuration (`contactd identify wiring`)"
-            ]
+        if event is Event.START and (lacks := lacking(place.path, blind=self.motion.blind)):
+            return lacks
         joints, limits = self._tuning.joints, self.motion.limits
         if event is Event.START and observed is not None:
             pressed = self._pressed(observed) or self._carried(observed)

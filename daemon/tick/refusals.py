@@ -10,7 +10,7 @@ from arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.faults.table import Response
 from daemon.motion.limits import Limits, all_finite
-from daemon.motion.path import Place
+from daemon.motion.path import JointPath, Place, stands
 
 # How far from its first sample a recorded trajectory may begin [rad].
 START_TOLERANCE = 0.05
@@ -59,6 +59,22 @@ def not_energisable(
         for i, name in enumerate(joints)
         if outside[i]
     ]
+
+
+def lacking(path: JointPath, *, blind: bool) -> list[str]:
+    """What `start` lacks wherever the arm stands: a trajectory, or links that are trusted."""
+    if stands(path):
+        return [
+            "no trajectory is configured: `contactctl start FILE.csv` runs one, `contactctl go` "
+            "leads to a pose, and `trajectory` in config.yaml says what `start` alone runs; an "
+            "armed arm yields without one, too, while it holds"
+        ]
+    if blind and not path.motors_only:
+        return [
+            "the links are not trusted: before this start the wiring was not checked, or not "
+            "with these drives and this configuration (`contactd identify wiring`)"
+        ]
+    return []
 
 
 def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:

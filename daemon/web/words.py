@@ -208,7 +208,7 @@ def advice(status: Status) -> Advice:
         name=status.name,
         advice=status.advice,
         checks=status.checks,
-        trajectory=f"{t.name}: {t.state}",
+        trajectory=f"{t.name}: {t.state}" if t.name else "none configured",
         lost=lost_samples(status),
         learned=status.learned,
     )

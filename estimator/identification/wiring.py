@@ -17,8 +17,11 @@ _BOUNCES = 0.3  # of the motor's motion, by which a light link's may seem to be 
 LEAST_MOTION = 0.005
 """[rad] the motor must have turned."""
 _PIECE = 0.012  # [rad]: less than the link is to move
+_WHOLE = 0.75  # of the same
 _FRAGMENT = 0.25  # of the longest way: a link that strikes its border halts the motor for a moment
 _STEADY = 0.08  # change of the ratio of link and motor while the gear carries
+# Ratio off 1, and difference from way to way, beyond which a link may float and hide a wrong gear.
+_SURE, _ALIKE = 0.025, 0.06
 
 
 OTHER_WAY = (
@@ -29,10 +32,12 @@ OTHER_WAY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WiringResult:
-    """Result of moving one joint to and fro; passed when there are no problems."""
+    """Result of moving one joint to and fro; passed when nothing is wrong or untold."""
 
     joint: str
     problems: tuple[str, ...]
+    untold: tuple[str, ...] = ()
+    """What this motion does not tell, though it has to be known, with what to do"""
     notes: tuple[str, ...] = ()
     """Checks that were not possible, with the reason"""
     follows: float = float("nan")
@@ -46,7 +51,7 @@ class WiringResult:
 
     @property
     def passed(self) -> bool:
-        return not self.problems
+        return not self.problems and not self.untold
 
 
 def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: float) -> WiringResult:
@@ -77,14 +82,20 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     engaged = np.zeros(len(q), dtype=np.bool_)
     for stroke in strokes:
         engaged[stroke.rows] |= stroke.carried
-    follows = _follows(strokes)
+    follows, (least, most) = _follows(strokes), _between(strokes)
+    notes, untold = list[str](), list[str]()
     if follows < 0.0:
         problems.append(OTHER_WAY)
-    elif abs(follows - 1.0) > SCALE_TOLERANCE:
+    elif abs(follows - 1.0) > SCALE_TOLERANCE + most - least:
         problems.append(
             f"the link moves {follows:.3f} times as far as the motor says: gear, or a scale"
         )
-    notes: list[str] = []
+    elif abs(follows - 1.0) > SCALE_TOLERANCE:
+        untold.append(
+            f"the link moves {least:.3f} times as far as the motor says one way, and {most:.3f} "
+            "times another: it floats in its gap, which hides whether gear and scales are right; "
+            "once more, with a finger that slows the link a little or in a pose in which it weighs"
+        )
     friction, held, gravity = _torques(log, joint, model, torque_constant, engaged)
     noise = _noise(torque_constant * log.current[:, joint])
     if friction < -2.0 * noise:
@@ -103,8 +114,9 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     elif abs(gravity) < abs(friction):
         look = " or find swapped drives: did this joint move?"
         notes.append(f"too little gravity in this pose to check K_c{look * (log.n > 1)}")
-    return WiringResult(joint=name, problems=tuple(problems), notes=tuple(notes), follows=follows,
-                  friction=friction, held=held, gravity=gravity)  # fmt: skip
+    return WiringResult(joint=name, problems=tuple(problems), untold=tuple(untold),
+                  notes=tuple(notes), follows=follows, friction=friction, held=held,
+                  gravity=gravity)  # fmt: skip
 
 
 def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
@@ -148,10 +160,21 @@ def follows_both_ways(log: MotionLog, joint: int) -> bool:
 
 def scale_unsure(log: MotionLog, joint: int) -> bool:
     """True where the link followed by a share that an encoder's error over so short a way, or a
-    link that bounces, may make: another motion tells."""
+    link that bounces or floats, may make, or by another one each way: another motion tells."""
     steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
-    follows = _follows(_strokes(log.link_position[:, joint], log.motor_velocity[:, joint], steps))
-    return SCALE_TOLERANCE < abs(follows - 1.0) < _BOUNCES
+    strokes = _strokes(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
+    least, most = _between(strokes)
+    off = abs(_follows(strokes) - 1.0)
+    return _SURE < off < _BOUNCES or (off <= _SURE and most - least > _ALIKE)
+
+
+def _between(strokes: list["_Stroke"]) -> tuple[float, float]:
+    """Least and largest motion of the link over that of the motor on whole ways on which the gear
+    carried; all of them where none was whole."""
+    carried = [s for s in strokes if s.carried]
+    ratios = [s.way / s.turned for s in carried if s.turned > _WHOLE * _PIECE]
+    ratios = ratios or [s.way / s.turned for s in carried]
+    return min(ratios, default=float("nan")), max(ratios, default=float("nan"))
 
 
 def _follows(strokes: list["_Stroke"]) -> float:

@@ -141,6 +141,41 @@ def test_a_joint_between_links_that_are_not_there(capfd) -> None:
     assert capfd.readouterr().err == ""
 
 
+LIMIT = '<limit lower="-1.5" upper="1.5" velocity="3.0" effort="12.0"/>'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (LIMIT, "", r"'swing', line 4: it is revolute, and has no <limit>, which needs lower"),
+        (' effort="12.0"', "", r"'swing', line 8: its <limit> has no effort"),
+        (' velocity="3.0"', "", r"'swing', line 8: its <limit> has no velocity"),
+        ("12.0", "12,0", r"'swing', line 8: <limit effort=\"12,0\">: must be one finite number"),
+    ],
+)
+def test_a_joint_without_limits_is_named_and_the_parser_says_nothing(
+    old: str, new: str, message: str, capfd
+) -> None:
+    text = ARM.replace(old, new)
+    assert text != ARM
+    with pytest.raises(ModelError, match=message):
+        Model(text, ["swing"])
+    said = capfd.readouterr()
+    assert (said.out, said.err) == ("", "")
+
+
+@pytest.mark.parametrize("effort", ["12", " 5", "+5", "1e3", "5.", "inf", "nan", "", "5 ", "1_0"])
+def test_limits_are_let_through_as_pinocchio_reads_them(effort: str) -> None:
+    text = ARM.replace('"12.0"', f'"{effort}"')
+    try:
+        pin.buildModelFromXML(text)
+    except ValueError:
+        with pytest.raises(ModelError):
+            moved_links(text)
+    else:
+        moved_links(text)
+
+
 def test_tabs_that_only_pinocchio_sees() -> None:
     with pytest.raises(ModelError, match=r"reads only 0 of the 1\.5 kg that move: no tab"):
         Model(ARM.replace("0 0 -0.2", "0\t0\t-0.2"), ["swing"])

@@ -197,6 +197,20 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
     assert "operation enabled" in joint
 
 
+@pytest.mark.parametrize(
+    ("ago_s", "words"), [(0.4, "0 s"), (119.0, "119 s"), (125.0, "2 min"), (9000.0, "2 h")]
+)
+def test_status_report_says_how_long_ago_the_cause_was(
+    fake_daemon: Any, ago_s: float, words: str
+) -> None:
+    """What led the arm here may be over: `elbow feels +0.23 Nm` is of then, not of now."""
+    status = msgspec.structs.replace(
+        fake_daemon.status(), uptime_s=10000.0, since_s=10000.0 - ago_s, cause="elbow feels it"
+    )
+    (line,) = (x for x in text_of(status_report(status), 100, 40) if x.startswith("cause"))
+    assert line.rstrip().endswith(f"elbow feels it ({words} ago)")
+
+
 def test_status_report_says_what_to_do_about_a_fault(fake_daemon: Any) -> None:
     def report(advice: str) -> list[str]:
         status = msgspec.structs.replace(fake_daemon.status(), mode="faulted", advice=advice)

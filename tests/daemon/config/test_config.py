@@ -82,6 +82,18 @@ def test_of_a_file_that_is_something_else_only_the_beginning_is_shown(tmp_path: 
     assert len(message) < 200 + len(str(path))
 
 
+def test_limits_that_are_swapped_accuse_nothing_else(tmp_path: Path) -> None:
+    """Neither counts, nor the swing of a sinusoid, nor a pose between them."""
+    path = edited(
+        tmp_path,
+        ("lower: -1.40, upper: 2.18", "lower: 2.18, upper: -1.40"),
+        ("control: {position_gain: 8.0}",
+         "poses:\n  home:\n    LShoulderPitch: 0.1\ncontrol: {position_gain: 8.0}"),
+    )  # fmt: skip
+    (line,) = refusal(path).splitlines()
+    assert line.endswith("limits.lower: 2.18 must be less than upper (-1.4)")
+
+
 def test_everything_that_does_not_fit_is_listed_at_once(tmp_path: Path) -> None:
     path = edited(
         tmp_path,

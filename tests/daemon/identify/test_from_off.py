@@ -19,6 +19,7 @@ from daemon.commands.identification import may_enable, may_reset
 from daemon.commands.simulated_robot import true_arm
 from daemon.config.load import load_robot
 from daemon.identify.session import Session
+from daemon.identify.steps import wiring_goes_on
 from daemon.modes.table import Mode
 from errors import ControlError
 
@@ -140,6 +141,24 @@ def test_the_arm_goes_back_to_where_it_stood(
     assert "all joints go back to where they stood" in result.output
     assert served.rig.mode is Mode.OFF
     assert float(served.rig.samples.link_position[0]) == pytest.approx(stood, abs=0.03)
+
+
+def test_a_wiring_check_that_somebody_disables_claims_nothing_that_passed(
+    served: ServedDaemon,
+) -> None:
+    typed = TypedCommand(served, "wiring", "--yes")
+    typed.moves(1.0)
+    served.contactctl("disable", "--no-wait")
+    code, output = typed.ends()
+    said = " ".join(output.split())
+    assert code == 1
+    assert "Nothing had passed: the same command begins anew" in said
+    assert "is kept" not in said
+
+
+def test_what_passed_before_is_kept_and_the_joint_to_go_on_with_is_named() -> None:
+    said = wiring_goes_on(["elbow", "wrist"], passed=True)
+    assert said == "What passed is kept: to go on, name elbow and those that are left"
 
 
 def test_what_somebody_disables_meanwhile_stays_off(served: ServedDaemon) -> None:

@@ -1,17 +1,20 @@
 """Trajectories through the daemon's socket, from files and from programs, in lockstep."""
 
 import json
+import re
 import socket
 import threading
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
-from bench.rigs.served_daemon import ServedDaemon
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.clients.client import Client
 from daemon.clients.trajectory_recorder import Recorded, record_trajectory
+from daemon.config.schema import Configuration, Trajectory
 from daemon.modes.table import Mode
 from daemon.motion.seen import SeenMotion
 from daemon.motion.trajectory_file import read_trajectory
@@ -54,6 +57,40 @@ def test_a_file_is_run_to_its_end(served: ServedDaemon, tmp_path: Path) -> None:
     assert served.rig.mode is Mode.HOLDING
     assert stands(served) == pytest.approx(began, abs=0.01)
     assert served.rig.tick.controller.machine.cause == "move.csv came to its end"
+
+
+def without_trajectory(c: Configuration) -> Configuration:
+    return msgspec.structs.replace(c, trajectory=Trajectory())
+
+
+def test_an_arm_without_a_trajectory_says_so_and_starts_only_a_file(tmp_path: Path) -> None:
+    """As drafted."""
+    with served_daemon(tmp_path, configure=without_trajectory) as served:
+        served.rig.enable()
+        assert "trajectory    none configured" in served.contactctl("status").stdout
+        refused = served.contactctl("start")
+        assert refused.exit_code == 1
+        said = " ".join(refused.stderr.split())
+        for words in ("no trajectory is configured", "start FILE.csv", "contactctl go", "config"):
+            assert words in said
+        assert served.rig.mode is Mode.HOLDING
+        assert served.contactctl("start", str(csv(tmp_path, swing(served)))).exit_code == 0
+        assert "move.csv at 0." in served.contactctl("status").stdout
+        served.run(0.5)
+        assert served.contactctl("pause").exit_code == 0
+        assert served.contactctl("start").stdout == "start: tracking, not armed\n"
+
+
+def test_an_arm_without_a_trajectory_yields_while_it_holds(tmp_path: Path) -> None:
+    with served_daemon(tmp_path, configure=without_trajectory) as served:
+        served.rig.enable()
+        served.run(1.0)
+        assert served.rig.permit() == []
+        served.rig.arm.external_torque[0] = 3.0
+        served.run(0.5)
+        assert served.rig.mode is Mode.ADMITTANCE
+        served.run(3.0)
+        assert re.search(r"joint feels \S+ Nm.* \(3 s ago\)", served.contactctl("status").stdout)
 
 
 def test_a_path_beyond_what_the_thresholds_have_seen_is_started_with_a_warning(

@@ -89,6 +89,33 @@ def test_a_link_that_falls_to_its_other_border_is_no_wrong_scale(wired, check):
     assert found.follows == pytest.approx(1.0, abs=0.02)
 
 
+def floating(log: MotionLog, up: float, down: float) -> MotionLog:
+    """The elbow's link going farther than its motor, each way by a share of its own, as one does
+    that nothing holds and that its gear strikes ahead."""
+    link, motor = log.link_position.copy(), log.motor_velocity[:, ELBOW]
+    share = np.where(motor > 0.0, up, down)[1:]
+    link[1:, ELBOW] = link[0, ELBOW] + np.cumsum(np.diff(link[:, ELBOW]) * share)
+    return replace(log, link_position=link)
+
+
+def test_a_link_that_floats_in_its_gap_tells_nothing_of_the_gear(wired, check):
+    found = check(floating(wired, 1.0, 1.18), ELBOW)
+    assert not found.passed
+    assert not found.problems
+    (untold,) = found.untold
+    assert "floats in its gap" in untold
+    assert "once more" in untold
+
+
+def test_shares_that_differ_are_measured_again_though_their_mean_is_right(wired):
+    assert scale_unsure(floating(wired, 0.93, 1.07), ELBOW)
+
+
+def test_ways_that_agree_tell_a_gear_that_is_wrong(wired, check):
+    (problem,) = check(floating(wired, 1.1, 1.12), ELBOW).problems
+    assert "times as far as the motor says" in problem
+
+
 def test_gravity_is_compared_where_there_is_some(wired, check):
     found = check(wired, SHOULDER)
     assert found.held == pytest.approx(found.gravity, rel=0.15)
@@ -150,10 +177,11 @@ def test_whole_drives_are_swapped(wired, check):
     assert any("gravity" in problem for problem in check(log, SHOULDER).problems)
 
 
-def test_the_motion_is_small(arm):
+@pytest.mark.parametrize("speeding_up", [False, True])
+def test_the_motion_is_small(arm, speeding_up):
     for i, alpha in enumerate(arm.transmission.half_gap):
         here = np.zeros(7)
-        path = wiring_motion(here, i, alpha, 0.01)
+        path = wiring_motion(here, i, alpha, 0.01, speeding_up=speeding_up)
         assert np.ptp(path[:, i]) == pytest.approx(2 * alpha + WIRING_TRAVEL, abs=0.008)
         assert path[-1] == pytest.approx(here, abs=1e-9)
         assert np.abs(np.diff(path[:, i])).max() <= WIRING_SPEED * 0.01 + 1e-9
