@@ -5,6 +5,7 @@ part, `cpu_s`, and the number of `states`. Steps are taken as a replay takes the
 are ready; to decode is to read the file, and to fill arrays where the code has them.
 """
 
+import importlib
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,8 +23,9 @@ from daemon.config.load import parse_configuration
 from daemon.modes.table import Event
 from daemon.protocol.messages import Snapshot, State
 from daemon.service.status import snapshot_of
-from simulator.hand_script import Push
 
+# Of the code before, too, where acts stand beside the hand.
+Push: Final = importlib.import_module("simulator.hand").Push
 ARMS: Final = {folder.name: folder for folder in (ROMEO, DESK_ARM)}
 PUSHES_APART_S: Final = 6.0
 

@@ -155,7 +155,7 @@ def test_one_log_for_a_fault_or_a_death_and_none_for_an_orderly_end(path, logs, 
     filled(path)
     told = helper(path, logs, *said)
     assert len(told) == logs_written
-    assert len(list(logs.glob("*.blf"))) == logs_written
+    assert len(list(logs.glob("[!.]*.blf"))) == logs_written
     assert not path.exists(), "the ring is of no use any more"
 
 
@@ -225,7 +225,7 @@ def test_kill_9_with_the_real_helper(path, logs):
     end = time.monotonic() + 20.0
     while path.exists() and time.monotonic() < end:
         time.sleep(0.05)
-    (log,) = logs.glob("*.blf")
+    (log,) = logs.glob("[!.]*.blf")
     assert ids(log) == [0x200 + k for k in range(300)]
 
 
@@ -245,7 +245,7 @@ def test_a_start_that_failed_leaves_no_log(path, logs, begun, monkeypatch):
     end = time.monotonic() + 20.0
     while path.exists() and time.monotonic() < end:
         time.sleep(0.05)
-    assert len(list(logs.glob("*.blf"))) == int(begun)
+    assert len(list(logs.glob("[!.]*.blf"))) == int(begun)
 
 
 def test_a_helper_that_was_killed_is_begun_anew_and_hears_of_the_fault(path, logs, caplog):
@@ -264,9 +264,9 @@ def test_a_helper_that_was_killed_is_begun_anew_and_hears_of_the_fault(path, log
             "the black box's helper ended (-9): it is begun anew"
         ]
         end = time.monotonic() + 20.0
-        while not list(logs.glob("*.blf")) and time.monotonic() < end:
+        while not list(logs.glob("[!.]*.blf")) and time.monotonic() < end:
             time.sleep(0.05)
-        (log,) = logs.glob("*.blf")
+        (log,) = logs.glob("[!.]*.blf")
         box._helper.kill()
         box._helper.wait()
         box.look_after(101.0)
@@ -314,7 +314,7 @@ def test_a_log_that_takes_long_does_not_keep_a_faulted_daemon(path, logs, monkey
     helper.wait()
     helper.stdout.close()
     with BlackBox(path, logs, 10.0):
-        (log,) = logs.glob("*.blf")
+        (log,) = logs.glob("[!.]*.blf")
     assert ids(log) == [0x181], "saved at the next start"
 
 
