@@ -1,10 +1,12 @@
 """Steps of the identification: from measurements to entries of `identified.yaml` and to text."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import msgspec
 import numpy as np
 
+from arrays import Vector
 from daemon.assembly import build_transmission
 from daemon.config import identified as file
 from daemon.config.dynamics import model_of
@@ -26,6 +28,9 @@ from estimator.identification.gap_result import GapResult
 from estimator.identification.limit_cycle import LimitCycle, limit_cycles
 from estimator.identification.log_checks import refuse_implausible
 from estimator.identification.wiring import check_wiring, in_Nm
+
+_LATE_S = 0.001
+"""Lateness of a link encoder beyond which it is told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +147,23 @@ def friction_step(
     if shown.touched:
         notes += (f"{shown.discarded_s:.1f} s discarded: {', '.join(shown.touched)} was touched, "
                   "or met something",)  # fmt: skip
+    notes += late_encoders(c.joint_names, shown.late)
     return Outcome(lines, entries, notes + _doubts(fits), shown)
+
+
+def late_encoders(joints: Sequence[str], late: Vector) -> tuple[str, ...]:
+    """Sentence about link encoders that are later than the motor's (n,) [s], or none."""
+    about = [
+        f"{joint} by {1e3 * by:.1f} ms"
+        for joint, by in zip(joints, late, strict=True)
+        if by > _LATE_S
+    ]
+    if not about:
+        return ()
+    return (
+        f"link encoders are late: {', '.join(about)}. This was taken into account here; for the "
+        "arm at work give `estimator.link_position_delay_ms`, and repeat",
+    )
 
 
 def _doubts(fits: list[FrictionFit]) -> tuple[str, ...]:

@@ -96,8 +96,11 @@ def rows_of_joints(
         rest = resting(rows.theta_dot[:, i])
         clean = weights_of(rows, i, where, motion.cut[:, i], rest)
         joints.append(
-            JointRows(-found.r_nl[:, i], friction[:, i], bodies[:, i], clean, clean * ~spoilt)
-        )
+            JointRows(
+                -found.r_nl[:, i], friction[:, i], bodies[:, i], clean, clean * ~spoilt,
+                late=float(where.late[i]),
+            )
+        )  # fmt: skip
     return joints
 
 

@@ -84,6 +84,8 @@ class Masses:
     """Joints that a person touched"""
     discarded_s: float
     """discarded because of these touches [s]"""
+    late: Vector
+    """How much later each link encoder is than the motor's (n,) [s]; 0 where that does not show"""
 
     @property
     def usable(self) -> bool:
@@ -142,6 +144,7 @@ def identify_masses(
         arm.nominal.size,
         tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0))),
         float(motion.rows.dt @ near(motion.rows, touched)),
+        np.array([one.late for one in joints]),
     )
 
 
@@ -161,7 +164,8 @@ def _reasons(
         [one.left(fit.difference, x) for one, x in zip(joints, fit.friction, strict=True)], axis=1
     )
     weight = np.stack([one.weight for one in joints], axis=1)
-    coulomb, moved = t.engaged_coulomb, play(motion.rows)
+    late = np.array([one.late for one in joints])
+    coulomb, moved = t.engaged_coulomb, play(motion.rows, late)
     pairs = coupled(left, weight, coulomb, motion.rows, t.sign_width, GAIN)
     found: list[Reason] = []
     for i in range(log.n):

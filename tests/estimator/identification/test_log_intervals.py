@@ -5,21 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.identification.log_intervals import Intervals, locate
+from estimator.identification.log_intervals import Intervals, locate, play
 
 ALPHA, COMPLIANCE, PERIOD = 0.004, 0.0022, 0.01  # [rad], [rad/Nm], [s]
 TIME = PERIOD * np.arange(1, 3001)
 
 
-def bent(arm, torque: np.ndarray) -> Intervals:
+def bent(arm, torque: np.ndarray, late: float = 0.0, masses_off: float = 0.0) -> Intervals:
     """Joint 0, whose gear carries torque (N,) [Nm] and meets the border that it pushes at; the
-    others are free of load."""
+    others are free of load. Its link encoder is late [s], its model's masses are off by torque
+    [Nm]."""
     n = arm.transmission.n
     zero = np.zeros((len(TIME), n))
     load, ends = zero.copy(), np.zeros((len(TIME), 5, n))
-    load[:, 0] = torque
+    load[:, 0] = torque + masses_off * np.cos(TIME)
+    ends[:, 0, 0] = np.sin(1.3 * TIME - 1.3 * late)
+    ends[:, 1, 0] = 1.3 * np.cos(1.3 * TIME - 1.3 * late)
     # theta runs ahead of the link by the half-gap, and by what the gear bends.
-    ends[:, 4, 0] = ALPHA * np.sign(torque) + COMPLIANCE * torque
+    ends[:, 4, 0] = np.sin(1.3 * TIME) + ALPHA * np.sign(torque) + COMPLIANCE * torque
     ends[:, 2, 0] = torque / arm.transmission.torque_constant[0]
     return Intervals(
         time_s=TIME, dt=np.full(len(TIME), PERIOD), first=TIME < 1.5 * PERIOD, inertial=load,
@@ -44,3 +47,16 @@ def test_the_middle_of_a_gap_is_where_it_is_however_much_more_one_side_bears(arm
     found = locate(bent(arm, torque), known, arm.configuration.estimator)
     unbent = found.phi[:, 0] + COMPLIANCE * torque
     assert np.abs(unbent) == pytest.approx(np.full(len(TIME), ALPHA), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("late", "masses_off"), [(0.0, 0.0), (0.005, 0.0), (0.0, 1.0), (-0.003, 1.0)]
+)
+def test_neither_a_late_encoder_nor_other_masses_make_a_way_through_the_gap(arm, late, masses_off):
+    torque = 2.0 * np.sin(TIME) + 0.5 * np.sin(2.7 * TIME)
+    known = replace(arm.transmission, half_gap=np.full(arm.transmission.n, ALPHA))
+    rows = bent(arm, torque, late, masses_off)
+    found = locate(rows, known, arm.configuration.estimator)
+    assert found.late[0] == pytest.approx(late, abs=1e-4)
+    assert found.gap[:, 0].mean() < 0.05
+    assert play(rows, found.late)[0] < 2.0 * ALPHA + 0.004

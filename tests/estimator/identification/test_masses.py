@@ -69,16 +69,18 @@ def test_the_residual_is_that_of_exact_masses(subjects, masses) -> None:
     assert (rms({}) / exact).max() > 2.0
 
 
-def test_gravity_is_that_of_the_true_arm_in_poses_that_were_not_seen(subjects, masses) -> None:
+def gravity_off(subjects: Subjects, found: Masses | None = None) -> np.ndarray:
+    """By how much the gravity of bodies, the URDF's or those found, is off (n,) [Nm] in poses that
+    were not seen."""
     names = subjects.c.joint_names
-    found = Model(subjects.robot.urdf, names, {f.joint: f.body for f in masses.fits})
-    true, rng = true_model(subjects), np.random.default_rng(0)
-    poses = rng.uniform(*subjects.limits, (100, len(names)))
+    bodies = {} if found is None else {f.joint: f.body for f in found.fits}
+    model, true = Model(subjects.robot.urdf, names, bodies), true_model(subjects)
+    poses = np.random.default_rng(0).uniform(*subjects.limits, (100, len(names)))
+    return np.abs([model.gravity(q) - true.gravity(q) for q in poses]).max(axis=0)
 
-    def off(model: Model) -> np.ndarray:
-        return np.abs([model.gravity(q) - true.gravity(q) for q in poses]).max(axis=0)
 
-    assert (off(found) < 0.05 * off(subjects.model)).all()
+def test_gravity_is_that_of_the_true_arm_in_poses_that_were_not_seen(subjects, masses) -> None:
+    assert (gravity_off(subjects, masses) < 0.05 * gravity_off(subjects)).all()
 
 
 def test_what_is_shown_says_how_much_better_it_is(masses) -> None:
@@ -119,6 +121,17 @@ def test_a_joint_that_carries_nothing_by_its_urdf_tells_of_no_current(subjects, 
     centred = {last: replace_(body, com=(0.0, body.com[1], 0.0))}
     found = identified(subjects, log, Model(subjects.robot.urdf, subjects.c.joint_names, centred))
     assert MassesVerdict.WRONG_GRAVITY not in verdicts(found)
+
+
+@pytest.mark.parametrize("late_s", [0.003, 0.006])
+def test_link_encoders_that_are_late_make_no_other_masses(subjects, log, late_s) -> None:
+    late = log.time_s - late_s
+    positions = [np.interp(late, log.time_s, q) for q in log.link_position.T]
+    found = identified(subjects, replace(log, link_position=np.stack(positions, axis=1)))
+    shown = found.late[np.abs(found.late) > 1e-4]
+    assert len(shown) >= 3
+    assert shown == pytest.approx(np.full(len(shown), late_s), abs=0.0005)
+    assert (gravity_off(subjects, found) < 0.25 * gravity_off(subjects)).all()
 
 
 def standing(log: MotionLog, joints: list[int]) -> MotionLog:
