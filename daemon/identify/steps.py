@@ -12,7 +12,7 @@ from daemon.config import identified as file
 from daemon.config.dynamics import model_of
 from daemon.config.load import Robot
 from daemon.config.marks import fingerprint, marks
-from daemon.config.schema import AnyStep, Friction, GapSpring
+from daemon.config.schema import AnyStep, Configuration, Friction, GapSpring
 from daemon.identify.measured import Measured
 from daemon.identify.surer import surer
 from daemon.identify.swinging import told
@@ -29,6 +29,8 @@ from estimator.identification.limit_cycle import LimitCycle, limit_cycles
 from estimator.identification.log_checks import refuse_implausible
 from estimator.identification.wiring import check_wiring, in_Nm
 
+_OFFSET = 0.01
+"""Of the largest current, off all the time, that is told."""
 _LATE_S = 0.001
 """Lateness of a link encoder beyond which it is told."""
 
@@ -148,7 +150,24 @@ def friction_step(
         notes += (f"{shown.discarded_s:.1f} s discarded: {', '.join(shown.touched)} was touched, "
                   "or met something",)  # fmt: skip
     notes += late_encoders(c.joint_names, shown.late)
+    notes += offsets(c, np.array([fit.offset for fit in fits]))
     return Outcome(lines, entries, notes + _doubts(fits), shown)
+
+
+def offsets(c: Configuration, offset: Vector) -> tuple[str, ...]:
+    """Sentence about currents that show a torque (n,) [Nm] all the time, or none."""
+    about = [
+        f"{joint.name} by {by / joint.torque_constant:+.2f} A ({by:+.2g} Nm)"
+        for joint, by in zip(c.joints, offset, strict=True)
+        if abs(by) > _OFFSET * joint.torque_constant * joint.wiring.max_current_A
+    ]
+    if not about:
+        return ()
+    return (
+        f"currents are off all the time: {', '.join(about)}, as far as masses are right "
+        "(`contactd identify masses` tells the two apart). Have the drive find the zero of its "
+        "current; the residual is off by as much",
+    )
 
 
 def late_encoders(joints: Sequence[str], late: Vector) -> tuple[str, ...]:

@@ -202,6 +202,7 @@ def _judged(
         r2=solved.r2,
         condition=solved.condition,
         gravity_scale=gravity,
+        offset=solved.offset,
         rotor_doubt=doubt,
         stiction=solved.stiction,
         stiction_error=solved.stiction_error,

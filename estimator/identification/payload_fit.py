@@ -80,8 +80,9 @@ def identify_payload(
     period_s, load = motion.rows.period_s, np.zeros(PARAMETERS)
     arm, before = _bodies(motion.regressor, model, bodies_unsure)
     asked = np.concatenate([of_hand[:, :, :_LINEAR], arm], axis=2)
+    no_offset = np.zeros(log.n, dtype=np.bool_)
     for _ in range(_ROUNDS):
-        joints = rows_of_joints(motion, asked, transmission, settings, touched)
+        joints = rows_of_joints(motion, asked, transmission, settings, touched, no_offset)
         bent = of_hand[:, :, _LINEAR:] @ load[_LINEAR:]
         joints = [replace(one, torque=one.torque - bent[:, i]) for i, one in enumerate(joints)]
         found, information = _solved(joints, whole, period_s, before)

@@ -302,6 +302,17 @@ def test_no_spring_of_a_gear_hides_a_wrong_torque_constant(arm, moved):
         assert fit.gravity_scale == pytest.approx(1.6, rel=0.06), fit
 
 
+def test_a_current_that_is_off_all_the_time_is_told_and_spoils_no_friction(moved, identify, arm):
+    """By 3 % of the range."""
+    log, true = moved.filtered[0], moved.arms[0]
+    off = 0.03 * arm.max_current * (np.arange(7) < 3)
+    fits, _ = identify(replace(log, current=log.current + off), true.half_gap)
+    assert [fit.verdict for fit in fits] == [Verdict.GOOD] * 7, fits
+    assert np.abs(errors(fits, true, "K_theta_s")).max() < 0.10
+    shown = np.array([fit.offset for fit in fits])
+    assert shown == pytest.approx(off * arm.transmission.torque_constant, rel=0.1, abs=0.01)
+
+
 def test_a_rotor_that_comes_out_as_nothing_is_not_taken(moved, identify):
     """Currents that were logged 80 ms late."""
     log, true = moved.filtered[0], moved.arms[0]

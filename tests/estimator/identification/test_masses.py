@@ -134,6 +134,17 @@ def test_link_encoders_that_are_late_make_no_other_masses(subjects, log, late_s)
     assert (gravity_off(subjects, found) < 0.25 * gravity_off(subjects)).all()
 
 
+@pytest.mark.parametrize("share", [0.03, -0.03])
+def test_a_current_that_is_off_all_the_time_is_no_gravity(subjects, log, share) -> None:
+    off = share * subjects.max_current * (np.arange(7) == 1)
+    found = identified(subjects, replace(log, current=log.current + off))
+    assert found.usable
+    expected = off[1] * subjects.c.joints[1].torque_constant
+    assert found.offset[1] == pytest.approx(expected, rel=0.1)
+    assert np.abs(np.delete(found.offset, 1)).max() < 0.1 * abs(expected)
+    assert (gravity_off(subjects, found) < 0.25 * gravity_off(subjects)).all()
+
+
 def standing(log: MotionLog, joints: list[int]) -> MotionLog:
     """The log, in which these joints stood at their first position."""
     changed = {}
