@@ -237,6 +237,11 @@ def test_an_arm_whose_masses_may_be_off_widens_the_errors_by_as_much(
     [
         (lambda log: log, PayloadVerdict.NOTHING, "the hand is empty"),
         (lambda log: standing(log, list(range(7))), PayloadVerdict.NOT_EXCITED, "hardly moved"),
+        (
+            lambda log: standing(log, [0, 1, 3, 4, 5, 6]),
+            PayloadVerdict.NOT_EXCITED,
+            "cannot tell mass and place of a load apart",
+        ),
     ],
 )
 def test_what_shows_no_load_is_refused(subjects, change, verdict, says) -> None:
