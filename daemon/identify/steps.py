@@ -29,6 +29,8 @@ from estimator.identification.limit_cycle import LimitCycle, limit_cycles
 from estimator.identification.log_checks import refuse_implausible
 from estimator.identification.wiring import check_wiring, in_Nm
 
+_SCALE = 0.1
+"""Share by which gravity does not fit, that is told."""
 _OFFSET = 0.01
 """Of the largest current, off all the time, that is told."""
 _LATE_S = 0.001
@@ -150,8 +152,25 @@ def friction_step(
         notes += (f"{shown.discarded_s:.1f} s discarded: {', '.join(shown.touched)} was touched, "
                   "or met something",)  # fmt: skip
     notes += late_encoders(c.joint_names, shown.late)
+    notes += off_scale(fits)
     notes += offsets(c, np.array([fit.offset for fit in fits]))
     return Outcome(lines, entries, notes + _doubts(fits), shown)
+
+
+def off_scale(fits: list[FrictionFit]) -> tuple[str, ...]:
+    """Sentence about good fits by whose gravity torque constants or masses are off, or none."""
+    about = [
+        f"{fit.joint} by {100.0 * (fit.gravity_scale - 1.0):+.0f} %"
+        for fit in fits
+        if fit.verdict is Verdict.GOOD and abs(fit.gravity_scale - 1.0) > _SCALE
+    ]
+    if not about:
+        return ()
+    return (
+        f"torque constants or masses are off: {', '.join(about)}. Friction and rotor are off by as "
+        "much where it is `torque_constant`, and their errors say so: check it by the motor's data "
+        "sheet first, as masses identified with it would hide that",
+    )
 
 
 def offsets(c: Configuration, offset: Vector) -> tuple[str, ...]:

@@ -337,6 +337,22 @@ def test_motors_that_turn_each_others_joints_are_found(moved, identify):
     assert "follows the motion of LWristYaw" in fits[4].reason
 
 
+def test_what_is_stated_holds_with_a_torque_constant_a_quarter_off(moved, arm):
+    """Everything goes with it, and gravity shows that it may be."""
+    log, true = moved.filtered[0], moved.arms[0]
+    wrong = replace(
+        arm.transmission, half_gap=true.half_gap, torque_constant=1.22 * true.torque_constant
+    )
+    settings, most = arm.configuration.estimator, 10.0 * arm.max_current
+    fits, _ = identify_friction(log, arm.model, wrong, settings, most)
+    good = [fit for fit in fits if fit.verdict is Verdict.GOOD and np.isfinite(fit.gravity_scale)]
+    assert len(good) >= 3
+    for fit in good:
+        i = fits.index(fit)
+        off = abs(fit.values["K_theta_s"] - true.coulomb.reshape(2, -1).sum(axis=0)[i])
+        assert off < 1.5 * 1.96 * fit.errors["K_theta_s"], fit
+
+
 def test_what_is_stated_holds_with_wrong_masses_and_torque_constants(fitted, moved):
     """Every truth lies within one and a half of its interval of 95 %."""
     for (fits, _), true in zip(fitted, moved.arms, strict=True):
