@@ -15,7 +15,7 @@ from daemon.config.motion import row
 from daemon.config.schema import Configuration
 from daemon.config.worst_loads import Carrying
 from daemon.identify.measured import Measured
-from daemon.identify.steps import Line, Outcome
+from daemon.identify.steps import Line, Outcome, late_encoders, offsets
 from daemon.identify.swinging import told
 from errors import ConfigurationError
 from estimator.body_inertia import BodyInertia
@@ -64,6 +64,8 @@ def masses_step(
         )
         for fit, before in zip(found.fits, nominal, strict=True)
     ]
+    notes = measured.notes + late_encoders(c.joint_names, found.late) + offsets(c, found.offset)
+    notes += _masses_notes(found)
     entries: dict[str, file.Entry] = {}
     if found.usable:
         entries = {
@@ -77,7 +79,7 @@ def masses_step(
             for fit in found.fits
             if fit.body is not None
         }
-    return Outcome(lines, entries, measured.notes + _masses_notes(found))
+    return Outcome(lines, entries, notes)
 
 
 def _standing(fits: list[MassesFit], measured: Measured, c: Configuration) -> list[MassesFit]:

@@ -1,16 +1,18 @@
 """Steps of the identification: from measurements to entries of `identified.yaml` and to text."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import msgspec
 import numpy as np
 
+from arrays import Vector
 from daemon.assembly import build_transmission
 from daemon.config import identified as file
 from daemon.config.dynamics import model_of
 from daemon.config.load import Robot
 from daemon.config.marks import fingerprint, marks
-from daemon.config.schema import AnyStep, Friction, GapSpring
+from daemon.config.schema import AnyStep, Configuration, Friction, GapSpring
 from daemon.identify.measured import Measured
 from daemon.identify.surer import surer
 from daemon.identify.swinging import told
@@ -26,6 +28,13 @@ from estimator.identification.gap_result import GapResult
 from estimator.identification.limit_cycle import LimitCycle, limit_cycles
 from estimator.identification.log_checks import refuse_implausible
 from estimator.identification.wiring import check_wiring, in_Nm
+
+_SCALE = 0.1
+"""Share by which gravity does not fit, that is told."""
+_OFFSET = 0.01
+"""Of the largest current, off all the time, that is told."""
+_LATE_S = 0.001
+"""Lateness of a link encoder beyond which it is told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +154,57 @@ def friction_step(
     if shown.touched:
         notes += (f"{shown.discarded_s:.1f} s discarded: {', '.join(shown.touched)} was touched, "
                   "or met something",)  # fmt: skip
+    notes += late_encoders(c.joint_names, shown.late)
+    notes += off_scale(fits)
+    notes += offsets(c, np.array([fit.offset for fit in fits]))
     return Outcome(lines, entries, notes + _doubts(fits), shown)
+
+
+def off_scale(fits: list[FrictionFit]) -> tuple[str, ...]:
+    """Sentence about good fits by whose gravity torque constants or masses are off, or none."""
+    about = [
+        f"{fit.joint} by {100.0 * (fit.gravity_scale - 1.0):+.0f} %"
+        for fit in fits
+        if fit.verdict is Verdict.GOOD and abs(fit.gravity_scale - 1.0) > _SCALE
+    ]
+    if not about:
+        return ()
+    return (
+        f"torque constants or masses are off: {', '.join(about)}. Friction and rotor are off by as "
+        "much where it is `torque_constant`, and their errors say so: check it by the motor's data "
+        "sheet first, as masses identified with it would hide that",
+    )
+
+
+def offsets(c: Configuration, offset: Vector) -> tuple[str, ...]:
+    """Sentence about currents that show a torque (n,) [Nm] all the time, or none."""
+    about = [
+        f"{joint.name} by {by / joint.torque_constant:+.2f} A ({by:+.2g} Nm)"
+        for joint, by in zip(c.joints, offset, strict=True)
+        if abs(by) > _OFFSET * joint.torque_constant * joint.wiring.max_current_A
+    ]
+    if not about:
+        return ()
+    return (
+        f"currents are off all the time: {', '.join(about)}, as far as masses are right "
+        "(`contactd identify masses` tells the two apart). Have the drive find the zero of its "
+        "current; the residual is off by as much",
+    )
+
+
+def late_encoders(joints: Sequence[str], late: Vector) -> tuple[str, ...]:
+    """Sentence about link encoders that are later than the motor's (n,) [s], or none."""
+    about = [
+        f"{joint} by {1e3 * by:.1f} ms"
+        for joint, by in zip(joints, late, strict=True)
+        if by > _LATE_S
+    ]
+    if not about:
+        return ()
+    return (
+        f"link encoders are late: {', '.join(about)}. This was taken into account here; for the "
+        "arm at work give `estimator.link_position_delay_ms`, and repeat",
+    )
 
 
 def _doubts(fits: list[FrictionFit]) -> tuple[str, ...]:

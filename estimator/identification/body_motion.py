@@ -31,6 +31,9 @@ from estimator.model import Model
 from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, resting
 
+OFFSET = 5
+"""Column of `JointRows.friction` that a current adds which is off all the time."""
+
 
 @dataclass(frozen=True, slots=True)
 class BodyMotion:
@@ -82,22 +85,29 @@ def rows_of_joints(
     t: Transmission,
     settings: EstimatorSettings,
     touched: Mask,
+    offset: Mask,
 ) -> list[JointRows]:
     """Rows of each joint, for parameters whose torques are bodies (N, n, p); with the friction of
-    `t` to see the gap by, and without what is near what was `touched` (N, n)."""
+    `t` to see the gap by, and without what is near what was `touched` (N, n). Joints of `offset`
+    (n,) may have a current that is off all the time."""
     rows = motion.rows
     where = locate(rows, t, settings)
     found = regression(rows, t, where, motion.sticking)
     spoilt = near(rows, touched)
-    # Friction, rotor, the link's friction in the gap, and what is held after a reversal.
-    friction = -np.concatenate([found.columns[:, :, :5], found.nuisance[:, :, 2:]], axis=2)
+    # Friction, rotor, the link's friction in the gap, an offset of the current, and what is held
+    # after a reversal.
+    beside = found.nuisance[:, :, 1:] * np.stack([offset, np.ones_like(offset)], axis=1)
+    friction = -np.concatenate([found.columns[:, :, :5], beside], axis=2)
     joints = []
     for i in range(len(t.joints)):
         rest = resting(rows.theta_dot[:, i])
         clean = weights_of(rows, i, where, motion.cut[:, i], rest)
         joints.append(
-            JointRows(-found.r_nl[:, i], friction[:, i], bodies[:, i], clean, clean * ~spoilt)
-        )
+            JointRows(
+                -found.r_nl[:, i], friction[:, i], bodies[:, i], clean, clean * ~spoilt,
+                late=float(where.late[i]),
+            )
+        )  # fmt: skip
     return joints
 
 

@@ -39,6 +39,8 @@ class JointRows:
     """(N,) 0 to 1, how much each row counts, touches aside"""
     weight: Vector
     """(N,) the same without what is near a touch"""
+    late: float = 0.0
+    """How much later its link encoder is than the motor's [s]; 0 where that does not show"""
 
     def left(self, d: Vector, x: Vector) -> Vector:
         """(N,) [Nm] that is not explained."""

@@ -76,6 +76,8 @@ class Reconstruction:
     """Joints that a person touched"""
     discarded_s: float
     """discarded because of these touches [s]"""
+    late: Vector
+    """How much later each link encoder is than the motor's (n,) [s]; 0 where that does not show"""
 
 
 def identify_friction(
@@ -100,7 +102,7 @@ def identify_friction(
         )
     rows = intervals(log, model, settings)
     cut: Mask = np.abs(rows.current) > 0.98 * max_current
-    touched, moved = np.zeros_like(cut), play(rows).tolist()
+    touched = np.zeros_like(cut)
     sticking, unknown = held(rows, transmission.sign_width)
     # Each round sees the gap with the friction of the one before, and what the one before could not
     # explain.
@@ -112,6 +114,7 @@ def identify_friction(
             solve_joint(i, found, rows, alpha[i], where, cut, spoilt, unknown) for i in range(log.n)
         ]
         touched = np.stack([one.touched for one in solved], axis=1)
+        moved = play(rows, where.late).tolist()
         fits = [
             _judged(log.joints[i], i, one, rows, transmission, cut, moved[i], settings)
             for i, one in enumerate(solved)
@@ -127,7 +130,9 @@ def identify_friction(
     shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
     by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
     discarded_s = float(rows.dt @ near(rows, touched))
-    return fits, Reconstruction(rows.time_s, found.r_nl, shown, where.phi, by_hand, discarded_s)
+    return fits, Reconstruction(
+        rows.time_s, found.r_nl, shown, where.phi, by_hand, discarded_s, where.late
+    )
 
 
 def _uncoupled(
@@ -197,6 +202,7 @@ def _judged(
         r2=solved.r2,
         condition=solved.condition,
         gravity_scale=gravity,
+        offset=solved.offset,
         rotor_doubt=doubt,
         stiction=solved.stiction,
         stiction_error=solved.stiction_error,

@@ -15,7 +15,7 @@ from estimator.identification.regression import COLUMNS, GAIN, Regression, Solut
 _BY_URDF, _IDENTIFIED = 0.03, 0.01
 """Least shares by which masses are believed to be off."""
 _CONSTANT_OFF = 0.015
-"""By which a torque constant is believed to be."""
+"""By which a torque constant is believed to be off at least."""
 _NEAR_REST = 0.002
 """Of Coulomb friction, by which it may seem to depend on speed: near rest it is not quite so."""
 
@@ -28,10 +28,10 @@ def with_what_is_believed(
     *,
     weighed: bool,
 ) -> list[FrictionFit]:
-    """Fits whose errors also bear what a log cannot tell: the torque constant's own error; the
-    model's inertial torque, which comes out as rotor and friction, off by as much as gravity is,
-    or by what masses of a URDF, or those that were `weighed`, are off at least; and Coulomb
-    friction that is taken for viscous."""
+    """Fits whose errors also bear what a log cannot tell: the torque constant's own error, which is
+    what gravity shows, as masses may be right; the model's inertial torque, which comes out as
+    rotor and friction, off by as much as gravity is, or by what masses of a URDF, or those that
+    were `weighed`, are off at least; and Coulomb friction that is taken for viscous."""
     scales = np.array([fit.gravity_scale for fit in fits])
     shown = scales[np.isfinite(scales)]
     least = _IDENTIFIED if weighed else _BY_URDF
@@ -43,9 +43,10 @@ def with_what_is_believed(
         weighted = one.weight[:, None] * columns
         bias = np.linalg.lstsq(weighted, one.weight * inertial[:, i], rcond=None)[0]
         errors = dict(fit.errors)
+        constant_off = max(_CONSTANT_OFF, _shown_off(fit.gravity_scale))
         for k, name in enumerate(COLUMNS[:3]):
             if name in errors:
-                parts = (errors[name], off * bias[k], _CONSTANT_OFF * fit.values[name])
+                parts = (errors[name], off * bias[k], constant_off * fit.values[name])
                 errors[name] = float(np.linalg.norm(parts))
         if "K_theta_v" in errors:
             speed = max(float(np.sqrt(np.square(rows.theta_dot[:, i]).mean())), 1e-9)
@@ -53,3 +54,8 @@ def with_what_is_believed(
             errors["K_theta_v"] = float(np.hypot(errors["K_theta_v"], near_rest))
         new.append(replace(fit, errors=errors))
     return new
+
+
+def _shown_off(gravity_scale: float) -> float:
+    """Share by which gravity shows a torque constant to be off, unless it is masses."""
+    return abs(gravity_scale - 1.0) if np.isfinite(gravity_scale) else 0.0

@@ -40,6 +40,8 @@ class FrictionFit:
     gravity_scale: float
     """Gravity that the motor carries, by K_c, over the model's: 1 where they agree; NaN where
     gravity hardly changes."""
+    offset: float
+    """Torque [Nm] that the current shows all the time, and nothing takes."""
     rotor_doubt: str
     """Reason why B is not that of the rotor, and what to do; empty where it is."""
     stiction: float

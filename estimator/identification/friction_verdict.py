@@ -98,5 +98,5 @@ def wider(moved: float, half_gap: float) -> str:
     return (
         f"in this motion link and rotor moved by {1e3 * moved:.3g} mrad against each other; a "
         f"half-gap of {1e3 * half_gap:.3g} mrad lets them move by {2e3 * half_gap:.3g}: identify "
-        "the gap again"
+        "the gap again, which also tells whether the link encoder is late"
     )

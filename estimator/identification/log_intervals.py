@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 
 from arrays import Matrix, Vector
 from errors import LogError
+from estimator.identification.borders import borders
 from estimator.identification.motion_log import PAUSE_S, SHORTEST, MotionLog
 from estimator.link_velocity import SAMPLES, Alignment
 from estimator.model import Model
@@ -143,16 +144,18 @@ class Located:
     """It may have carried, or not"""
     phi: Matrix
     """At the end [rad]"""
+    late: Vector
+    """How much later each link encoder is than the motor's (n,) [s]; 0 where that does not show"""
 
 
-def play(rows: Intervals) -> Vector:
+def play(rows: Intervals, late: Vector) -> Vector:
     """Motion (n,) [rad] of link and rotor against each other within a few seconds, as it usually
-    is: both borders of the gap, and what encoders add. What the gear bends, in proportion to the
-    torque that moves and holds the link, is no play; nor is it where a gap goes along with that,
-    which jumps as the torque changes sign."""
+    is: both borders of the gap, and what encoders add beside being late (n,) [s]. What the gear
+    bends, in proportion to the torque that moves and holds the link, is no play; nor is it where a
+    gap goes along with that, which jumps as the torque changes sign."""
     theta = rows.ends[:, 4] if rows.measured else np.cumsum(rows.advance, axis=0)
     parts = _windows(rows)
-    apart = _unbent(rows.ends[:, 0] - theta, rows.inertial, parts)
+    apart = _unbent(rows.ends[:, 0] - theta + late * rows.ends[:, 1], rows.inertial, parts)
     spans = [np.ptp(np.percentile(apart[part], [2.0, 98.0], axis=0), axis=0) for part in parts]
     return np.asarray(np.percentile(spans, 75.0, axis=0))
 
@@ -196,25 +199,36 @@ def locate(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> Loc
     """Gap state of each interval, by phi itself where theta is measured and phi met both borders.
     Elsewhere by the estimator's own judgement (`MotorPosition`) with the friction and rotor of `t`;
     it may take long to find the middle of the gap of a joint that carries little."""
-    gap, phi = _judged(rows, t, settings)
+    gap, phi, torque = _judged(rows, t, settings)
+    late = np.zeros(t.n)
     unclear = ~gap & (np.abs(phi) < 0.85 * t.half_gap)
     if rows.measured:
         # Whatever the encoders' zeros are, the middle of the gap lies between the borders: what is
-        # beyond them is bent, and more so on the side that carries more.
+        # beyond them is bent, and more so on the side that carries more. By the motor's torque, as
+        # the model's may be that of other masses.
         apart = rows.ends[:, 0] - rows.ends[:, 4]
-        low, high = np.percentile(_unbent(apart, rows.inertial, [_ALL]), [1.0, 99.0], axis=0)
-        both = (high - low > _BOTH[0] * t.half_gap) & (high - low < _BOTH[1] * t.half_gap)
-        for i in np.flatnonzero(both):
-            phi[:, i] = apart[:, i] - 0.5 * (low[i] + high[i])
-            alpha = min(float(t.half_gap[i]), 0.5 * float(high[i] - low[i]))
+        low, high = np.percentile(_unbent(apart, torque, [_ALL]), [1.0, 99.0], axis=0)
+        for i in range(t.n):
+            alpha = float(t.half_gap[i])
+            middle = 0.5 * float(low[i] + high[i])
+            if found := borders(apart[:, i], torque[:, i], rows.ends[:, 1, i], alpha):
+                middle, alpha, late[i] = found.middle, min(alpha, found.half_gap), found.late_s
+            elif _BOTH[0] * alpha < high[i] - low[i] < _BOTH[1] * alpha:
+                alpha = min(alpha, 0.5 * float(high[i] - low[i]))
+            else:
+                continue
+            phi[:, i] = apart[:, i] + late[i] * rows.ends[:, 1, i] - middle
             free = np.abs(phi[:, i]) < alpha - max(0.05 * alpha, 0.0005)
             before = np.concatenate([[False], free[:-1]]) & ~rows.first
             gap[:, i], unclear[:, i] = free & before, free ^ before
-    return Located(gap, unclear, phi)
+    return Located(gap, unclear, phi, late)
 
 
-def _judged(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> tuple[Mask, Matrix]:
-    """Gap state and phi by the motor position that the estimator would have followed."""
+def _judged(
+    rows: Intervals, t: Transmission, settings: EstimatorSettings
+) -> tuple[Mask, Matrix, Matrix]:
+    """Gap state and phi by the motor position that the estimator would have followed, and torque
+    [Nm] that the motor passes on to the gear."""
     position = MotorPosition(t, settings.gap, rows.measured)
     engaged, theta = np.empty(rows.q.shape, dtype=np.bool_), np.empty_like(rows.q)
     rub = coulomb_viscous(t.motor_coulomb, t.motor_viscous, rows.theta_dot, t.sign_width)
@@ -229,7 +243,7 @@ def _judged(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> tu
                 position.start(i, q[k, i])
             engaged[k, i] = position.step(i, rows.dt[k], *moved[i])
         theta[k] = position.theta
-    return ~engaged, q - theta
+    return ~engaged, q - theta, transmitted
 
 
 def around(rows: Intervals, marked: Mask, seconds: float) -> Mask:

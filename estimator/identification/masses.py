@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from arrays import Matrix, Vector
 from estimator.body_inertia import BodyInertia
 from estimator.identification.body_motion import (
+    OFFSET,
     BodyMotion,
     body_motion,
     rows_of_joints,
@@ -22,7 +23,7 @@ from estimator.identification.body_motion import (
 from estimator.identification.body_rows import BodiesFit, JointRows, fitted, unbent, without_bodies
 from estimator.identification.coupling import coupled
 from estimator.identification.friction_verdict import saturated, unexcited, wider
-from estimator.identification.log_intervals import play
+from estimator.identification.log_intervals import Mask, play
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.possible_bodies import possible, prior
 from estimator.identification.regression import GAIN, HELD_OUT
@@ -84,6 +85,10 @@ class Masses:
     """Joints that a person touched"""
     discarded_s: float
     """discarded because of these touches [s]"""
+    late: Vector
+    """How much later each link encoder is than the motor's (n,) [s]; 0 where that does not show"""
+    offset: Vector
+    """Torque (n,) [Nm] that the current shows all the time, and nothing takes; 0 of none"""
 
     @property
     def usable(self) -> bool:
@@ -124,24 +129,42 @@ def identify_masses(
     arm = _Arm(np.array([possible(row) for row in by_urdf[massive]]), massive, *limits)
     bodies = motion.regressor[:, :, massive].reshape(len(motion.rows.dt), log.n, -1)
     made_possible = bodies @ (arm.nominal - by_urdf[massive]).ravel()
-    whole, touched = np.ones(len(bodies), dtype=np.bool_), np.zeros_like(motion.cut)
-    # Each round sees the gap with the friction of the one before, and what it could not explain.
-    for _ in range(_ROUNDS):
-        joints = rows_of_joints(motion, bodies, transmission, settings, touched)
-        joints = [
-            replace(one, torque=one.torque - made_possible[:, i]) for i, one in enumerate(joints)
-        ]
-        fit = fitted(joints, whole, arm.nominal, motion.rows.period_s)
-        touched = motion.touched(joints, *unbent(joints, whole, arm.nominal, motion.rows.period_s))
-        transmission = with_friction(transmission, fit.friction)
+    whole, period_s = np.ones(len(bodies), dtype=np.bool_), motion.rows.period_s
+
+    def rounds(offset: Mask) -> tuple[list[JointRows], BodiesFit, Mask, Transmission]:
+        """Rows and fit; each round sees the gap with the friction of the one before, and what it
+        could not explain."""
+        t, touched = transmission, np.zeros_like(motion.cut)
+        for _ in range(_ROUNDS):
+            joints = rows_of_joints(motion, bodies, t, settings, touched, offset)
+            joints = [
+                replace(one, torque=one.torque - made_possible[:, i])
+                for i, one in enumerate(joints)
+            ]
+            fit = fitted(joints, whole, arm.nominal, period_s)
+            touched = motion.touched(joints, *unbent(joints, whole, arm.nominal, period_s))
+            t = with_friction(t, fit.friction)
+        return joints, fit, touched, t
+
+    # A current that is off all the time looks like gravity, and the other way round: only motion
+    # that was not fitted tells them apart.
+    none, every = np.zeros(log.n, dtype=np.bool_), np.ones(log.n, dtype=np.bool_)
+    joints, fit, touched, known = rounds(none)
+    left = _rms(_held_out(joints, arm.nominal, period_s)[1])
+    with_offset = _rms(_held_out(rounds(every)[0], arm.nominal, period_s)[1])
+    offset = with_offset < _WORTH * left
+    if offset.any():
+        joints, fit, touched, known = rounds(offset)
     gravity = _gravity(model, arm, fit)
-    reasons = _reasons(log, motion, joints, fit, transmission, gravity)
+    reasons = _reasons(log, motion, joints, fit, known, gravity)
     return Masses(
-        _judged(log.joints, joints, arm, motion.rows.period_s, fit, reasons),
+        _judged(log.joints, joints, arm, period_s, fit, reasons),
         _told(arm.nominal, fit),
         arm.nominal.size,
         tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0))),
         float(motion.rows.dt @ near(motion.rows, touched)),
+        np.array([one.late for one in joints]),
+        np.array([x[OFFSET] for x in fit.friction]),
     )
 
 
@@ -161,7 +184,8 @@ def _reasons(
         [one.left(fit.difference, x) for one, x in zip(joints, fit.friction, strict=True)], axis=1
     )
     weight = np.stack([one.weight for one in joints], axis=1)
-    coulomb, moved = t.engaged_coulomb, play(motion.rows)
+    late = np.array([one.late for one in joints])
+    coulomb, moved = t.engaged_coulomb, play(motion.rows, late)
     pairs = coupled(left, weight, coulomb, motion.rows, t.sign_width, GAIN)
     found: list[Reason] = []
     for i in range(log.n):

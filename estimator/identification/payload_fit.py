@@ -15,7 +15,7 @@ from arrays import Matrix, Vector
 from estimator.body_inertia import PARAMETERS, point_mass
 from estimator.identification.body_motion import body_motion, rows_of_joints, with_friction
 from estimator.identification.body_rows import REWEIGHTED, JointRows, Normal, summed
-from estimator.identification.friction_verdict import saturated
+from estimator.identification.friction_verdict import saturated, unexcited
 from estimator.identification.log_intervals import Mask
 from estimator.identification.motion_log import MotionLog
 from estimator.identification.possible_bodies import USUAL, possible, prior
@@ -33,6 +33,11 @@ _SIGNIFICANT = 4.0  # standard errors that a mass is from nothing
 _MASS_SHARE = 0.1
 _MASS_KG = 0.005
 _PLACE_M = 0.03
+_STOOD = "the joints hardly moved: a hand that turns and is led about shows its load"
+_HIDDEN = (
+    "the joints that moved cannot tell mass and place of a load apart: where others can turn the "
+    "hand, let them (`limits`); else weigh it, and tell it by `contactctl payload KG --com X Y Z`"
+)
 
 
 class PayloadVerdict(StrEnum):
@@ -80,8 +85,9 @@ def identify_payload(
     period_s, load = motion.rows.period_s, np.zeros(PARAMETERS)
     arm, before = _bodies(motion.regressor, model, bodies_unsure)
     asked = np.concatenate([of_hand[:, :, :_LINEAR], arm], axis=2)
+    no_offset = np.zeros(log.n, dtype=np.bool_)
     for _ in range(_ROUNDS):
-        joints = rows_of_joints(motion, asked, transmission, settings, touched)
+        joints = rows_of_joints(motion, asked, transmission, settings, touched, no_offset)
         bent = of_hand[:, :, _LINEAR:] @ load[_LINEAR:]
         joints = [replace(one, torque=one.torque - bent[:, i]) for i, one in enumerate(joints)]
         found, information = _solved(joints, whole, period_s, before)
@@ -103,8 +109,8 @@ def identify_payload(
         about = f"{log.joints[worst]}: {about}. A load that its motor does not hold shows nothing"
         return replace(none, verdict=PayloadVerdict.SATURATED, reason=about)
     if found is None:
-        return replace(none, reason="the joints hardly moved: a hand that turns and is led about "
-                       "shows its load")  # fmt: skip
+        still = all(unexcited(theta_dot) for theta_dot in motion.rows.theta_dot.T)
+        return replace(none, reason=_STOOD if still else _HIDDEN)
     mass_error, com_error = _errors(joints, information, found, period_s, before)
     com = model.in_hand(found[1:_LINEAR] / found[0])
     fit = replace(

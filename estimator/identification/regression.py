@@ -36,6 +36,7 @@ COLUMNS = (
     *("K_phi_p", "K_phi_d"),
 )
 _ENGAGED, _LINK, _RELATIVE, _SPRING = slice(0, 3), slice(3, 5), slice(5, 7), slice(7, 9)
+_OFFSET = 1  # of the nuisance
 _WORTH = 0.005  # of R2 on held-out motion, for which a doubtful pair of columns is taken in
 _APART = 10.0  # condition number up to which the gap separates the two link frictions
 _REWEIGHTED = 20
@@ -64,6 +65,8 @@ class Solution:
     """Condition number of the three columns that count while engaged"""
     gravity: float
     """What the motor carries of the model's gravity, by the torque constant: 1 where they agree"""
+    offset: float
+    """Torque [Nm] that the current shows all the time, and nothing takes"""
     touched: Mask
     """(N,) True where something else than friction acted"""
     stiction: float
@@ -99,9 +102,7 @@ def regression(
         *(penetration(phi, t.half_gap) * together, phi_dot * together),
     ]
     r_nl = rows.inertial - t.torque_constant * rows.current * together
-    nuisance = np.stack(
-        [rows.gravity * together, np.ones_like(rows.gravity), -held * together], axis=2
-    )
+    nuisance = np.stack([rows.gravity * together, -together, -held * together], axis=2)
     return Regression(
         low_pass(r_nl, rows, gain),
         low_pass(np.stack(columns, axis=2), rows, gain),
@@ -142,7 +143,7 @@ def solve_joint(
         candidates.append(_SPRING)
     r2 = _held_out(A, N, y, weight, used, train)
     # A gear bends by what gravity is: its spring would take the place of a wrong torque constant.
-    _, share = _lsq(A, N, y, weight, used)
+    _, beside = _lsq(A, N, y, weight, used)
     for pair in candidates:
         more = used.copy()
         more[pair] = True
@@ -161,8 +162,8 @@ def solve_joint(
     )
     return Solution(
         coefficients=coefficients, errors=errors, r2=r2, condition=condition,
-        gravity=1.0 - float(share[0]), touched=touched, stiction=stiction,
-        stiction_error=stiction_error, left=left, weight=weight,
+        gravity=1.0 - float(beside[0]), offset=float(beside[_OFFSET]), touched=touched,
+        stiction=stiction, stiction_error=stiction_error, left=left, weight=weight,
     )  # fmt: skip
 
 
@@ -215,13 +216,15 @@ def _unexplained(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) ->
 
 
 def _held_out(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train: Mask) -> float:
-    """R2 of the friction alone, (14), on rows that were not fitted."""
+    """R2 of the friction alone, (14), on rows that were not fitted; an offset of the current is no
+    fault of it."""
     w2, rest = np.square(weight[~train]), y[~train]
     if w2.sum() < 10.0 or weight[train].sum() < 10.0:
         return float("-inf")
-    solution, _ = _lsq(A[train], N[train], y[train], weight[train], used)
+    solution, nuisance = _lsq(A[train], N[train], y[train], weight[train], used)
+    explained = A[~train] @ solution + N[~train, _OFFSET] * nuisance[_OFFSET]
     spread = float((w2 * np.square(rest - np.average(rest, weights=w2))).sum())
-    missed = float((w2 * np.square(rest - A[~train] @ solution)).sum())
+    missed = float((w2 * np.square(rest - explained)).sum())
     return 1.0 - missed / spread if spread > 0.0 else float("-inf")
 
 

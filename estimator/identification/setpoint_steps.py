@@ -22,6 +22,7 @@ _WIDER = 2.0  # times what is seen to be missed may be: the loop's own noise hid
 # Share of B, and standard errors of it, that show a step in one joint and, in a third of several,
 # in all; and that show, in half of several, a setpoint that acts just before the sample.
 _ALONE, _TOGETHER, _LATE = (0.05, 3.0), (0.04, 2.0), (0.05, 3.0)
+_FEW = 3  # joints, of which one is a third
 _B = COLUMNS.index("B")
 
 NO_SETPOINTS = (
@@ -64,7 +65,7 @@ def missed(found: Regression, solved: Sequence[Solution], rows: Intervals) -> tu
 
 def stepping(more: Vector, error: Vector) -> Mask:
     """Joints (n,) whose drives step, by shares and errors of `missed`: all of them where several
-    do, as an arm's drives are mostly of one make."""
+    do, or one of few, as an arm's drives are mostly of one make."""
     known = np.count_nonzero(np.isfinite(error))
 
     def beyond(bound: tuple[float, float], more: Vector = more) -> Mask:
@@ -72,12 +73,14 @@ def stepping(more: Vector, error: Vector) -> Mask:
 
     several = np.count_nonzero(beyond(_TOGETHER)) >= max(2, known / 3)
     late = np.count_nonzero(beyond(_LATE, -more)) >= max(2, known / 2)
-    return beyond(_ALONE) | several | late
+    alone = beyond(_ALONE)
+    return alone | several | late | (known <= _FEW and bool(alone.any()))
 
 
 def hidden(more: Vector, error: Vector) -> Vector:
     """Standard error of each B (n,), as a share of it, by what setpoints may hide from its fit: by
-    what it shows itself, or two other joints do, as an arm's drives are mostly of one make."""
+    what it shows itself, or two other joints do, or another one of few, as an arm's drives are
+    mostly of one make."""
     shown = np.maximum(more, 0.0)
-    second = float(np.sort(shown)[-2]) if len(shown) > 1 else 0.0
-    return np.hypot(_WIDER * np.maximum(shown, second), error)
+    common = float(np.sort(shown)[-1 if len(shown) <= _FEW else -2])
+    return np.hypot(_WIDER * np.maximum(shown, common), error)

@@ -302,6 +302,17 @@ def test_no_spring_of_a_gear_hides_a_wrong_torque_constant(arm, moved):
         assert fit.gravity_scale == pytest.approx(1.6, rel=0.06), fit
 
 
+def test_a_current_that_is_off_all_the_time_is_told_and_spoils_no_friction(moved, identify, arm):
+    """By 3 % of the range."""
+    log, true = moved.filtered[0], moved.arms[0]
+    off = 0.03 * arm.max_current * (np.arange(7) < 3)
+    fits, _ = identify(replace(log, current=log.current + off), true.half_gap)
+    assert [fit.verdict for fit in fits] == [Verdict.GOOD] * 7, fits
+    assert np.abs(errors(fits, true, "K_theta_s")).max() < 0.10
+    shown = np.array([fit.offset for fit in fits])
+    assert shown == pytest.approx(off * arm.transmission.torque_constant, rel=0.1, abs=0.01)
+
+
 def test_a_rotor_that_comes_out_as_nothing_is_not_taken(moved, identify):
     """Currents that were logged 80 ms late."""
     log, true = moved.filtered[0], moved.arms[0]
@@ -324,6 +335,22 @@ def test_motors_that_turn_each_others_joints_are_found(moved, identify):
     assert [fit.verdict for fit in fits[:4]] == [Verdict.GOOD] * 4
     assert [fit.verdict for fit in fits[4:6]] == [Verdict.COUPLED] * 2
     assert "follows the motion of LWristYaw" in fits[4].reason
+
+
+def test_what_is_stated_holds_with_a_torque_constant_a_quarter_off(moved, arm):
+    """Everything goes with it, and gravity shows that it may be."""
+    log, true = moved.filtered[0], moved.arms[0]
+    wrong = replace(
+        arm.transmission, half_gap=true.half_gap, torque_constant=1.22 * true.torque_constant
+    )
+    settings, most = arm.configuration.estimator, 10.0 * arm.max_current
+    fits, _ = identify_friction(log, arm.model, wrong, settings, most)
+    good = [fit for fit in fits if fit.verdict is Verdict.GOOD and np.isfinite(fit.gravity_scale)]
+    assert len(good) >= 3
+    for fit in good:
+        i = fits.index(fit)
+        off = abs(fit.values["K_theta_s"] - true.coulomb.reshape(2, -1).sum(axis=0)[i])
+        assert off < 1.5 * 1.96 * fit.errors["K_theta_s"], fit
 
 
 def test_what_is_stated_holds_with_wrong_masses_and_torque_constants(fitted, moved):

@@ -69,16 +69,18 @@ def test_the_residual_is_that_of_exact_masses(subjects, masses) -> None:
     assert (rms({}) / exact).max() > 2.0
 
 
-def test_gravity_is_that_of_the_true_arm_in_poses_that_were_not_seen(subjects, masses) -> None:
+def gravity_off(subjects: Subjects, found: Masses | None = None) -> np.ndarray:
+    """By how much the gravity of bodies, the URDF's or those found, is off (n,) [Nm] in poses that
+    were not seen."""
     names = subjects.c.joint_names
-    found = Model(subjects.robot.urdf, names, {f.joint: f.body for f in masses.fits})
-    true, rng = true_model(subjects), np.random.default_rng(0)
-    poses = rng.uniform(*subjects.limits, (100, len(names)))
+    bodies = {} if found is None else {f.joint: f.body for f in found.fits}
+    model, true = Model(subjects.robot.urdf, names, bodies), true_model(subjects)
+    poses = np.random.default_rng(0).uniform(*subjects.limits, (100, len(names)))
+    return np.abs([model.gravity(q) - true.gravity(q) for q in poses]).max(axis=0)
 
-    def off(model: Model) -> np.ndarray:
-        return np.abs([model.gravity(q) - true.gravity(q) for q in poses]).max(axis=0)
 
-    assert (off(found) < 0.05 * off(subjects.model)).all()
+def test_gravity_is_that_of_the_true_arm_in_poses_that_were_not_seen(subjects, masses) -> None:
+    assert (gravity_off(subjects, masses) < 0.05 * gravity_off(subjects)).all()
 
 
 def test_what_is_shown_says_how_much_better_it_is(masses) -> None:
@@ -119,6 +121,28 @@ def test_a_joint_that_carries_nothing_by_its_urdf_tells_of_no_current(subjects, 
     centred = {last: replace_(body, com=(0.0, body.com[1], 0.0))}
     found = identified(subjects, log, Model(subjects.robot.urdf, subjects.c.joint_names, centred))
     assert MassesVerdict.WRONG_GRAVITY not in verdicts(found)
+
+
+@pytest.mark.parametrize("late_s", [0.003, 0.006])
+def test_link_encoders_that_are_late_make_no_other_masses(subjects, log, late_s) -> None:
+    late = log.time_s - late_s
+    positions = [np.interp(late, log.time_s, q) for q in log.link_position.T]
+    found = identified(subjects, replace(log, link_position=np.stack(positions, axis=1)))
+    shown = found.late[np.abs(found.late) > 1e-4]
+    assert len(shown) >= 3
+    assert shown == pytest.approx(np.full(len(shown), late_s), abs=0.0005)
+    assert (gravity_off(subjects, found) < 0.25 * gravity_off(subjects)).all()
+
+
+@pytest.mark.parametrize("share", [0.03, -0.03])
+def test_a_current_that_is_off_all_the_time_is_no_gravity(subjects, log, share) -> None:
+    off = share * subjects.max_current * (np.arange(7) == 1)
+    found = identified(subjects, replace(log, current=log.current + off))
+    assert found.usable
+    expected = off[1] * subjects.c.joints[1].torque_constant
+    assert found.offset[1] == pytest.approx(expected, rel=0.1)
+    assert np.abs(np.delete(found.offset, 1)).max() < 0.1 * abs(expected)
+    assert (gravity_off(subjects, found) < 0.25 * gravity_off(subjects)).all()
 
 
 def standing(log: MotionLog, joints: list[int]) -> MotionLog:
@@ -213,6 +237,11 @@ def test_an_arm_whose_masses_may_be_off_widens_the_errors_by_as_much(
     [
         (lambda log: log, PayloadVerdict.NOTHING, "the hand is empty"),
         (lambda log: standing(log, list(range(7))), PayloadVerdict.NOT_EXCITED, "hardly moved"),
+        (
+            lambda log: standing(log, [0, 1, 3, 4, 5, 6]),
+            PayloadVerdict.NOT_EXCITED,
+            "cannot tell mass and place of a load apart",
+        ),
     ],
 )
 def test_what_shows_no_load_is_refused(subjects, change, verdict, says) -> None:

@@ -21,6 +21,9 @@ from estimator.identification.setpoint_steps import NO_SETPOINTS, OR_MASSES, STE
         ([0.045, 0.045, 0.0, 0.0, 0.0, 0.0, 0.0], 0.01, []),
         ([-0.2, -0.2, -0.2, 0.0, 0.0, 0.0, 0.0], 0.01, []),  # a fast loop that ramps shows that
         ([-0.2, -0.2, -0.2, -0.2, 0.0, 0.0, 0.0], 0.01, range(7)),  # just before the sample
+        ([-0.1, 0.13], 0.026, [0, 1]),  # one of two, and of three, is a third
+        ([-0.1, 0.06, 0.0], 0.015, [0, 1, 2]),
+        ([-0.1, 0.045, 0.0], 0.01, []),
         ([0.2], 0.01, [0]),
         ([-0.2], 0.01, []),
         ([0.0], np.inf, []),  # B was not fitted
@@ -37,8 +40,12 @@ def test_who_steps(more, error, steps):
         ([0.0], [0.01]),
         ([0.04], [0.0806]),
         ([-0.04], [0.01]),
-        ([0.04, 0.0, -0.1], [0.0806, 0.01, 0.01]),  # chance, or another make
-        ([0.04, 0.02, -0.1], [0.0806, 0.0412, 0.0412]),  # two show it: all may hide as much
+        ([0.04, 0.0, -0.1, 0.0], [0.0806, 0.01, 0.01, 0.01]),  # chance, or another make
+        ([0.04, -0.1], [0.0806, 0.0806]),  # one of few
+        (
+            [0.04, 0.02, -0.1, 0.0],
+            [0.0806, 0.0412, 0.0412, 0.0412],
+        ),  # two show it
     ],
 )
 def test_what_may_be_hidden_is_stated(more, shares):
