@@ -304,10 +304,11 @@ class Session:
                 with Client(self.socket) as reader:
                     # Before the start, so that no State of it is missed.
                     _, states = reader.subscribe()
+                    self._runs = True  # before the answer comes: Ctrl-C may come first
                     reply = self.client.start_loaded(attended=True)
                     if not reply.ok:
+                        self._runs = False
                         raise ControlError(self._refused(reply))
-                    self._runs = True
                     ended = followed(states, seen, on_contact) or "".join(touched[:1])
             except KeyboardInterrupt:
                 ended = "stopped by you"

@@ -80,3 +80,17 @@ def test_it_ends_as_soon_as_nothing_is_recorded(
     assert served.rig.mode is Mode.HOLDING
     folder = served.service.process.robot.path.parent / "identify"
     assert not list(folder.glob("*.mcap"))
+
+
+def test_ctrl_c_in_the_moment_of_the_start_halts_it(
+    served: ServedDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = Client.start_loaded
+
+    def interrupted(self: Client, *, attended: bool) -> None:
+        start(self, attended=attended)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Client, "start_loaded", interrupted)
+    assert "stopped by you; the arm is holding" in TypedCommand(served, *FRICTION).ends()[1]
+    assert served.rig.mode is Mode.HOLDING
